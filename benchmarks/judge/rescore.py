@@ -42,12 +42,10 @@ CONSTANTS = (
     "before.NAMED",
     "before.LEAST",
     "before.FURTHER",
-    "before.PLAIN",
-    "before.GREAT",
-    "before.LEAD",
-    "before.FAR_OFF",
+    "before.CHANCE",
+    "before.UNKNOWN",
+    "before.INEXACT",
     "before.RIGHT",
-    "before.WILD",
     "imperfect.NAMED",
     "imperfect.OWN",
     "imperfect.NEARLY",
@@ -206,7 +204,6 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
     found: list[Change] = []
     steps = list(_steps(tried))
     given = steps[0][0]["chi2"] if steps else math.nan
-    left, taken = [given], []
     for without, rows in steps:
         rivals = {row["effect"]: _contender(row) for row in rows}
         if not rivals:
@@ -220,16 +217,10 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
             break
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
-        taken.append(row)
-        left.append(row["chi2"])
+        sure = change.confidence(given)
+        yield change.best.effect, sure if row["plausible"] else min(sure, findings.FANCIFUL)
         if not row["chosen"]:
             break
-    removed = -np.diff(left)
-    for change, row, each in zip(found, taken, removed, strict=True):
-        frequency = change.wins()[change.best.effect]
-        beside = each / max(removed.max(), before.LEAST)
-        sure = before._confidence(change, frequency, float(each), float(beside), left[-1], row["chi2"])
-        yield change.best.effect, sure if row["plausible"] else min(sure, findings.FANCIFUL)
 
 
 def _contender(row: Row) -> Contender:

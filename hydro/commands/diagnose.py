@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hydro.commands.before import Earlier
-    from hydro.core.diagnosis.findings import Diagnosis
+    from hydro.core.diagnosis.findings import Diagnosis, Prediction
     from hydro.core.experiment.flight import Flight
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.vehicle.description import Vehicle
@@ -69,6 +70,8 @@ CorrectThrusters = Annotated[
 ]
 CHI2 = ("given", "own_effects", "found")
 """Mean squared residuals in units of the noise: of the file, of its own effects anew, with what was found."""
+PREDICTION = "prediction"
+"""Parameter of a diagnosis: how well the file predicts before and after (`findings.Prediction`)."""
 
 
 def diagnose(
@@ -212,7 +215,8 @@ def diagnose(
     changes = tell_changes(name, log.changes)
     _print(found, earlier, person(as_json))
     if as_json:
-        print_json(findings=found.frame(), chi2=dict(zip(CHI2, found.chi2, strict=True)))
+        errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
+        print_json(findings=found.frame(), chi2=dict(zip(CHI2, found.chi2, strict=True)), **errors)
     inputs = [source, *(earlier.inputs if earlier else ())]
     if saves(output, as_json):
         made = table.make(
@@ -220,6 +224,7 @@ def diagnose(
             found.frame(),
             stage="diagnose",
             parameters={"chi2": [round(value, 4) for value in found.chi2]}
+            | ({PREDICTION: asdict(found.prediction)} if found.prediction else {})
             | (earlier.parameters if earlier else {})
             | changes,
             inputs=inputs,
@@ -299,6 +304,10 @@ def add(
             "Repeat for several.",
         ),
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Add them although predictions of left-out data do not get better."),
+    ] = False,
     output: Output = STREAM,
 ) -> None:
     """Add the findings of a diagnosis to a vehicle file.
@@ -306,7 +315,8 @@ def add(
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
-    added only by its name. The diagnosis of another vehicle, or of this one before it was edited, is refused.
+    added only by its name. Findings that do not lower the error of predictions 5 s ahead, over stretches of
+    the recording that they were not fitted to, are refused without --force. The diagnosis of another vehicle, or of this one before it was edited, is refused.
     Where the covariance of the values lies beside DIAGNOSIS, that of the added ones is written beside the
     file that -o names; a diagnosis from a pipe has none.
     """
@@ -318,6 +328,8 @@ def add(
     with about(diagnosis):
         found = tables(source.frame, effect)
     _require_of(known, vehicle, source, diagnosis)
+    if not force:
+        _require_better(source, [str(table["name"]) for table in found], alone=bool(effect))
     if not effect and (left := suspects(source.frame)):
         typer.echo(f"hydro: not added, {by_name(left)}", err=True)
     origin = {"data": _recording(source.provenance), "method": "diagnose"}
@@ -375,6 +387,41 @@ def _recording(provenance: Provenance) -> str:
     return next((one.content for one in provenance.inputs if one.kind == "raw"), "")
 
 
+def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
+    """Refuse findings that do not lower the error of predictions of data that they were not fitted to.
+
+    Args:
+        source: The diagnosis.
+        names: Effects that are to be added.
+        alone: Whether they were named one by one: then each has to lower it by itself.
+
+    Raises:
+        DataError: They do not.
+    """
+    from hydro.core.diagnosis.findings import Prediction
+
+    parameters = source.provenance.parameters if source.provenance else {}
+    if PREDICTION not in parameters or "error_added" not in source.frame.columns:
+        return
+    known = Prediction(**parameters[PREDICTION])
+    if not alone:
+        if not known.falls:
+            raise DataError(_no_better(", ".join(names), known.added, known))
+        return
+    added = dict(source.frame.select("effect", "error_added").drop_nulls().iter_rows())
+    for name in names:
+        if name in added and not added[name] < known.given:
+            raise DataError(_no_better(name, added[name], known))
+
+
+def _no_better(names: str, error: float, known: Prediction) -> str:
+    """Return why findings are refused."""
+    return (
+        f"adding {names} does not lower the error {known.horizon:g} s ahead of data that it was not fitted to: "
+        f"{known.given:.3g} m/s before, {error:.3g} m/s after; --force adds it all the same"
+    )
+
+
 def print_findings(frame: pl.DataFrame, console: Console) -> None:
     """One line per finding, and its advice below."""
     from hydro.report.diagnosis import lines
@@ -387,7 +434,10 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
 def _print(found: Diagnosis, earlier: Earlier | None, console: Console) -> None:
     """The findings for a person, and how much of the residual they leave."""
     from hydro.report import change
+    from hydro.report import prediction as words
 
+    if found.prediction is not None:
+        console.print(f"{words.prediction(found.prediction)}\n")
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
     if earlier is not None:

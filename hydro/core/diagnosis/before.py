@@ -8,6 +8,7 @@ before that it was not fitted to: below that floor there is nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,7 +21,6 @@ from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, 
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import (
     RIGHT,
-    WILD,
     Compared,
     Contender,
     answering,
@@ -49,20 +49,15 @@ NAMED = 0.10
 LEAST = 0.06
 """Share of the floor that it must remove besides,"""
 FURTHER = 0.20
-"""and a further one of what the first leaves, or of the floor where that is greater; below this share
-confidence falls with it, since the hull's own error imitates small changes."""
+"""and a further one of what the first leaves, or of the floor where that is greater."""
 RESAMPLES = 2000
 MOST_CHANGES = 3
-PLAIN = 0.6
-"""Part of the floor that a change must take to be plain beside what the hull's model leaves."""
-GREAT = 0.2
-"""Part of what the greatest change takes that another must take to be plain: its formula errs, too."""
-LEAD = 0.6
-"""Part of what the next best leaves that a name must remove where more is left than a model which is right
-leaves: then none is, and any that does nearly as well could be it.  Half of it where only further changes,
-which are not as plain, explain the rest."""
-FAR_OFF = 0.8
-"""Confidence at most in names where WILD floors are left: what is found is no model of the recording."""
+CHANCE = 0.04
+"""Mean margin by which the best of all candidates is ahead by chance, in floors: by the hull's own error,"""
+UNKNOWN = 0.4
+"""by what the best leaves unexplained, for each floor beyond one, which any rival may explain,"""
+INEXACT = 0.01
+"""and by the error of the formulas of changes found before, for each floor that these removed."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -139,16 +134,30 @@ class Change:
         return float(1.0 - self.best.left / self.whole.sum())
 
     @property
-    def lead(self) -> float:
-        """Part of what the next best leaves that the best removes."""
-        others = [one.left for one in self.rivals.values() if one.effect != self.best.effect]
-        return max(1.0 - self.best.left / min(others), 0.0) if others else 1.0
+    def margin(self) -> float:
+        """How far the best is ahead of the next, or of no change, each with its fine, in floors."""
+        others = [self.fined(one) for one in self.rivals.values() if one.effect != self.best.effect]
+        return float(min([*others, self.whole.sum()]) - self.fined(self.best)) / self.floor
 
     @property
     def plain(self) -> float:
         """What it removes, as a share of what there is or of the floor where that is greater."""
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
+
+    def confidence(self, given: float) -> float:
+        """Probability that the best is what has changed.
+
+        It is the part of the resampled recordings in which it wins, times the probability that its margin
+        does not come about by chance.  Such margins have an exponential distribution.
+
+        Args:
+            given: What the file as given leaves, in floors.
+        """
+        beyond = max(self.best.left / self.floor - 1.0, 0.0)
+        removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
+        by_chance = CHANCE + UNKNOWN * beyond + INEXACT * removed
+        return self.wins()[self.best.effect] * -math.expm1(-max(self.margin, 0.0) / by_chance)
 
     def seen(self, further: bool) -> bool:
         """Whether it is large enough to be named, as the first or a further one."""
@@ -249,11 +258,7 @@ def told(compared: Compared, first: Model, those: Changes, further: bool = False
             (*compared.log.faults, nothing), first.vehicle, (given, given, given), candidates=tried
         )
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
-    removed = -np.diff(left)
-    findings = [
-        _finding(change, first.vehicle, compared, each, each / max(removed.max(), LEAST), left[-1])
-        for change, each in zip(changes, removed, strict=True)
-    ]
+    findings = [_finding(change, first.vehicle, compared, given, left[-1]) for change in changes]
     return Diagnosis(
         (*compared.log.faults, *findings),
         changes[-1].best.model.vehicle,
@@ -297,18 +302,15 @@ def _candidate(
     )
 
 
-def _finding(
-    change: Change, file: Vehicle, compared: Compared, removed: float, beside: float, left: float
-) -> Finding:
+def _finding(change: Change, file: Vehicle, compared: Compared, given: float, left: float) -> Finding:
     """A change as a finding.
 
     Args:
         change: The change.
         file: The file.
         compared: The recordings.
-        removed: What it takes of the residual, in units of the floor,
-        beside: and in units of what the greatest change takes.
-        left: What all changes leave, in units of the floor.
+        given: What the file as given leaves, in units of the floor.
+        left: What all changes leave, likewise.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
     hulls = imitation(compared.unchanged, file, model.unknown, model.values)
@@ -326,8 +328,7 @@ def _finding(
         words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = _confidence(change, wins[name], removed, beside, left, compared.chi2(model))
-    sure = no_surer(sure, fit.vehicle, name, errors if left <= RIGHT else None)
+    sure = no_surer(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,
@@ -343,24 +344,6 @@ def _finding(
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
-
-
-def _confidence(
-    change: Change, frequency: float, removed: float, beside: float, left: float, alone: float
-) -> float:
-    """Confidence in a name that leaves `alone` floors; see `_finding`, and of the frequency `Change.wins`."""
-    # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
-    absorbs = CATALOGUE[change.best.effect].identification.absorbs
-    needed = LEAD if left > RIGHT else LEAD / 2 if alone > RIGHT else 0.0
-    sure = (
-        frequency
-        * min(1.0, change.plain / FURTHER)
-        * min(1.0, max(removed, 0.0) / PLAIN)
-        * min(1.0, max(beside, 0.0) / GREAT)
-        * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
-        * (min(1.0, change.lead / needed) if needed else 1.0)
-    )
-    return min(sure, FAR_OFF) if left > WILD else sure
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:

@@ -43,6 +43,7 @@ from hydro.core.diagnosis.confidence import (
     unconfirmed,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding, no_surer, with_implausible
+from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
@@ -159,7 +160,8 @@ def diagnose_log(
         found = _searched_for(calm, progress, in_vain)
     else:
         found = with_waves(found, baseline)
-    return replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
+    told = replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
+    return told if file is not None else predicted(told, vehicle, log)
 
 
 def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:

@@ -57,7 +57,9 @@ WELL_BEYOND = 2.0
 of that range: where a range ends is known to about as much as that."""
 FIT = 3.0
 """Mean squared residual in units of the noise up to which a fit is one."""
-WITH_VALUES = ("missing", "suspect", "retune", "cannot_tell_apart")
+STATED = ("missing", "retune", "cannot_tell_apart")
+"""Verdicts that are statements about an effect: `hydro add` adds their values unasked."""
+WITH_VALUES = (*STATED, "suspect")
 """Verdicts that come with values."""
 
 
@@ -81,6 +83,8 @@ class Finding:
         advice: What to do.
         support: What the confidence was made from: the part of the resampled recordings in which this effect
             is the best, or the share of left-out error that it removes; NaN where none is stated.
+        error_added: Error of predictions of left-out stretches with this finding alone added to the file
+            [m/s], see `Prediction`; NaN where it was not worked out.
     """
 
     verdict: Verdict
@@ -96,6 +100,31 @@ class Finding:
     excited: bool = True
     advice: str = ""
     support: float = math.nan
+    error_added: float = math.nan
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How well a file predicts the velocities of a recording, before and after findings are added to it.
+
+    Attributes:
+        horizon: How far ahead [s].
+        given: Root mean square error of the file as given, all axes together [m/s].
+        added: The same with all stated findings added, of stretches that their values were not fitted to.
+        spread: Standard error of the difference, by stretches weighed at random [m/s].
+        floor: What noise alone leaves [m/s].
+    """
+
+    horizon: float
+    given: float
+    added: float
+    spread: float
+    floor: float
+
+    @property
+    def falls(self) -> bool:
+        """Whether what is stated lowers the error, by more than the standard error of the difference."""
+        return self.given - self.added > self.spread
 
 
 @dataclass(frozen=True)
@@ -110,6 +139,8 @@ class Diagnosis:
         estimates: All values that were fitted together, with their covariance; None where none were.
         question: What is left open, for `experiment.flight.advise`.
         candidates: Scores of every candidate effect that was fitted, step by step.
+        prediction: How well the file predicts before and after; None where no session is long enough, or a
+            recording before has taught the hull.
     """
 
     findings: tuple[Finding, ...]
@@ -118,6 +149,7 @@ class Diagnosis:
     estimates: Estimates | None = None
     question: Question | None = None
     candidates: tuple[Candidate, ...] = ()
+    prediction: Prediction | None = None
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""
@@ -135,6 +167,7 @@ class Diagnosis:
             "parameters": [inline(one.parameters) for one in found],
             "standard_errors": [inline(one.standard_errors) for one in found],
             "excited": [one.excited for one in found],
+            "error_added": [one.error_added for one in found],
             "advice": [one.advice for one in found],
         }
         return pl.DataFrame(columns).with_columns(cs.float().fill_nan(None))

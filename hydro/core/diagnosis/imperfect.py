@@ -21,7 +21,15 @@ from hydro.core.diagnosis.confidence import (
     by_transfer_confidence,
     explained_share,
 )
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, no_surer, with_implausible
+from hydro.core.diagnosis.findings import (
+    SURE,
+    STATED,
+    Diagnosis,
+    Finding,
+    extended,
+    no_surer,
+    with_implausible,
+)
 from hydro.core.diagnosis.misread import misread
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.transfer import (
@@ -98,7 +106,8 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     progress("verdicts", 0.9)
     last = replace(outcome, model=named.model, found=(), fit=named.fit)
     known = contradicted(baseline, outcome)
-    findings = [*errors, *known, *named.findings, *unexplained(baseline, last)]
+    stated = any(one.verdict in STATED for one in (*errors, *named.findings))
+    findings = [*errors, *known, *named.findings, *unexplained(baseline, last, stated=stated)]
     if baseline.warnings and findings:
         words = "; ".join(baseline.warnings)
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
@@ -164,7 +173,8 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
-        if rival.score < NAMED:
+        if rival.score < NAMED:  # what has far less evidence is not named in its place
+            least = max(least, NEARLY * surveyed.worth(rival))
             continue
         if rival.own and not _moved(rival, baseline):
             continue

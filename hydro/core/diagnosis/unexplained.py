@@ -51,12 +51,17 @@ BINS = 8  # of speed, equally full
 FLAT = 0.3  # exponent below which a force is said not to grow
 
 
-def unexplained(baseline: Baseline, outcome: Outcome) -> list[Finding]:
+def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -> list[Finding]:
     """That structured error remains which no effect explains; nothing where only noise does.
 
     Structured is what some effect answers to by more than chance, or, where the sensors' noise is white,
     what a steady force in each shot would.  A mean squared residual above FIT is structured whatever the
     tests say: noise does not leave it.  Where nothing was found either, the verdict is `far_from_noise`.
+
+    Args:
+        baseline: The file and the shots.
+        outcome: What was found.
+        stated: Whether an effect is stated that no search found, as by transfer.
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
@@ -70,7 +75,7 @@ def unexplained(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     )
     where = leftover(model.vehicle, baseline.log)
     words = f"structured error remains that no effect of the catalogue explains: {where.words()}"
-    alone = far and not outcome.found
+    alone = far and not (outcome.found or stated)
     if alone:
         words = (
             f"mean squared residual {model.normal.chi2:.3g} of the noise (a fit leaves at most {FIT:g}), and "

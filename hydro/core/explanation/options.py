@@ -12,7 +12,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.findings import tables
+from hydro.core.diagnosis.findings import STATED, tables
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.with_hull import FLOOR
@@ -21,8 +21,6 @@ Table = Mapping[str, Any]
 
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
-STATED = (*STEP_VERDICTS, "retune")
-"""Verdicts that are statements about an effect."""
 LIKELY = 0.2
 """Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
 SUSPECTED, FAR = "suspect", "far_from_noise"

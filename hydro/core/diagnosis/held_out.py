@@ -1,0 +1,119 @@
+"""How well a vehicle file predicts a recording before and after findings are added to it.
+
+Findings are added as `hydro add` does: their values stand in the file, and all else in it stays.  The error
+after is that of stretches of the recording which the values were not fitted to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.diagnosis.baseline import stable_start
+from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
+from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.transfer import Squares, left_out_squares, resolved, squares_ahead
+from hydro.core.evaluation.block_resampling import weights
+from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.replay_error import replay
+from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.evaluation.weights import Weights
+from hydro.core.evaluation.yardsticks import JUDGED
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.recording.shots import Shots, room
+from hydro.core.vehicle.description import Vehicle
+
+PART = 96
+"""Shots at most that findings are fitted to again without a stretch: four times as many change an error by
+less than 1 %."""
+LEAST = 8
+"""Predictions at least: fewer tell little of the standard error of a difference."""
+RESAMPLES = 1000
+
+
+def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
+    """Return the diagnosis with the errors of predictions; as it is where no session is long enough.
+
+    Args:
+        diagnosis: What was found.
+        vehicle: The file.
+        log: The recording.
+    """
+    if room(log.record, JUDGED) < LEAST:
+        return diagnosis
+    check = _Check.of(vehicle, log)
+    findings = tuple(
+        replace(one, error_added=check.error(check.squares([one]))) if can_be_added(one) else one
+        for one in diagnosis.findings
+    )
+    stated = [one for one in findings if one.verdict in STATED and can_be_added(one)]
+    after = check.squares(stated) if stated else check.given
+    difference = check.errors(after) - check.errors(check.given)
+    prediction = Prediction(
+        JUDGED, check.error(check.given), check.error(after), float(difference.std()), check.floor()
+    )
+    return replace(diagnosis, findings=findings, prediction=prediction)
+
+
+def can_be_added(finding: Finding) -> bool:
+    """Whether a finding has values that `hydro add` can put into a file."""
+    return finding.verdict in WITH_VALUES and bool(finding.parameters)
+
+
+@dataclass(frozen=True)
+class _Check:
+    """Predictions of one recording by a vehicle file.
+
+    Attributes:
+        vehicle: The file.
+        log: The recording.
+        problem: Shots that findings are fitted to again.
+        ahead: What is predicted.
+        given: Squared errors of the file as given.
+        weight: Of the axes, (6,).
+    """
+
+    vehicle: Vehicle
+    log: Preprocessed
+    problem: OutputError
+    ahead: Shots
+    given: Squares
+    weight: Array
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, log: Preprocessed) -> _Check:
+        """The file as given, and what it predicts."""
+        problem = resolved(stable_start(vehicle, log)[1]).some(PART)
+        ahead = log.shots(JUDGED)
+        weight = Weights.of(candidate(vehicle)).velocity
+        return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)
+
+    def squares(self, findings: Sequence[Finding]) -> Squares:
+        """Squared errors with findings added, of stretches that their values were not fitted to."""
+        vehicle = extended(self.vehicle, [{"name": one.effect, **one.parameters} for one in findings])
+        problem = self.problem.at_measured_states(vehicle)
+        return left_out_squares(vehicle, [one.effect for one in findings], problem, self.ahead)
+
+    def error(self, squares: Squares) -> float:
+        """Root mean square error of all axes together [m/s]."""
+        return squares.error(self.weight)
+
+    def errors(self, squares: Squares) -> Array:
+        """The same of recordings whose stretches are weighed at random, (RESAMPLES,); always the same."""
+        drawn = weights(len(squares.sums), RESAMPLES, seed=0)
+        means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
+        return np.asarray(np.sqrt(means @ self.weight))
+
+    def floor(self) -> float:
+        """What noise alone leaves [m/s]."""
+        record = self.log.record
+        motion, pieces = Motion.of(record), Pieces.of(record)
+        both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)
+        if both is None:
+            return float("nan")
+        noise, rows = both[0].noise.sum(axis=0), both[0].rows.sum()
+        return float(np.sqrt(noise @ self.weight / rows))
