@@ -18,7 +18,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
-from hydro.core.diagnosis.confidence import stated
+from hydro.core.diagnosis.confidence import folds, stated
 from hydro.core.diagnosis.contenders import (
     RIGHT,
     Compared,
@@ -41,7 +41,7 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
-from hydro.core.residual.imitation import imitation, widened
+from hydro.core.residual.imitation import imitations, widened
 from hydro.core.vehicle.description import Vehicle
 
 NAMED = 0.10
@@ -313,8 +313,9 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
         left: What all changes leave, likewise.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
-    hulls = imitation(compared.unchanged, file, model.unknown, model.values)
-    fit = widened(model.estimated(), [hulls.step])
+    unchanged = compared.unchanged
+    hulls = imitations(unchanged, file, model.unknown, model.values, folds(unchanged.shots.session))
+    fit = widened(model.estimated(), hulls)
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]

@@ -12,7 +12,7 @@ from hydro.core.diagnosis.model import fit_model
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
-from hydro.core.residual.imitation import imitation, widened
+from hydro.core.residual.imitation import imitations, widened
 
 FILE = damped()
 HEAVY = {"name": "net_buoyancy", "dB": -6.0}
@@ -29,19 +29,20 @@ def model():
     return fit_model(FILE, ["net_buoyancy"], shots, shots.shots.record.track, 12)
 
 
+def imitated(shots, model):
+    """What fits to two stretches of a recording find of the change of a model."""
+    fold = np.arange(len(shots.shots.starts)) * 2 // len(shots.shots.starts)
+    return imitations(shots, FILE, model.unknown, model.values, fold)
+
+
 def test_a_recording_that_the_model_of_the_hull_explains_imitates_nothing(model):
-    found = imitation(problem(seed=1), FILE, model.unknown, model.values)
-    assert found.step == pytest.approx([0.0], abs=0.02)
-    assert found.part == pytest.approx(0.0, abs=0.01)
+    assert imitated(problem(seed=1), model) == pytest.approx(np.zeros((2, 1)), abs=0.02)
 
 
-def test_what_it_leaves_there_is_found_by_its_size(model):
-    """A third of the change, which no change is: in the units of the entry, and as a part of it."""
-    found = imitation(
-        problem({"name": "net_buoyancy", "dB": -2.0}, seed=1), FILE, model.unknown, model.values
-    )
-    assert found.step == pytest.approx([-2.0], rel=0.03)
-    assert found.part == pytest.approx(1.0 / 3.0, rel=0.03)
+def test_what_it_leaves_there_is_found_by_its_size_in_every_stretch(model):
+    """A third of the change, which no change is, in the units of the entry."""
+    found = imitated(problem({"name": "net_buoyancy", "dB": -2.0}, seed=1), model)
+    assert found == pytest.approx(np.full((2, 1), -2.0), rel=0.03)
 
 
 def test_of_a_change_that_is_not_linear_too():
@@ -49,17 +50,16 @@ def test_of_a_change_that_is_not_linear_too():
     late = {"name": "command_delay", "d": 0.1}
     shots = problem(late)
     model = fit_model(FILE, [{"name": "command_delay", "d": 0.08}], shots, shots.shots.record.track, 12)
-    found = imitation(
-        problem({"name": "command_delay", "d": 0.04}, seed=1), FILE, model.unknown, model.values
-    )
-    assert found.part == pytest.approx(0.4, abs=0.1)
+    found = imitated(problem({"name": "command_delay", "d": 0.04}, seed=1), model)
+    assert found.mean() == pytest.approx(0.04, abs=0.01)
 
 
 def test_standard_errors_hold_what_is_imitated(model):
+    """Each stretch is one draw of what the hull's error does: 3 and -4 have a mean square of 12.5."""
     fit = model.estimated()
-    wider = widened(fit, [np.array([3.0]), np.array([-4.0])])
-    assert wider.standard_errors == pytest.approx(np.sqrt(fit.standard_errors**2 + 25.0))
-    assert wider.covariance == pytest.approx(fit.covariance + 25.0)
+    wider = widened(fit, np.array([[3.0], [-4.0]]))
+    assert wider.standard_errors == pytest.approx(np.sqrt(fit.standard_errors**2 + 12.5))
+    assert wider.covariance == pytest.approx(fit.covariance + 12.5)
     assert dataclasses.replace(wider, covariance=0, standard_errors=0) == dataclasses.replace(
         fit, covariance=0, standard_errors=0
     )
