@@ -49,6 +49,7 @@ from hydro.core.recording.shots import Shots
 from hydro.core.residual.allowance import Held
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation_from_quaternion
 
 CORRELATED = 10.0
 """Numbers of a shot that err alike where a model is wrong."""
@@ -391,19 +392,31 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
         return Squares(np.zeros((0, 6)), np.zeros((0, 6)))
     model = candidate(vehicle)
     shots = multiple_shooting.corrected_first(ahead, model)
-    return _squares(multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:], shots)
+    return _squares(multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots), shots)
 
 
 def squares_at_rest(ahead: Shots) -> Squares:
     """Return the squared errors of zero velocity over the same stretches."""
-    return _squares(np.zeros_like(ahead.measured[..., 7:]), ahead)
+    states = np.repeat(ahead.first[:, None], ahead.measured.shape[1], axis=1)
+    states[..., 7:] = 0.0
+    return _squares(states, ahead)
 
 
 def _squares(predicted: Array, shots: Shots) -> Squares:
-    """Return the squared errors of predicted velocities, (S, T, 6), over shots."""
-    error = np.nan_to_num(predicted - shots.measured[..., 7:], nan=np.inf)
-    squares = np.clip(error, -BEYOND[6:], BEYOND[6:]) ** 2
-    seen = np.ones(squares.shape, bool) if shots.seen is None else shots.seen[..., 6:]
+    """Return the squared errors of predicted states, (S, T, 13), over shots.
+
+    A velocity without samples is judged by the way that it has gone, over the time of a stretch, where the
+    position on its axis has samples.
+    """
+    error = predicted[..., 7:] - shots.measured[..., 7:]
+    seen = np.ones(error.shape, bool) if shots.seen is None else shots.seen[..., 6:].copy()
+    if shots.seen is not None:
+        by_way = np.flatnonzero(~seen[..., :3].any(axis=(0, 1)) & shots.seen[..., :3].any(axis=(0, 1)))
+        way = (predicted[..., :3] - shots.measured[..., :3]) * shots.seen[..., :3]
+        body = np.einsum("sij,sti->stj", rotation_from_quaternion(shots.first[:, 3:7]), way)
+        error[..., by_way] = body[..., by_way] / (error.shape[1] * shots.record.dt)
+        seen[..., by_way] = shots.seen[..., by_way]
+    squares = np.clip(np.nan_to_num(error, nan=np.inf), -BEYOND[6:], BEYOND[6:]) ** 2
     return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))
 
 

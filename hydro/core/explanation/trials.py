@@ -141,10 +141,12 @@ class Recordings:
     def spoils(self, before: Squares, after: Squares) -> tuple[str, ...]:
         """Return the axes that are predicted significantly worse than before.
 
-        An axis counts where zero velocity would be significantly worse, too: elsewhere nothing is lost.
+        An axis counts where zero velocity would be significantly worse than before, or better than after:
+        elsewhere nothing is lost.
         """
-        learnt = worse_axes(before, squares_at_rest(self.log.shots(HORIZON)))
-        return tuple(axis for axis in worse_axes(before, after) if axis in learnt)
+        rest = squares_at_rest(self.log.shots(HORIZON))
+        lost = {*worse_axes(before, rest), *worse_axes(rest, after)}
+        return tuple(axis for axis in worse_axes(before, after) if axis in lost)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""

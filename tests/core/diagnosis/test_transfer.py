@@ -7,8 +7,10 @@ from typing import Any, cast
 
 import msgspec
 import numpy as np
+import polars as pl
 import pytest
-from recordings import damped, moved
+from recordings import damped, moved, noisy
+from scipy.spatial.transform import Rotation
 
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
@@ -23,6 +25,7 @@ from hydro.core.diagnosis.transfer import (
     one_change,
     ranked,
     squares_ahead,
+    squares_at_rest,
     weighed,
 )
 from hydro.core.effects import CATALOGUE
@@ -38,6 +41,7 @@ from hydro.io.files import bundled
 from hydro.io.vehicle import read
 
 CROSS_AXIS = "cross_axis_drag"
+HEAVY = {"name": "net_buoyancy", "dB": -8.0}
 SHOTS, ROWS, COLUMNS = 40, 30, 3
 FOLD = np.repeat(np.arange(4), 10)
 
@@ -204,3 +208,17 @@ def test_a_file_with_linear_damping_alone_says_nothing_of_drag():
     assert not dragged(linear)
     both = msgspec.structs.replace(file, effect=({"name": "quadratic_damping", "diagonal": [1.0] * 6},))
     assert dragged(both)
+
+
+def test_a_velocity_without_samples_is_judged_by_the_way_that_is_gone():
+    """Depth without a velocity log: heave counts, by the change of depth over five seconds; surge does not."""
+    raw = noisy(moved(damped(HEAVY), rows=3000), 1)
+    blind = raw.with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("x", "y", "u", "v", "w"))
+    shots = make_shots(recording(damped(), blind), seconds=5.0)
+    rest = squares_at_rest(shots)
+    away = shots.measured[..., 2] - shots.first[:, None, 2]
+    down = Rotation.from_quat(shots.first[:, [4, 5, 6, 3]]).inv().apply([0.0, 0.0, 1.0])[:, 2]
+    np.testing.assert_allclose(rest.sums[:, 2], ((away * down[:, None] / 5.0) ** 2).sum(axis=1), rtol=1e-6)
+    assert rest.counts[:, :3].sum(axis=0).tolist() == [0.0, 0.0, shots.measured[..., 2].size]
+    light, heavy = (squares_ahead(one, shots).mean[2] for one in (damped(), damped(HEAVY)))
+    assert heavy < 0.8 * light  # begun without a velocity
