@@ -22,8 +22,8 @@ from hydro.core.diagnosis.confidence import (
     explained_share,
 )
 from hydro.core.diagnosis.findings import (
-    SURE,
     STATED,
+    SURE,
     Diagnosis,
     Finding,
     extended,
