@@ -52,9 +52,9 @@ FURTHER = 0.20
 """and a further one of what the first leaves, or of the floor where that is greater."""
 RESAMPLES = 2000
 MOST_CHANGES = 3
-CHANCE = 0.04
+CHANCE = 0.03
 """Mean margin by which the best of all candidates is ahead by chance, in floors: by the hull's own error,"""
-UNKNOWN = 0.4
+UNKNOWN = 0.2
 """by what the best leaves unexplained, for each floor beyond one, which any rival may explain,"""
 INEXACT = 0.01
 """and by the error of the formulas of changes found before, for each floor that these removed."""
