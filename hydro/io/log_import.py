@@ -18,6 +18,7 @@ from hydro.core.guessing.refining import refined
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured, named
+from hydro.core.preprocessing.late_velocities import on_time
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
@@ -160,7 +161,7 @@ def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
         file: Name of the vehicle file.
     """
     try:
-        found = audit(vehicle, recording(vehicle, report.imported.frame))
+        found = audit(vehicle, on_time(recording(vehicle, report.imported.frame)))
     except DataError as error:
         yield f"note: the thrusters are not audited: {error}"
         return

@@ -13,11 +13,11 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.effects.sensor import SENSOR_DELAY
 from hydro.core.errors import DataError
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.prediction.tracking import tracked
-from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests, shown
+from hydro.core.preprocessing.late_velocities import lateness, on_time
+from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.recording.arrays import Recording, noise, recording
 from hydro.core.recording.heavy_tails import Tail
 from hydro.core.recording.shots import SHOT_SECONDS, Shots, make_shots
@@ -107,8 +107,7 @@ class Preprocessed:
     @property
     def lateness(self) -> float:
         """How late the velocity log is, where kinematics show that [s]; 0 where they do not."""
-        test = self.sensors.get(SENSOR_DELAY.name)
-        return float(test.estimate[0]) if test is not None and shown(test) else 0.0
+        return lateness(self.sensors)
 
     def shots(self, seconds: float) -> Shots:
         """Shots of a length [s], begun where the smoothed log saw the vehicle.
@@ -141,8 +140,8 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     """
     log = cleaned(vehicle, raw)
     plain = _ordered(vehicle, log, None)
-    on_time = _on_time(log.record, plain.lateness)
-    found = audit(vehicle, on_time, beside=None if hull is None else _beside(vehicle, plain, hull))
+    timely = on_time(log.record, plain.lateness)
+    found = audit(vehicle, timely, beside=None if hull is None else _beside(vehicle, plain, hull))
     if found is None or not found.wrong:
         return replace(plain, audit=found)
     ordered = _ordered(vehicle, log, found.wiring)
@@ -186,18 +185,6 @@ def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
         (sign * pl.col(command_column(column))).alias(command_column(i))
         for i, (column, sign) in enumerate(wiring.drives())
     )
-
-
-def _on_time(record: Recording, lateness: float) -> Recording:
-    """Return a recording with the velocities of a late log [s] moved to the times that they are of."""
-    if not lateness:
-        return record
-    nu = record.nu.copy()
-    for start, stop in record.segments:
-        t = record.t[start:stop]
-        for axis in range(3):
-            nu[start:stop, axis] = np.interp(t + lateness, t, record.nu[start:stop, axis])
-    return replace(record, nu=nu)
 
 
 def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:

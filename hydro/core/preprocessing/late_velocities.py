@@ -1,0 +1,40 @@
+"""Velocities of a log that is late, at the times that they are of.
+
+What a thruster does shows in accelerations.  Those of a late log lag behind the commands, and behind the rates of
+turn, which another sensor measures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from hydro.core.effects.sensor import SENSOR_DELAY
+from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests, shown
+from hydro.core.recording.arrays import Recording
+
+
+def lateness(tests: Mapping[str, KinematicTest]) -> float:
+    """Return how late a velocity log is, where kinematics show that [s]; 0 where they do not."""
+    test = tests.get(SENSOR_DELAY.name)
+    return float(test.estimate[0]) if test is not None and shown(test) else 0.0
+
+
+def on_time(record: Recording, late: float | None = None) -> Recording:
+    """Return a recording with its linear velocities moved to the times that they are of.
+
+    Args:
+        record: The recording.
+        late: How late they are [s]; by default what kinematics show.
+    """
+    late = lateness(kinematic_tests(record)) if late is None else late
+    if not late:
+        return record
+    nu = record.nu.copy()
+    for start, stop in record.segments:
+        t = record.t[start:stop]
+        for axis in range(3):
+            nu[start:stop, axis] = np.interp(t + late, t, record.nu[start:stop, axis])
+    return replace(record, nu=nu)
