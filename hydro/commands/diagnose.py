@@ -70,6 +70,8 @@ CorrectThrusters = Annotated[
 ]
 CHI2 = ("given", "own_effects", "found")
 """Mean squared residuals in units of the noise: of the file, of its own effects anew, with what was found."""
+HEADLINE = "headline"
+"""Parameter of a diagnosis: what it comes to, in a sentence or a few."""
 PREDICTION = "prediction"
 """Parameter of a diagnosis: how well the file predicts before and after (`findings.Prediction`)."""
 
@@ -178,7 +180,7 @@ def diagnose(
 
         hydro diagnose vehicle.toml dives --each -o findings --engine ray --address 10.0.0.1:6379
     """
-    from hydro.core.diagnosis.diagnose import diagnose_log
+    from hydro.core.diagnosis.diagnose import answered, diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.discover import discovered
     from hydro.core.experiment.flight import Limits, advise
@@ -212,11 +214,17 @@ def diagnose(
         found = diagnose_log(start, log, hull=hull, progress=advance)
         if discover and not log.misdirected:
             found = discovered(start, log, found, advance)
+            found = answered(found, start, log, changed=hull is not None)
     changes = tell_changes(name, log.changes)
     _print(found, earlier, person(as_json))
     if as_json:
-        errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
-        print_json(findings=found.frame(), chi2=dict(zip(CHI2, found.chi2, strict=True)), **errors)
+        errors = {PREDICTION: asdict(found.prediction)} if found.prediction else {}
+        print_json(
+            headline=found.headline,
+            findings=found.frame(),
+            chi2=dict(zip(CHI2, found.chi2, strict=True)),
+            **errors,
+        )
     inputs = [source, *(earlier.inputs if earlier else ())]
     if saves(output, as_json):
         made = table.make(
@@ -225,6 +233,7 @@ def diagnose(
             stage="diagnose",
             parameters={"chi2": [round(value, 4) for value in found.chi2]}
             | ({PREDICTION: asdict(found.prediction)} if found.prediction else {})
+            | {HEADLINE: found.headline}
             | (earlier.parameters if earlier else {})
             | changes,
             inputs=inputs,
@@ -316,7 +325,8 @@ def add(
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
     added only by its name. Findings that do not lower the error of predictions 5 s ahead, over stretches of
-    the recording that they were not fitted to, are refused without --force. The diagnosis of another vehicle, or of this one before it was edited, is refused.
+    the recording that they were not fitted to, are refused without --force. The diagnosis of another vehicle,
+    or of this one before it was edited, is refused.
     Where the covariance of the values lies beside DIAGNOSIS, that of the added ones is written beside the
     file that -o names; a diagnosis from a pipe has none.
     """
@@ -417,8 +427,8 @@ def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
 def _no_better(names: str, error: float, known: Prediction) -> str:
     """Return why findings are refused."""
     return (
-        f"adding {names} does not lower the error {known.horizon:g} s ahead of data that it was not fitted to: "
-        f"{known.given:.3g} m/s before, {error:.3g} m/s after; --force adds it all the same"
+        f"adding {names} does not lower the error {known.horizon:g} s ahead of data that it was not fitted "
+        f"to: {known.given:.3g} m/s before, {error:.3g} m/s after; --force adds it all the same"
     )
 
 
@@ -436,8 +446,11 @@ def _print(found: Diagnosis, earlier: Earlier | None, console: Console) -> None:
     from hydro.report import change
     from hydro.report import prediction as words
 
+    if found.headline:
+        console.print(found.headline, style="bold")
     if found.prediction is not None:
-        console.print(f"{words.prediction(found.prediction)}\n")
+        console.print(words.prediction(found.prediction))
+    console.print()
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
     if earlier is not None:

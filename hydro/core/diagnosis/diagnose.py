@@ -56,6 +56,7 @@ from hydro.core.diagnosis.model import (
 )
 from hydro.core.diagnosis.relative_thrust import beside_inertia
 from hydro.core.diagnosis.search import Search, candidates
+from hydro.core.diagnosis.status import status
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
@@ -144,8 +145,36 @@ def diagnose_log(
     Where the thruster audit contradicts the file, no effect is named: that is the only finding. The search
     goes on with a log `as_audited`, and with a hull, which was learnt from a recording in order.
     """
+    found = _found_in(vehicle, log, hull, further, file, in_vain, progress or silent)
+    return found if file is not None else answered(found, vehicle, log, changed=hull is not None)
+
+
+def answered(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, *, changed: bool) -> Diagnosis:
+    """Return a diagnosis with its headline, and with the errors before and after what is stated.
+
+    Args:
+        diagnosis: What was found.
+        vehicle: The file.
+        log: The recording.
+        changed: Whether the findings tell what has changed since a recording before.
+    """
+    if not (changed or log.misdirected):
+        diagnosis = predicted(diagnosis, vehicle, log)
+    answer = status(diagnosis.findings, vehicle, log.record.dt, changed=changed)
+    return replace(diagnosis, headline=answer.headline)
+
+
+def _found_in(
+    vehicle: Vehicle,
+    log: Preprocessed,
+    hull: Hull | None,
+    further: bool,
+    file: Vehicle | None,
+    in_vain: bool,
+    progress: Progress,
+) -> Diagnosis:
+    """Return the findings; see `diagnose_log`."""
     require_ready(log.observed)
-    progress = progress or silent
     if log.misdirected and hull is None:
         return _misdirected(vehicle, log)
     progress("shots", 0.0)
@@ -160,8 +189,7 @@ def diagnose_log(
         found = _searched_for(calm, progress, in_vain)
     else:
         found = with_waves(found, baseline)
-    told = replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
-    return told if file is not None else predicted(told, vehicle, log)
+    return replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
 
 
 def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:

@@ -141,6 +141,7 @@ class Diagnosis:
         candidates: Scores of every candidate effect that was fitted, step by step.
         prediction: How well the file predicts before and after; None where no session is long enough, or a
             recording before has taught the hull.
+        headline: What it all comes to, see `diagnosis.status`; empty of one step of `explain`.
     """
 
     findings: tuple[Finding, ...]
@@ -150,6 +151,7 @@ class Diagnosis:
     question: Question | None = None
     candidates: tuple[Candidate, ...] = ()
     prediction: Prediction | None = None
+    headline: str = ""
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""

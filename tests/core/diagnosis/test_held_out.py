@@ -1,0 +1,65 @@
+"""Errors of predictions before and after findings are added, on recordings whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from recordings import damped, moved, noisy
+
+from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
+from hydro.core.diagnosis.held_out import predicted
+from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.evaluation.replay_error import Ahead
+
+HEAVY = {"name": "net_buoyancy", "dB": -8.0}
+FOUND = Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -7.0})
+CURRENT = Finding(
+    "missing", "ocean_current", ("ocean_current",), parameters={"v_N": 0.2, "v_E": 0.0, "v_D": 0.0}
+)
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    """80 s of a vehicle that is heavier than its file."""
+    return noisy(moved(damped(HEAVY), rows=4000), 1)
+
+
+def checked(raw, *findings):
+    """Errors before and after some findings."""
+    log = preprocess(damped(), raw)
+    return predicted(Diagnosis(findings, damped(), (1.0, 1.0, 1.0)), damped(), log)
+
+
+def test_the_right_effect_brings_the_error_to_the_noise(heavy):
+    found = checked(heavy, FOUND, replace(CURRENT, verdict="suspect"))
+    known = found.prediction
+    assert known.falls
+    assert known.given == pytest.approx(Ahead(heavy, damped()).of(damped()), rel=0.05)
+    assert known.floor == pytest.approx(Ahead(heavy, damped()).floor, rel=0.05)
+    assert known.added == pytest.approx(known.floor, rel=0.3)
+    assert known.given > 2.0 * known.floor
+    first, second = found.findings
+    assert first.error_added == known.added
+    assert second.error_added > 1.5 * first.error_added
+
+
+def test_a_wrong_effect_does_not_help_a_right_file():
+    known = checked(noisy(moved(damped(), rows=4000), 2), CURRENT).prediction
+    assert not known.falls
+    assert known.added == pytest.approx(known.given, rel=0.2)
+
+
+def test_nothing_stated_changes_nothing(heavy):
+    known = checked(heavy, replace(FOUND, verdict="suspect")).prediction
+    assert (known.added, known.spread, known.falls) == (known.given, 0.0, False)
+
+
+def test_a_session_too_short_for_a_prediction_has_no_error(heavy):
+    assert checked(heavy.head(1500)).prediction is None
+
+
+def test_an_error_falls_only_by_more_than_its_standard_error():
+    assert Prediction(5.0, 0.3, 0.2, 0.05, 0.01).falls
+    assert not Prediction(5.0, 0.3, 0.27, 0.05, 0.01).falls
+    assert not Prediction(5.0, 0.3, 0.4, 0.05, 0.01).falls

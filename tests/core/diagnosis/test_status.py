@@ -1,0 +1,78 @@
+"""The headline of a diagnosis: it says what the findings say, and nothing that contradicts them."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from recordings import damped
+
+from hydro.core.diagnosis.findings import SURE, Finding
+from hydro.core.diagnosis.status import in_words, status
+
+STATED = {
+    "thruster_gain": {"g": [0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0]},
+    "ocean_current": {"v_N": 0.2, "v_E": -0.15, "v_D": 0.0},
+    "net_buoyancy": {"dB": -5.0},
+}
+NOTHING = ("Nothing is missing", "Nothing has changed")
+OF_WHOLE = st.sampled_from([None, "none_of_the_known", "far_from_noise", "nothing_missing"])
+
+
+@st.composite
+def findings(draw):
+    """Findings of one diagnosis: effects, a log fault or none, and one verdict on the whole at most."""
+    found = [
+        Finding(draw(st.sampled_from(["missing", "retune", "suspect"])), name, (name,), parameters=values)
+        for name, values in STATED.items()
+        if draw(st.booleans())
+    ]
+    rest = draw(OF_WHOLE)
+    found = [
+        Finding(one.verdict, one.effect, one.members, parameters=one.parameters, confidence=draw(CONFIDENCE))
+        for one in found
+    ]
+    if draw(st.booleans()):
+        found = [Finding("log_fault", members=("z",), advice="z moves in steps"), *found]
+    if rest == "nothing_missing" and any(one.effect for one in found):
+        rest = None
+    return [*found, Finding(rest)] if rest else found or [Finding("nothing_missing")]
+
+
+CONFIDENCE = st.one_of(st.floats(0.0, 1.0), st.just(math.nan))
+
+
+@given(findings(), st.booleans())
+def test_a_headline_contradicts_no_finding(found, changed):
+    answer = status(found, damped(), 0.02, changed=changed)
+    verdicts = {one.verdict for one in found}
+    stated = [one for one in found if one.verdict in ("missing", "retune")]
+    assert answer.headline.endswith((".", ")", "steps"))
+    assert "nan" not in answer.headline
+    assert (answer.kind == "stated") == bool(stated)
+    assert answer.headline.startswith("Not certain") == (not stated and "suspect" in verdicts)
+    assert answer.headline.startswith(NOTHING) == (answer.kind == "nothing")
+    if answer.headline.startswith(NOTHING):
+        assert not verdicts & {"missing", "retune", "suspect", "none_of_the_known", "far_from_noise"}
+    if answer.kind == "unexplained":
+        assert not verdicts & {"missing", "retune", "suspect"}
+
+
+def test_effects_are_counted_and_each_has_its_sentence():
+    found = [
+        Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"]),
+        Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters=STATED["net_buoyancy"]),
+        Finding("retune", "quadratic_damping", ("quadratic_damping",)),
+    ]
+    text = status(found, damped(), 0.02).headline
+    assert text.startswith("2 effects are missing and 1 has other values: ")
+    assert "hruster 4 delivers 70 %" in text
+    assert status(found[:1], damped(), 0.02, changed=True).headline.startswith("1 effect has changed: ")
+
+
+def test_confidence_in_words():
+    assert in_words(0.97) == "certain, 97%"
+    assert in_words(SURE - 0.01) == "likely, 89%"
+    assert in_words(0.3) == "possible, 30%"
+    assert in_words(math.nan) == "possible"
