@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
+from hydro.core.effects.case import Case
+from hydro.core.effects.gains import gains_sentence
+from hydro.core.effects.phrases import Sentence, shortened, smaller, undetermined
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -25,6 +28,7 @@ from hydro.core.effects.record import (
     Role,
 )
 from hydro.core.effects.shapes import Room, of_sizes
+from hydro.core.effects.wording import listed, number, quantity
 from hydro.core.effects.words import CHIRP, COASTING, a_sample_late
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
@@ -194,9 +198,101 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
     )
 
 
+def asymmetry_sentence(case: Case) -> str:
+    """State the share of reverse thrust that is left."""
+    loss = case.one("a").times(100.0)
+    left = quantity(100.0 - loss.value, loss.error, "%")
+    if not loss.clear:
+        return undetermined(case, "the share of reverse thrust", left)
+    was = f", not {number(100.0 - loss.before)} % as in the file" if case.in_file else ""
+    return f"In reverse, thrusters deliver {left} of their nominal thrust{was}."
+
+
+def lag_sentence(case: Case) -> str:
+    """State by how much the time constant of the thrusters is longer or shorter."""
+    lag = case.one("dT")
+    if not lag.clear:
+        return undetermined(case, "the added time constant of the thrusters", lag.text("s"))
+    side = "longer" if lag.change > 0.0 else "shorter"
+    sample = case.sampled(lag.change)
+    return f"Thrusters answer with a time constant {lag.changed('s')} {side} than modelled{sample}."
+
+
+def command_delay_sentence(case: Case) -> str:
+    """State by how much later or earlier commands take effect."""
+    delay = case.one("d")
+    if not delay.clear:
+        return undetermined(case, "the added command delay", delay.text("s"))
+    side = "later" if delay.change > 0.0 else "earlier"
+    sample = case.sampled(delay.change)
+    return f"Commands take effect {delay.changed('s')} {side} than modelled{sample}."
+
+
+def deadband_sentence(case: Case) -> str:
+    """State by how much the dead band is wider or narrower."""
+    band = case.one("d").times(100.0)
+    if not band.clear:
+        return undetermined(case, "the added dead band of the thrusters", band.text("%"))
+    side = "wider" if band.change > 0.0 else "narrower"
+    return (
+        f"The thrusters' dead band is {band.changed('%')} of full command {side} on each side than modelled."
+    )
+
+
+def curve_sentence(case: Case) -> str:
+    """State the power of the thrust curve beside the file's."""
+    powers = {curve_power(thruster) for thruster in thrusters(case.vehicle)}
+    power = case.one("da")
+    if not power.clear:
+        return undetermined(case, "the added power of the thrust curve", power.text())
+    if len(powers) != 1:
+        side = "higher" if power.change > 0.0 else "lower"
+        return f"The power of the thrust curves is {power.changed()} {side} than modelled."
+    plain = powers.pop()
+    now, was = quantity(plain + power.value, power.error), number(plain + power.before)
+    return f"Thrust grows with the command to the power {now}, not {was} as in the file."
+
+
+def inflow_sentence(case: Case) -> str:
+    """State how much thrust is lost per speed of the water into the propellers."""
+    loss = case.one("c").times(100.0)
+    if not loss.clear:
+        return undetermined(case, "the loss of thrust with speed", f"{loss.text('%')} per m/s")
+    verb = "lose" if loss.value >= 0.0 else "gain"
+    was = f"{number(loss.before)} %" if loss.before else "none"
+    return (
+        f"At full command, thrusters {verb} {loss.size('%')} of thrust per m/s of inflow; the file has {was}."
+    )
+
+
+def torque_sentence(case: Case) -> str:
+    """State the reaction torque of the propellers with the clearest values."""
+    given = case.values.get("k", ())
+    ratios = case.many("k", (len(given) if isinstance(given, list | tuple | np.ndarray) else 0,))
+    order = sorted(
+        enumerate(ratios, 1), key=lambda one: (one[1].deviations, abs(one[1].change)), reverse=True
+    )
+    clear = [(i, one) for i, one in order if one.clear]
+    if not clear:
+        first = f"{order[0][1].text('N m/N')} for thruster {order[0][0]}" if order else "no value"
+        return undetermined(case, "the reaction torque of the propellers", first)
+
+    def render(count: int) -> str:
+        named = [
+            f"{one.size('N m/N')} {'right' if one.value >= 0.0 else 'left'}-handed for thruster {i}"
+            + (f" (was {number(one.before)})" if case.in_file else "")
+            for i, one in clear[:count]
+        ]
+        verb = "changes" if case.in_file else "is missing"
+        return f"Propeller torque {verb}: {listed([*named, *smaller(len(clear) - count)])}."
+
+    return shortened(render)
+
+
 def _effect(
     name: str,
     fill: Fill,
+    sentence: Sentence,
     definition: str,
     source: str,
     excitation: str,
@@ -219,6 +315,7 @@ def _effect(
         parameters=(parameter, *instead),
         one_of=tuple(one.name for one in (parameter, *instead)) if instead else (),
         actuator=fill,
+        sentence=sentence,
         advice=advice,
         identification=identification,
         roles=roles,
@@ -230,6 +327,7 @@ THRUST_LEFT = between(-1.0, 0.5, "", "thrust from none to 1.5 of the file's")
 THRUSTER_GAIN = _effect(
     "thruster_gain",
     thruster_gain,
+    gains_sentence,
     "f_i (1 + g_i)",
     "Fossen (1994), section 4.1 (propeller thrust)",
     "every thruster used apart from the others",
@@ -252,6 +350,7 @@ EFFECTS = (
     _effect(
         "thruster_asymmetry",
         thruster_asymmetry,
+        asymmetry_sentence,
         "(1 - a) f for f < 0",
         "Fossen (1994), section 4.1 (propeller thrust astern)",
         "thrust of both signs on every thruster",
@@ -268,6 +367,7 @@ EFFECTS = (
     _effect(
         "thruster_lag",
         thruster_lag,
+        lag_sentence,
         "T + dT",
         "Yoerger, Cooke and Slotine (1990)",
         "steps and fast sweeps of the commands",
@@ -294,6 +394,7 @@ EFFECTS = (
     _effect(
         "command_delay",
         command_delay,
+        command_delay_sentence,
         "u(t - d)",
         "pure transport delay",
         "steps and fast sweeps of the commands",
@@ -321,6 +422,7 @@ EFFECTS = (
     _effect(
         "thruster_deadband",
         thruster_deadband,
+        deadband_sentence,
         "dead band + d",
         "Yoerger, Cooke and Slotine (1990); paper (10)",
         "small commands of both signs",
@@ -352,6 +454,7 @@ EFFECTS = (
     _effect(
         "thruster_curve",
         thruster_curve,
+        curve_sentence,
         "abs(n)^(a + da) sign(n)",
         "Fossen (2011), section 12.3 (thrust and the square of propeller speed)",
         "commands from small to full on every thruster",
@@ -378,6 +481,7 @@ EFFECTS = (
     _effect(
         "thruster_inflow",
         thruster_inflow,
+        inflow_sentence,
         "f - c sqrt(abs(f) f_max) u_a, u_a = d_i . (v_r + omega x r_i)",
         "Fossen (1994), section 4.1 (bilinear thruster model)",
         "the same thrust at several speeds, ahead and astern",
@@ -393,6 +497,7 @@ EFFECTS = (
     _effect(
         "propeller_torque",
         propeller_torque,
+        torque_sentence,
         "Q_i = k_i f_i about the axis of each thruster",
         "Fossen (1994), section 4.1 (propeller thrust and torque)",
         "every thruster used apart from the others",

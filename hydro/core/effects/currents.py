@@ -11,9 +11,12 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.layout import ADDED_MASS, BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, ROTATION, VELOCITY
+from hydro.core.effects.phrases import horizontal_change, undetermined
 from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Table
 from hydro.core.effects.restoring import push_at
+from hydro.core.effects.wording import quantity
 from hydro.core.effects.words import DEPTHS, DISTANCES, HEADINGS, PASSES
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
@@ -134,6 +137,43 @@ def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible)
     )
 
 
+def current_sentence(case: Case) -> str:
+    """State the speed of the current and the heading that it flows toward."""
+    down = case.one("v_D")
+    now, old, clear = horizontal_change(case.one("v_N"), case.one("v_E"), "m/s")
+    vertical = f"{'downward' if down.value > 0.0 else 'upward'} at {down.size('m/s')}" if down.clear else ""
+    if not clear and not vertical:
+        return undetermined(case, "the current", now)
+    if not clear:
+        was = f", not at {quantity(down.before, unit='m/s')} downward as in the file" if case.in_file else ""
+        return f"The water flows {vertical}{was}."
+    also = f" and {vertical}" if vertical else ""
+    if case.in_file:
+        return f"The current is {now}{also}, not {old} as in the file."
+    return f"A current of {now.replace(' toward', ' flows toward')}{also}."
+
+
+def shear_sentence(case: Case) -> str:
+    """State the gain of the current per metre of depth."""
+    now, old, clear = horizontal_change(case.one("g_N"), case.one("g_E"), "m/s")
+    if not clear:
+        return undetermined(case, "the gain of the current per metre of depth", now)
+    if case.in_file:
+        return f"Per metre of depth the current gains {now}, not {old} as in the file."
+    from_ = quantity(case.one("z_0").value, unit="m")
+    return f"Per metre of depth the current gains {now}, counted from {from_} depth."
+
+
+def trend_sentence(case: Case) -> str:
+    """State the gain of the current per minute."""
+    now, old, clear = horizontal_change(case.one("a_N"), case.one("a_E"), "m/s", 60.0)
+    if not clear:
+        return undetermined(case, "the gain of the current per minute", now)
+    if case.in_file:
+        return f"Per minute the current gains {now}, not {old} as in the file."
+    return f"Per minute the current gains {now}, counted from t = {case.one('t_0').value:.10g} s."
+
+
 EFFECTS = (
     Effect(
         name="ocean_current",
@@ -149,6 +189,7 @@ EFFECTS = (
             Parameter("v_D", ("m/s",), "downward velocity of the water", plausible=VERTICAL),
         ),
         flow=ocean_current,
+        sentence=current_sentence,
         advice=Advice(parted_by=(HEADINGS, DISTANCES)),
         identification=Identification(
             far=tuple(
@@ -178,6 +219,7 @@ EFFECTS = (
             ),
         ),
         flow=current_shear,
+        sentence=shear_sentence,
         kernel=dive_through_shear,
         identification=Identification(starts=amid("z_0", 2)),
         advice=Advice(parted_by=(DEPTHS, HEADINGS)),
@@ -201,6 +243,7 @@ EFFECTS = (
             ),
         ),
         flow=current_trend,
+        sentence=trend_sentence,
         kernel=carried_along,
         identification=Identification(starts=amid("t_0", 3)),
         advice=Advice(parted_by=(PASSES, HEADINGS)),

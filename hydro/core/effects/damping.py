@@ -15,7 +15,18 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.layout import RELATIVE_VELOCITY
+from hydro.core.effects.phrases import (
+    Entry,
+    changed,
+    coefficients,
+    coordinates,
+    diagonal,
+    force_per_speed,
+    missing,
+    valued,
+)
 from hydro.core.effects.record import (
     ABSORBED,
     Advice,
@@ -32,6 +43,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.effects.wording import AXES, listed, place
 from hydro.core.effects.words import COASTING, DRIFT
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import (
@@ -208,6 +220,35 @@ def _part(drag: Array, position: Array) -> Table:
     return {"name": OFFSET_DRAG.name, "drag": drag.tolist(), "position": position.tolist()}
 
 
+def power_sentence(case: Case) -> str:
+    """State the drag of each axis at 1 m/s and 1 rad/s, and the power of the speed."""
+    entries = []
+    for i, (axis, one) in enumerate(zip(AXES, case.many("diagonal", (6,)), strict=True)):
+        speed, unit = ("1 rad/s", "N m") if i >= 3 else ("1 m/s", "N")
+        entries.append(Entry(f"{axis} drag at {speed}", f"in {axis} at {speed}", one, unit))
+    n = case.one("n")
+    if case.in_file:
+        return changed("power drag", [*entries, Entry("the power of speed in drag", "", n, "1")])
+    grows = f"drag with the power {n.text()} of speed" if case.finite else "power drag"
+    return missing(case, grows, entries)
+
+
+def offset_sentence(case: Case) -> str:
+    """State the drag along three axes and the point where it acts."""
+    axes, point = AXES[:3], case.many("position", (3,))
+    drags = case.many("drag", (3,))
+    entries = [
+        Entry(f"{axis} drag", f"in {axis}", one, "N s^2/m^2") for axis, one in zip(axes, drags, strict=True)
+    ]
+    if case.in_file:
+        return changed("offset drag", [*entries, *coordinates("the drag's", point)])
+    clear = [one for one in entries if one.quantity.clear]
+    if not clear:
+        return missing(case, "drag off the origin", entries)
+    where = place([one.value for one in point], [one.error for one in point])
+    return f"Drag of {listed([valued(one) for one in clear])} is missing at {where}."
+
+
 LINEAR_DAMPING = Effect(
     name="linear_damping",
     family="damping",
@@ -238,6 +279,7 @@ LINEAR_DAMPING = Effect(
     ),
     one_of=("diagonal", "matrix"),
     kernel=linear,
+    sentence=diagonal("linear damping", "linear damping", LINEAR),
     advice=Advice(parted_by=(COASTING,)),
     roles=frozenset({Role.HULL_WATER}),
 )
@@ -263,6 +305,7 @@ QUADRATIC_DAMPING = Effect(
         ),
     ),
     kernel=quadratic,
+    sentence=diagonal("quadratic damping", "drag", ("N s^2/m^2", "N s^2", "N m s^2")),
     advice=Advice(parted_by=(COASTING,)),
     roles=frozenset({Role.HULL_WATER, Role.DRAG}),
 )
@@ -298,6 +341,7 @@ POWER_DRAG = Effect(
         ),
     ),
     kernel=power,
+    sentence=power_sentence,
     identification=Identification(
         starts=lambda vehicle, reach: [without_drag(n) for n in COARSE_POWERS],
         coarse=at_powers(COARSE_POWERS),
@@ -338,6 +382,7 @@ OFFSET_DRAG = Effect(
         ),
     ),
     kernel=offset,
+    sentence=offset_sentence,
     identification=Identification(step=1e-2, starts=parts, coarse=drags_and_moments, absorbs=ABSORBED),
     advice=Advice(parted_by=(DRIFT,)),
     roles=frozenset({Role.HULL_WATER, Role.DRAG}),
@@ -365,6 +410,13 @@ EFFECTS = (
             for i, j in COUPLED
         ),
         kernel=coupled,
+        sentence=coefficients(
+            "coupled damping",
+            [
+                (f"D{i}{j}", "N s", f"damping of {force_per_speed(i, j)}", f"for {force_per_speed(i, j)}")
+                for i, j in COUPLED
+            ],
+        ),
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER, Role.COUPLING}),
     ),
@@ -390,6 +442,18 @@ EFFECTS = (
             for i, j in ACROSS
         ),
         kernel=across,
+        sentence=coefficients(
+            "cross-axis drag",
+            [
+                (
+                    f"D{i}{j}",
+                    "N s^2/m^2" if i < 3 else "N s^2",
+                    f"{AXES[i]} drag per {AXES[j]} speed",
+                    f"in {AXES[i]} per {AXES[j]} speed",
+                )
+                for i, j in ACROSS
+            ],
+        ),
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER, Role.DRAG}),
     ),

@@ -20,9 +20,12 @@ import numpy as np
 
 from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case, Quantity
 from hydro.core.effects.layout import COMMAND_NAMES, COMMANDS, POSITION, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects.phrases import Entry, changed, missing
 from hydro.core.effects.record import LAST_COMMAND, Advice, Effect, Identification, Parameter, Role, Words
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.effects.wording import AXES as NAMES_OF_AXES
 from hydro.core.effects.words import COASTING
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
@@ -213,6 +216,37 @@ def as_drag(force: bool) -> Plausible:
     return Plausible(at, words, "dimensional analysis")
 
 
+def formula_sentence(case: Case) -> str:
+    """State the coefficient of each term, in the words of the file for the term."""
+    whole = {**(case.before or {}), **case.values}
+    powers = iter(case.many("exponents", (sum(parsed(text)[1] for text in every_term(whole)),)))
+    entries = []
+    for group, values in GROUPS:
+        terms = [str(term) for term in whole.get(group, ())]
+        same = list((case.before or {}).get(group, ())) == terms
+        for text, given in zip(terms, case.many(values, (len(terms),)), strict=True):
+            one = given if same else Quantity(given.value, given.error)
+            axis, _, product = text.partition(" ")
+            free = [next(powers) for _ in range(parsed(text)[1])]
+            for power in free:
+                product = product.replace("^n", f"^{power.text().partition(' (±')[0]}", 1)
+            name = NAMES_OF_AXES[AXES.index(axis)]
+            unit = "N" if group == GROUPS[0][0] else "N m"
+            shown = product or "constant"
+            entries.append(Entry(f"{name} coefficient of {shown}", f"times {shown} in {name}", one, unit))
+            if case.in_file:
+                entries += [Entry(f"power in {name}", "", power, "1") for power in free]
+    if case.in_file:
+        return changed("the formula", entries)
+    nouns = [noun for noun, (group, _) in zip(("force", "moment"), GROUPS, strict=True) if whole.get(group)]
+    return missing(case, f"a {' and '.join(nouns)}", entries)
+
+
+def every_term(table: Mapping[str, Any]) -> list[str]:
+    """Return the terms of a formula, forces first."""
+    return [str(term) for group, _ in GROUPS for term in table.get(group, ())]
+
+
 FORMULA = Effect(
     name="formula",
     family="formula",
@@ -255,6 +289,7 @@ FORMULA = Effect(
         ),
     ),
     kernel=formula,
+    sentence=formula_sentence,
     identification=Identification(),
     advice=Advice(parted_by=(COASTING,)),
     roles=frozenset({Role.COMMANDED}),

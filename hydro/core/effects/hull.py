@@ -12,6 +12,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.layout import (
     COMMAND_NAMES,
     COMMANDS,
@@ -20,6 +21,14 @@ from hydro.core.effects.layout import (
     HULL_CENTER,
     MOST_COMMANDS,
     RELATIVE_VELOCITY,
+)
+from hydro.core.effects.phrases import (
+    Entry,
+    changed,
+    coefficients,
+    coordinates,
+    force_per_speed,
+    undetermined,
 )
 from hydro.core.effects.record import (
     ABSORBED,
@@ -40,6 +49,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_mass, of_mixed
+from hydro.core.effects.wording import listed, place
 from hydro.core.effects.words import DRIFT
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
@@ -285,6 +295,46 @@ def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> 
     }
 
 
+def fin_sentence(case: Case) -> str:
+    """State area, attitude and place of a fin, and what turns it."""
+    area, point = case.one("area"), case.many("position", (3,))
+    roll, deflection, stall = (case.one(key).times(DEGREES) for key in ("roll", "deflection", "stall"))
+    commands = [str(one) for one in case.values.get("commands", (case.before or {}).get("commands", ()))]
+    turns = [one.times(DEGREES) for one in case.many("turn", (len(commands),))]
+    turned = [(f"command {name.removeprefix('c')}", one) for name, one in zip(commands, turns, strict=True)]
+    if case.in_file:
+        entries = [Entry("the fin's area", "", area, "m^2"), *coordinates("the fin's", point)]
+        entries += [
+            Entry("the fin's roll", "", roll, "°"),
+            Entry("the fin's deflection", "", deflection, "°"),
+        ]
+        entries += [Entry("the fin's stall angle", "", stall, "°")]
+        entries += [Entry(f"the fin's deflection at full {name}", "", one, "°") for name, one in turned]
+        return changed("the fin", entries)
+    if not area.clear:
+        return undetermined(case, "the area of a fin", area.text("m^2"))
+    where = place([one.value for one in point], [one.error for one in point])
+    moved = [f"{one.text('°')} by {command}" for command, one in turned if one.clear]
+    rest = [f"turned {listed(moved)}"] if moved else []
+    rest += [f"set at {deflection.text('°')}"] if deflection.clear else []
+    also = f", {listed(rest)}," if rest else ""
+    return f"{fin_of(roll.value)} of {area.text('m^2')} at {where}{also} is missing."
+
+
+DEGREES = 180.0 / math.pi
+UPRIGHT = 15.0
+"""Roll [deg] up to which a fin is called an elevator or a rudder."""
+
+
+def fin_of(roll: float) -> str:
+    """Name a fin by the roll of its span [deg]: 0 of an elevator, 90 of a rudder."""
+    if abs(roll) <= UPRIGHT or abs(roll - 180.0) <= UPRIGHT:
+        return "A horizontal fin"
+    if abs(abs(roll) - 90.0) <= UPRIGHT:
+        return "A vertical fin"
+    return f"A fin rolled by {roll:.0f}°"
+
+
 BODY_LIFT = Effect(
     name="body_lift",
     family="hull",
@@ -305,6 +355,18 @@ BODY_LIFT = Effect(
         for i, j in LIFT
     ),
     kernel=body_lift,
+    sentence=coefficients(
+        "lift of hull and fins",
+        [
+            (
+                f"L{i}{j}",
+                "kg/m" if i == j < 3 else "kg m" if i == j else "kg",
+                f"lift coefficient of {force_per_speed(i, j)}",
+                f"for {force_per_speed(i, j)}",
+            )
+            for i, j in LIFT
+        ],
+    ),
     advice=Advice(parted_by=(DRIFT,)),
 )
 
@@ -374,6 +436,7 @@ CONTROL_SURFACE = Effect(
     structure=obeyed,
     roles=frozenset({Role.COMMANDED}),
     kernel=control_surface,
+    sentence=fin_sentence,
     identification=Identification(
         step=1e-2,
         starts=tail_fins,
@@ -413,6 +476,18 @@ EFFECTS = (
             ),
         ),
         kernel=crossflow_drag,
+        sentence=coefficients(
+            "cross-flow drag",
+            [
+                (
+                    key,
+                    "1",
+                    f"the drag coefficient of the hull's {face}",
+                    f"as drag coefficient of the hull's {face}",
+                )
+                for key, face in (("Cd_y", "side"), ("Cd_z", "bottom"))
+            ],
+        ),
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER, Role.DRAG}),
     ),

@@ -14,8 +14,10 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.layout import ADDED_MASS as M_A
 from hydro.core.effects.layout import RELATIVE_VELOCITY
+from hydro.core.effects.phrases import coefficients, diagonal, undetermined
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -27,6 +29,7 @@ from hydro.core.effects.record import (
     Role,
 )
 from hydro.core.effects.units import of_mixed
+from hydro.core.effects.wording import AXES, capital, number, quantity
 from hydro.core.effects.words import CHIRP, DRIFT
 from hydro.core.vehicle.plausible import ADDED_INERTIA, between, of_entry
 
@@ -91,6 +94,19 @@ def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
     return -float(rest.added_mass[index[0], index[0]]), math.inf
 
 
+def coriolis_sentence(case: Case) -> str:
+    """State how much stronger the Coriolis forces of the added mass are than M_A makes them."""
+    share = case.one("kappa").times(100.0)
+    subject = "the Coriolis force of the added mass (Munk moment)"
+    if not share.clear:
+        return undetermined(case, f"the correction of {subject}", share.text("%"))
+    if case.in_file:
+        now, was = quantity(100.0 + share.value, share.error, "%"), number(100.0 + share.before)
+        return f"{capital(subject)} is {now} of what the added mass gives, not {was} % as in the file."
+    more = "stronger" if share.value > 0.0 else "weaker"
+    return f"{capital(subject)} is {share.size('%')} {more} than modelled."
+
+
 ADDED_MASS = Effect(
     name="added_mass",
     family="inertia",
@@ -121,6 +137,7 @@ ADDED_MASS = Effect(
     ),
     one_of=("diagonal", "matrix"),
     inertia=symmetric_or_diagonal,
+    sentence=diagonal("added mass", "added mass", UNITS, symmetric=True),
     identification=Identification(absorbs=SLIGHTLY_ABSORBED),
     advice=Advice(parted_by=(CHIRP,)),
     roles=frozenset({Role.HULL_WATER}),
@@ -145,6 +162,18 @@ ADDED_MASS_COUPLING = Effect(
         for i, j in COUPLED
     ),
     inertia=couplings,
+    sentence=coefficients(
+        "coupled added mass",
+        [
+            (
+                f"M{i}{j}",
+                "kg" if j < 3 else "kg m",
+                f"{AXES[i]}-{AXES[j]} added mass",
+                f"between {AXES[i]} and {AXES[j]}",
+            )
+            for i, j in COUPLED
+        ],
+    ),
     advice=Advice(parted_by=(DRIFT,)),
     roles=frozenset({Role.HULL_WATER, Role.COUPLING}),
 )
@@ -169,6 +198,7 @@ EFFECTS = (
             ),
         ),
         kernel=coriolis_excess,
+        sentence=coriolis_sentence,
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER}),
     ),

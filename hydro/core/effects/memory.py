@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.layout import RELATIVE_VELOCITY
+from hydro.core.effects.phrases import Entry, changed, missing
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -21,6 +23,7 @@ from hydro.core.effects.record import (
 )
 from hydro.core.effects.shapes import along
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.effects.wording import AXES, quantity
 from hydro.core.effects.words import CHIRP
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import ADDED_SOURCE, Plausible, between, most_added
@@ -86,6 +89,29 @@ def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
     return 0.0, float(most_added(vehicle)[index[-1]]) * RATES[-1]
 
 
+def memory_sentence(case: Case) -> str:
+    """State the strength of each axis and the time over which it decays."""
+    rates = case.many("rates", (rates_of(case),))
+    strengths = case.many("K", (len(rates), 6))
+    entries = []
+    for k, one in enumerate(strengths):
+        rate, axis = rates[k // 6].value, AXES[k % 6]
+        over = f" over {quantity(1.0 / rate, unit='s')}" if rate > 0.0 else ""
+        unit = "N m s" if k % 6 >= 3 else "N s/m"
+        entries.append(Entry(f"{axis} fluid memory{over}", f"in {axis}{over}", one, unit))
+    if case.in_file:
+        return changed(
+            "the fluid memory", [*entries, *(Entry("a rate of decay", "", one, "1/s") for one in rates)]
+        )
+    return missing(case, "fluid memory", entries)
+
+
+def rates_of(case: Case) -> int:
+    """Return the number of rates."""
+    given = case.values.get("rates", (case.before or {}).get("rates", (0.0,)))
+    return len(given) if hasattr(given, "__len__") else 1
+
+
 FLUID_MEMORY = Effect(
     name="fluid_memory",
     family="memory",
@@ -120,6 +146,7 @@ FLUID_MEMORY = Effect(
         ),
     ),
     kernel=fluid_memory,
+    sentence=memory_sentence,
     states=states,
     start=steady_past,
     identification=Identification(

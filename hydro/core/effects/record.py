@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hydro.core.columns import Array
+from hydro.core.effects.case import Case
 from hydro.core.effects.units import Size, dimension, plain_size
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
@@ -268,6 +269,7 @@ class Effect:
         repeatable: Whether a vehicle file may have several of it: things, each at a place of its own.
         words: What a file writes out of it beside numbers.
         structure: What these words amount to; packed before the parameters.
+        sentence: States its values in words, see `core.effects.sentences`; None for a generic sentence.
     """
 
     name: str
@@ -294,6 +296,7 @@ class Effect:
     repeatable: bool = False
     words: tuple[Words, ...] = ()
     structure: Structure | None = None
+    sentence: Callable[[Case], str] | None = None
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name."""

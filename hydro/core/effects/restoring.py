@@ -13,7 +13,9 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects.phrases import Entry, changed, coordinates, displaced, undetermined
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -29,6 +31,7 @@ from hydro.core.effects.record import (
 )
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_mass, of_weight
+from hydro.core.effects.wording import listed, number, place
 from hydro.core.effects.words import TILTS
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between, within_box
@@ -210,6 +213,58 @@ def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
     return [{"name": "net_buoyancy", "dB": -weight}, {"name": BUOYANCY_OFFSET.name} | shift]
 
 
+def in_water(force: float, error: float, vehicle: Vehicle) -> str:
+    """Write a force [N] and the mass in water that weighs as much: `31 N (3.2 kg in water)`."""
+    gravity = vehicle.environment.gravity
+    return f"{number(abs(force), error)} N ({number(abs(force) / gravity, error / gravity)} kg in water)"
+
+
+def buoyancy_sentence(case: Case) -> str:
+    """State how much lighter or heavier the vehicle is than the file has it."""
+    lift = case.one("dB")
+    if not lift.clear:
+        return undetermined(case, "the added buoyancy", lift.text("N"))
+    side = "lighter" if lift.change > 0.0 else "heavier"
+    return f"The vehicle is {in_water(lift.change, lift.error, case.vehicle)} {side} than modelled."
+
+
+def payload_sentence(case: Case) -> str:
+    """State weight in water, place and dry mass of a payload."""
+    weight, mass, point = case.one("w"), case.one("mass"), [case.one(axis) for axis in "xyz"]
+    if case.in_file:
+        entries = [Entry("the payload's weight in water", "", weight, "N")]
+        entries += [*coordinates("the payload's", point), Entry("the payload's dry mass", "", mass, "kg")]
+        return changed("the payload", entries)
+    where = place([one.value for one in point], [one.error for one in point])
+    dry = mass.clear and mass.value > 0.0
+    if not weight.clear:
+        if dry:
+            return f"A payload with a dry mass of {mass.text('kg')} is missing at {where}."
+        return undetermined(case, "the weight of a payload in water", weight.text("N"))
+    side = "heavier" if weight.value > 0.0 else "lighter"
+    also = f", with a dry mass of {mass.text('kg')}" if dry else ""
+    amount = in_water(weight.value, weight.error, case.vehicle)
+    return f"The vehicle is {amount} {side} than modelled, at {where}{also}."
+
+
+def ballast_sentence(case: Case) -> str:
+    """State how much ballast slides, at which tilt and how late."""
+    slides = list(zip(("surge", "sway"), case.many("S", (2,)), strict=True))
+    tilt, lag = case.one("tilt").times(180.0 / math.pi), case.one("T")
+    if case.in_file:
+        entries = [Entry(f"sliding ballast in {axis}", "", one, "kg m") for axis, one in slides]
+        entries += [Entry("the tilt that moves the ballast", "", tilt, "°")]
+        entries += [Entry("the ballast's time constant", "", lag, "s")]
+        return changed("the sliding ballast", entries)
+    clear = [f"{one.text('kg m')} in {axis}" for axis, one in slides if one.clear]
+    if not clear:
+        return undetermined(case, "sliding ballast", f"{slides[0][1].text('kg m')} in surge")
+    return (
+        f"Ballast of {listed(clear)} slides toward the lower end, three quarters of the way at "
+        f"a tilt of {tilt.text('°')}, with a time constant of {lag.text('s')}."
+    )
+
+
 BUOYANCY_OFFSET = Effect(
     name="buoyancy_offset",
     family="restoring",
@@ -224,6 +279,7 @@ BUOYANCY_OFFSET = Effect(
         Parameter("dz", ("m",), "centre of buoyancy moved down", scale=(0.02,), plausible=INSIDE[2]),
     ),
     kernel=buoyancy_offset,
+    sentence=displaced("the centre of buoyancy", "lies", ("dx", "dy", "dz"), "where the file has it"),
     advice=Advice(parted_by=(TILTS,)),
     roles=frozenset({Role.STEADY_LOAD}),
 )
@@ -257,6 +313,7 @@ PAYLOAD = Effect(
         ),
     ),
     kernel=payload,
+    sentence=payload_sentence,
     inertia=point_mass,
     identification=Identification(starts=light_or_heavy, coarse=payloads, plainer=weight_or_moment),
     advice=Advice(parted_by=(TILTS,)),
@@ -304,6 +361,7 @@ DRIFTING_BALLAST = Effect(
         ),
     ),
     kernel=drifting_ballast,
+    sentence=ballast_sentence,
     states=lambda p: 2,
     start=slid_down,
     identification=Identification(
@@ -334,6 +392,7 @@ NET_BUOYANCY = Effect(
         ),
     ),
     kernel=net_buoyancy,
+    sentence=buoyancy_sentence,
     advice=Advice(parted_by=(TILTS,)),
     roles=frozenset({Role.STEADY_LOAD}),
 )

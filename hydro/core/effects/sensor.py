@@ -14,8 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
+from hydro.core.effects.case import Case, Quantity
+from hydro.core.effects.phrases import along_body, displaced, undetermined
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.shapes import of_sizes
+from hydro.core.effects.wording import AXES, known, listed, quantity
 from hydro.core.effects.words import CHIRP, DISTANCES, DRIFT, HEADINGS, a_heading_off, a_sample_late
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
@@ -142,6 +145,85 @@ def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
     return room_of_delay(rest.vehicle)
 
 
+def delay_sentence(case: Case) -> str:
+    """State how late DVL velocity arrives."""
+    delay = case.one("d")
+    if not delay.clear:
+        return undetermined(case, "the delay of the DVL velocity", delay.text("s"))
+    was = f", not {quantity(delay.before, unit='s')} as in the file" if case.in_file else ""
+    side = "late" if delay.value >= 0.0 else "early"
+    return f"DVL velocity arrives {delay.size('s')} {side}{was or case.sampled(delay.value)}."
+
+
+def scale_sentence(case: Case) -> str:
+    """State how much too high or too low DVL velocity reads, for all axes or for each."""
+    than = "than the file says" if case.in_file else ""
+    words = ("higher", "lower") if case.in_file else ("too high", "too low")
+
+    def side(one: Quantity) -> str:
+        return f"{one.changed('%')} {words[one.change < 0.0]}"
+
+    axes = {"axes"} & (set(case.values) | set(case.before or {}))
+    if not axes:
+        scale = case.one("s").times(100.0)
+        if not scale.clear:
+            return undetermined(case, "the scale error of the DVL", scale.text("%"))
+        return f"DVL velocity reads {side(scale)} {than}".strip() + "."
+    three = [one.times(100.0) for one in scales(case)]
+    kept = [f"{side(one)} in {axis}" for axis, one in zip(AXES, three, strict=False) if one.clear]
+    if not kept:
+        far = max(range(3), key=lambda i: three[i].deviations)
+        return undetermined(case, f"the scale error of the DVL in {AXES[far]}", three[far].text("%"))
+    return f"DVL velocity reads {listed(kept)} {than}".strip() + "."
+
+
+def scales(case: Case) -> list[Quantity]:
+    """Return the scale errors of three axes, which values and file may give by one for all."""
+    form = "axes" if "axes" in case.values or "s" not in case.values else "s"
+    old = "axes" if "axes" in (case.before or {}) else "s"
+    before = case.of_file(old, (3,)).tolist()
+    return [one._replace(before=was) for one, was in zip(case.many(form, (3,)), before, strict=True)]
+
+
+TURNS = (
+    ("starboard side down in roll", "port side down in roll"),
+    ("nose up in pitch", "nose down in pitch"),
+    ("to starboard in yaw", "to port in yaw"),
+)
+"""Words for a positive and a negative angle about each axis of the body, FRD."""
+LEAST_ANGLE = 0.05
+"""Angle [deg] below which one without a standard error is negligible."""
+
+
+def misalignment_sentence(case: Case) -> str:
+    """State by which angles the DVL is turned against the body."""
+    angles = [one.times(180.0 / np.pi) for one in case.many("alpha", (3,))]
+    kept = [
+        f"{one.changed('°')} {words[one.change < 0.0]}"
+        for one, words in zip(angles, TURNS, strict=True)
+        if one.clear and (known(one.error) or abs(one.change) >= LEAST_ANGLE)
+    ]
+    if not kept:
+        far = max(angles, key=lambda one: one.deviations)
+        return undetermined(case, "the misalignment of the DVL", far.changed("°"))
+    against = "the file's mounting" if case.in_file else "the body"
+    return f"The DVL is turned {listed(kept)} against {against}."
+
+
+def bias_sentence(case: Case) -> str:
+    """State the constant error of DVL velocity in words of the body's axes."""
+    three = case.many("b", (3,))
+    pieces = [
+        piece.replace(" below", " downward").replace(" above", " upward")
+        for piece in along_body(three, "m/s", 5e-4)
+    ]
+    if not pieces:
+        far = max(three, key=lambda one: one.deviations)
+        return undetermined(case, "the bias of the DVL velocity", far.changed("m/s"))
+    more = " more than in the file" if case.in_file else ""
+    return f"DVL velocity has a constant error of {listed(pieces)}{more}."
+
+
 SENSOR_DELAY = Effect(
     name="sensor_delay",
     family="sensor",
@@ -161,6 +243,7 @@ SENSOR_DELAY = Effect(
         ),
     ),
     sensor=sensor_delay,
+    sentence=delay_sentence,
     identification=Identification(
         step=1e-2,
         coarse=of_sizes("sensor_delay", "d", room_of_delay, DELAYS),
@@ -193,6 +276,7 @@ EFFECTS = (
         ),
         one_of=("s", "axes"),
         sensor=sensor_scale,
+        sentence=scale_sentence,
         identification=Identification(form="axes"),
         kinematics=Kinematics("axes", SCALE, negligible=0.005),
         advice=Advice(parted_by=(DISTANCES,)),
@@ -215,6 +299,7 @@ EFFECTS = (
             ),
         ),
         sensor=sensor_misalignment,
+        sentence=misalignment_sentence,
         kinematics=Kinematics("alpha", ANGLES, negligible=0.005),
         advice=Advice(parted_by=(DISTANCES,), saying=a_heading_off),
     ),
@@ -237,6 +322,7 @@ EFFECTS = (
             ),
         ),
         sensor=sensor_lever_arm,
+        sentence=displaced("the DVL", "sits", "r", "where the file has it"),
         kinematics=Kinematics("r", LEVER, negligible=0.01),
         advice=Advice(parted_by=(DRIFT,)),
     ),
@@ -258,6 +344,7 @@ EFFECTS = (
             ),
         ),
         sensor=sensor_bias,
+        sentence=bias_sentence,
         kinematics=Kinematics("b", BIAS, negligible=0.003),
         advice=Advice(parted_by=(DISTANCES, HEADINGS)),
     ),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case, Quantity
 from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
+from hydro.core.effects.phrases import Entry, changed, coordinates, undetermined
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -23,6 +25,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import push_at, push_down
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_weight
+from hydro.core.effects.wording import compass, listed, place, quantity
 from hydro.core.effects.words import HEADINGS, TILTS
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between, within_box
@@ -31,6 +34,10 @@ from hydro.core.vehicle.plausible import of_weight as up_to_weight
 LITTLE = 0.01  # of the plain stiffness, in a column
 FAR = 1e4
 """Distance of an anchor whose pull is as good as steady [m]."""
+STEADY = 1e3
+"""Distance [m] beyond which the direction of an anchor is said instead of its place."""
+STEEP = 80.0
+"""Slope [deg] above which a pull is called vertical."""
 DECAYS = (0.5, 1.5, 4.0)  # m, depths of decay that are tried
 LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 
@@ -165,6 +172,68 @@ def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)
 
 
+def tether_sentence(case: Case) -> str:
+    """State stiffness, slack and anchor of a tether, or the steady pull of an anchor that is far off."""
+    stiffness, slack = case.one("k"), case.one("slack")
+    anchor, point = case.many("anchor", (3,)), case.many("attachment", (3,))
+    if case.in_file:
+        entries = [
+            Entry("the stiffness of the tether", "", stiffness, "N/m"),
+            Entry("the tether's slack", "", slack, "m"),
+        ]
+        axes = zip(("north", "east", "down"), anchor, strict=True)
+        entries += [Entry(f"the {axis} coordinate of the anchor", "", one, "m") for axis, one in axes]
+        entries += coordinates("the attachment's", point)
+        return changed("the tether", entries)
+    if not stiffness.clear:
+        return undetermined(case, "the stiffness of a tether", stiffness.text("N/m"))
+    north, east, down = (one.value for one in anchor)
+    where = place([one.value for one in point], [one.error for one in point])
+    distance = math.hypot(north, east, down)
+    if distance > STEADY:
+        pull = stiffness.times(max(distance - slack.value, 0.0)).size("N")
+        return f"A steady pull of {pull} {direction(north, east, down)} acts on the vehicle at {where}."
+    loose = f" beyond {slack.text('m')} of slack" if slack.value > 0.0 else ""
+    pull = f"{stiffness.text('N/m')}{loose}"
+    return f"A tether at {where} pulls with {pull} toward its anchor at {fixed_point(anchor)}."
+
+
+def direction(north: float, east: float, down: float) -> str:
+    """Name a direction in the world: `toward 323° (NW)`, `20° downward toward 323° (NW)`, or `downward`."""
+    level, tilt = math.hypot(north, east), math.degrees(math.atan2(abs(down), math.hypot(north, east)))
+    vertical = "downward" if down > 0.0 else "upward"
+    if not level or tilt > STEEP:
+        return vertical
+    return f"{f'{tilt:.0f}° {vertical} ' if tilt >= 1.0 else ''}toward {compass(north, east)}"
+
+
+def fixed_point(point: Sequence[Quantity]) -> str:
+    """Name a point of the world by its distances from where NED begins."""
+    sides = (("north", "south"), ("east", "west"), ("down", "up"))
+    return listed(
+        [
+            f"{quantity(abs(one.value), one.error, 'm').partition(' (±')[0]} {pair[one.value < 0.0]}"
+            for one, pair in zip(point, sides, strict=True)
+        ]
+    )
+
+
+def suction_sentence(case: Case) -> str:
+    """State the force at the surface and the depth over which it decays."""
+    force, decay = case.one("A"), case.one("decay")
+    if case.in_file:
+        entries = [
+            Entry("the upward force at the surface", "", force, "N"),
+            Entry("the depth of its decay", "", decay, "m"),
+        ]
+        return changed("the suction of the surface", entries)
+    if not force.clear:
+        return undetermined(case, "the suction of the surface", force.text("N"))
+    verb = "pulls the vehicle up" if force.value > 0.0 else "pushes the vehicle down"
+    deep = f"decaying to 37 % at {decay.text('m')} depth"
+    return f"The surface {verb} with {force.size('N')} at zero depth, {deep}."
+
+
 TETHER = Effect(
     name="tether",
     repeatable=True,
@@ -214,6 +283,7 @@ TETHER = Effect(
         ),
     ),
     kernel=tether,
+    sentence=tether_sentence,
     identification=Identification(step=1e-2, starts=cables, coarse=without_slack, fine=with_slack),
     advice=Advice(parted_by=(HEADINGS,)),
 )
@@ -246,6 +316,7 @@ SURFACE_SUCTION = Effect(
         ),
     ),
     kernel=surface_suction,
+    sentence=suction_sentence,
     identification=Identification(
         starts=lambda vehicle, reach: [absent(decay) for decay in DECAYS], coarse=suctions
     ),

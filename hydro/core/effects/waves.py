@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
+from hydro.core.effects.case import Case
 from hydro.core.effects.currents import quickened
 from hydro.core.effects.layout import (
     BUOYANCY,
@@ -37,8 +38,10 @@ from hydro.core.effects.layout import (
     WATER_GROWTH,
     WATER_RATE,
 )
+from hydro.core.effects.phrases import Entry, changed, undetermined
 from hydro.core.effects.record import Effect, Parameter
 from hydro.core.effects.restoring import push_at
+from hydro.core.effects.wording import compass
 from hydro.core.vehicle.plausible import between
 
 HEIGHT, PERIOD, DIRECTION, PEAK = range(4)
@@ -190,6 +193,26 @@ def swung(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
     push_at(mass * fx, mass * fy, mass * fz, c[at], c[at + 1], c[at + 2], tau)
 
 
+def waves_sentence(case: Case) -> str:
+    """State height, period and direction of the waves."""
+    height, period, way = case.one("height"), case.one("period"), case.one("direction")
+    if case.in_file:
+        entries = [
+            Entry("the significant wave height", "", height, "m"),
+            Entry("the peak period", "", period, "s"),
+        ]
+        entries += [
+            Entry("the direction of travel", "", way.times(180.0 / math.pi), "°"),
+            Entry("the peak enhancement", "", case.one("peak"), "1"),
+        ]
+        return changed("the sea", entries)
+    if not height.clear:
+        return undetermined(case, "the significant wave height", height.text("m"))
+    heading = compass(math.cos(way.value), math.sin(way.value))
+    sea = f"{height.text('m')} significant height and {period.text('s')} peak period"
+    return f"Waves of {sea} travel toward {heading}."
+
+
 WAVES = Effect(
     name="ocean_waves",
     repeatable=True,
@@ -236,6 +259,7 @@ WAVES = Effect(
     ),
     flow=calm,
     kernel=swung,
+    sentence=waves_sentence,
     harmonics=harmonics,
 )
 

@@ -1,0 +1,152 @@
+"""Values of one effect beside the vehicle file that they are for: what its sentence is made from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.effects import wording
+from hydro.core.vehicle.description import Vehicle
+
+CLEAR = 2.0
+"""Standard errors by which a value must differ to be stated: about 95 % confidence."""
+ONE_SAMPLE = 1.05
+"""Samples of the log up to which a delay is called no more than one sample."""
+
+
+class Quantity(NamedTuple):
+    """One number of an effect.
+
+    Attributes:
+        value: The value.
+        error: Its standard error; NaN where it is unknown or was held, infinite without a value.
+        before: The file's value, 0 where it has none.
+    """
+
+    value: float
+    error: float = math.nan
+    before: float = 0.0
+
+    @property
+    def change(self) -> float:
+        """Difference from the file's value."""
+        return self.value - self.before
+
+    @property
+    def deviations(self) -> float:
+        """Difference from the file's value in standard errors; infinite where the error is unknown."""
+        if math.isnan(self.error):
+            return math.inf if self.change else 0.0
+        return abs(self.change) / self.error
+
+    @property
+    def clear(self) -> bool:
+        """Whether it differs clearly from the file's value."""
+        return self.deviations > CLEAR
+
+    def times(self, factor: float) -> Quantity:
+        """Return it in another unit."""
+        return Quantity(self.value * factor, self.error * abs(factor), self.before * factor)
+
+    def text(self, unit: str = "") -> str:
+        """Write the value with unit and error."""
+        return wording.quantity(self.value, self.error, unit)
+
+    def size(self, unit: str = "") -> str:
+        """Write the absolute value with unit and error."""
+        return wording.quantity(abs(self.value), self.error, unit)
+
+    def changed(self, unit: str = "") -> str:
+        """Write the absolute difference from the file's value with unit and error."""
+        return wording.quantity(abs(self.change), self.error, unit)
+
+
+@dataclass(frozen=True)
+class Case:
+    """Values of one effect, and the vehicle file as given.
+
+    Attributes:
+        vehicle: The file.
+        name: The effect, with its label where it has one.
+        values: Its table, or the part of it that was fitted.
+        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 of what was held.
+        dt: Sample time of the log [s].
+        before: The file's table of the effect; None where it has none.
+    """
+
+    vehicle: Vehicle
+    name: str
+    values: Mapping[str, Any]
+    errors: Mapping[str, Any]
+    dt: float
+    before: Mapping[str, Any] | None
+
+    @property
+    def in_file(self) -> bool:
+        """Whether the file has the effect."""
+        return self.before is not None
+
+    @property
+    def finite(self) -> bool:
+        """Whether all numbers of the values are finite."""
+        return all(np.isfinite(_numbers(value)).all() for value in self.values.values())
+
+    def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
+        """Return the file's entry of a parameter, zeros where it has none."""
+        return _shaped((self.before or {}).get(key, 0.0), shape, 0.0)
+
+    def one(self, key: str) -> Quantity:
+        """Return a parameter that is one number; of one that is not given, the file's value or 0."""
+        return self.many(key, ())[0]
+
+    def many(self, key: str, shape: tuple[int, ...]) -> list[Quantity]:
+        """Return the entries of a parameter, row by row."""
+        before = self.of_file(key, shape)
+        given = key in self.values
+        values = _shaped(self.values[key], shape, math.nan) if given else before
+        errors = _shaped(self.errors.get(key, math.nan), shape, math.nan)
+        return [
+            estimate(*entry)
+            for entry in zip(
+                values.ravel().tolist(), errors.ravel().tolist(), before.ravel().tolist(), strict=True
+            )
+        ]
+
+    def error_of(self, key: str, shape: tuple[int, ...]) -> list[float]:
+        """Return the standard errors of a parameter as given, row by row; NaN where they are missing."""
+        errors: list[float] = _shaped(self.errors.get(key, math.nan), shape, math.nan).ravel().tolist()
+        return errors
+
+    def sampled(self, time: float) -> str:
+        """Return a remark on a time [s] that is no longer than one sample of the log, or nothing."""
+        short = 0.0 < abs(time) <= ONE_SAMPLE * self.dt
+        return ", no more than one sample of the log" if short else ""
+
+
+def estimate(value: float, error: float, before: float = 0.0) -> Quantity:
+    """Return a quantity; a value that is not finite becomes the file's, with an infinite error."""
+    if not math.isfinite(value):
+        return Quantity(before, math.inf, before)
+    return Quantity(value, math.nan if math.isnan(error) or error <= 0.0 else error, before)
+
+
+def _numbers(given: Any) -> Array:
+    """Return numbers as an array, none of what is no number."""
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.zeros(0)
+
+
+def _shaped(given: Any, shape: tuple[int, ...], otherwise: float) -> Array:
+    """Return numbers in a shape; what has another shape, or is none, is filled."""
+    try:
+        found = np.asarray(given, dtype=np.float64)
+        return np.array(np.broadcast_to(found, shape))
+    except (TypeError, ValueError):
+        return np.full(shape, otherwise)

@@ -1,0 +1,212 @@
+"""Sentences on the thrust of thrusters: weak, dead and reversed ones, and a factor that they share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import median
+from typing import NamedTuple
+
+from hydro.core.effects.case import CLEAR, Case
+from hydro.core.effects.phrases import LONGEST, undetermined
+from hydro.core.effects.wording import capital, group, listed, number, quantity
+
+LARGEST_ERROR = 0.25
+"""Standard error of a gain above which it is not determined: an eighth of the range from reversed to full."""
+NEAR = 3.0
+"""Standard errors within which a thruster is called dead or reversed."""
+NEAREST, FARTHEST = 0.01, 0.3
+"""Shares of thrust within which it always is, and beyond which it never is, however large its error."""
+ALIKE = 0.03
+"""Share of thrust within which thrusters count as alike: about what bollard tests repeat to."""
+MOST = 3
+"""Weak or strong thrusters that a sentence names."""
+SHARED = 2.0 / 3.0
+"""Share of the thrusters that have one factor, from which it is called common."""
+
+
+class Thrust(NamedTuple):
+    """Thrust of one thruster as a share of what the file gives it, with standard error; `number` from 1."""
+
+    number: int
+    share: float
+    error: float
+
+    @property
+    def percent(self) -> str:
+        """The share with its error."""
+        return quantity(100.0 * self.share, 100.0 * self.error, "%")
+
+    def differs(self, share: float) -> bool:
+        """Whether it plainly and clearly differs from a share."""
+        return abs(self.share - share) > max(ALIKE, CLEAR * self.error)
+
+    def at(self, share: float) -> bool:
+        """Whether it is so near to a share that it is called that."""
+        near = min(max(NEAR * self.error, NEAREST), FARTHEST)
+        return abs(self.share - share) <= near
+
+
+def gains_sentence(case: Case) -> str:
+    """State the thrust of all thrusters, alike or one by one."""
+    if "common" in case.values:
+        return common_sentence(case)
+    found, unknown = thrusts(case)
+    if not found:
+        if not unknown:
+            return "No thruster's gain differs from the file."
+        return not_determined(unknown)
+    last = f" {not_determined(unknown)}" if unknown else ""
+    for most in range(MOST, 0, -1):
+        text = f"{capital('; '.join(statements(found, most, bool(unknown))))}.{last}"
+        if len(text) <= LONGEST:
+            break
+    return text
+
+
+def not_determined(numbers: Sequence[int]) -> str:
+    """Say which thrusters' gains a log does not determine."""
+    return f"{capital(group(numbers))} {'are' if len(numbers) > 1 else 'is'} not determined by this log."
+
+
+def common_sentence(case: Case) -> str:
+    """State a factor that all thrusters share."""
+    gain = case.one("common")
+    before = mean([was for _, was in file_gains(case)])
+    one = against(1, gain.value, gain.error, before)
+    if not one.error <= LARGEST_ERROR or abs(one.share - 1.0) <= CLEAR * one.error:
+        return undetermined(case, "the thrust of all thrusters", f"{one.percent} of the modelled one")
+    return f"All thrusters deliver {one.percent} of their modelled thrust."
+
+
+def mean(numbers: Sequence[float]) -> float:
+    """Return the mean, 0 of none."""
+    return sum(numbers) / len(numbers) if numbers else 0.0
+
+
+def against(number_: int, gain: float, error: float, before: float) -> Thrust:
+    """Return thrust as a share of what the file's gain leaves, or of nominal thrust where that is nothing."""
+    modelled = 1.0 + before if 1.0 + before > NEAREST else 1.0
+    return Thrust(number_, (1.0 + gain) / modelled, error / modelled)
+
+
+def file_gains(case: Case) -> list[tuple[int, float]]:
+    """Return the indices of the thrusters that push, and the gains that the file gives them."""
+    count = len(case.vehicle.thruster)
+    key = "common" if "common" in (case.before or {}) else "g"
+    gains = case.of_file(key, (count,)).tolist()
+    return [(i, gains[i]) for i, thruster in enumerate(case.vehicle.thruster) if thruster.pushes]
+
+
+def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
+    """Return the thrust of the thrusters that a log determines, and the numbers of the others.
+
+    An error of 0 is that of a gain that was held at its value: it is known.
+    """
+    gains = case.many("g", (len(case.vehicle.thruster),))
+    errors = case.error_of("g", (len(gains),))
+    found, unknown = [], []
+    for i, before in file_gains(case):
+        if (
+            0.0 <= errors[i] <= LARGEST_ERROR
+            and math.isfinite(gains[i].value)
+            and not math.isinf(gains[i].error)
+        ):
+            found.append(against(i + 1, gains[i].value, errors[i], before))
+        else:
+            unknown.append(i + 1)
+    return found, unknown
+
+
+def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[str]:
+    """Return clauses on thrusters: dead, reversed, odd, and what the others have in common."""
+    dead = [one for one in found if one.at(0.0)]
+    backward = [one for one in found if one.share < 0.0 and one not in dead]
+    whole = [one for one in backward if one.at(-1.0)]
+    forward = [one for one in found if one not in dead and one not in backward]
+    clauses = []
+    if dead:
+        clauses.append(f"{named(dead)} {verb(dead, 'delivers', 'deliver')} nothing")
+    if whole:
+        columns = "its column is" if len(whole) == 1 else "their columns are"
+        clauses.append(f"{named(whole)} {verb(whole, 'is', 'are')} reversed, or {columns} swapped")
+    partly = [one for one in backward if one not in whole]
+    clauses += [
+        f"thruster {one.number} is reversed at {one._replace(share=-one.share).percent} of its modelled thrust"
+        for one in partly[:1]
+    ]
+    if partly[1:]:
+        clauses.append(f"{named(partly[1:])} {verb(partly[1:], 'is', 'are')} reversed as well")
+    if forward:
+        clauses += of_forward(forward, most, bool(clauses), some_unknown)
+    return clauses
+
+
+def named(some: Sequence[Thrust]) -> str:
+    """Name thrusters by their numbers."""
+    return group(one.number for one in some)
+
+
+def verb(some: Sequence[Thrust], one: str, several: str) -> str:
+    """Return the form of a verb for one or several thrusters."""
+    return one if len(some) == 1 else several
+
+
+def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: bool) -> list[str]:
+    """Return clauses on thrusters that push forward: the odd ones, and the thrust of the others."""
+    middle, error = median(one.share for one in forward), median(one.error for one in forward)
+    alike = [one for one in forward if not one.differs(middle)]
+    nominal = abs(middle - 1.0) <= max(ALIKE, CLEAR * error)
+    shared = len(alike) >= max(2, SHARED * len(forward))
+    if nominal or not shared:
+        odd = [one for one in forward if one.differs(1.0)]
+        others = [one for one in forward if one not in odd]
+        return one_by_one(odd, others, most, after, some_unknown)
+    odd = by_distance([one for one in forward if one not in alike], middle)
+    who = "all thrusters deliver" if not after and not some_unknown else f"{named(alike)} deliver"
+    factor = Thrust(0, middle, error).percent
+    if not odd:
+        return [f"{who} {factor} of their modelled thrust"]
+    rest = [f"{len(odd) - most} more differ"] if len(odd) > most else []
+    return [f"{who} {factor}", *[besides(one, middle) for one in odd[:most]], *rest]
+
+
+def besides(one: Thrust, middle: float) -> str:
+    """Compare a thruster with the factor that the others share."""
+    percent = round(100.0 * (one.share / middle - 1.0))
+    return f"thruster {one.number} another {abs(percent)} % {'less' if percent < 0 else 'more'}"
+
+
+def by_distance(some: Sequence[Thrust], share: float) -> list[Thrust]:
+    """Sort thrusters by their distance from a share in standard errors, the farthest first."""
+    return sorted(some, key=lambda one: abs(one.share - share) / max(one.error, NEAREST), reverse=True)
+
+
+def one_by_one(
+    odd: Sequence[Thrust], others: Sequence[Thrust], most: int, after: bool, some_unknown: bool
+) -> list[str]:
+    """Return clauses on single thrusters, and the range of the others."""
+    first, rest = by_distance(odd, 1.0)[:most], by_distance(odd, 1.0)[most:]
+    clauses = []
+    if first:
+        ends = [f"thruster {first[0].number} delivers {first[0].percent} of its modelled thrust"]
+        ends += [f"thruster {one.number} {one.percent}" for one in first[1:]]
+        clauses.append(listed(ends))
+    if rest:
+        clauses.append(f"{len(rest)} more deliver {span(rest)} %")
+    if len(others) == 1 and first:
+        clauses.append(f"thruster {others[0].number} {span(others)} %")
+    elif others and (first or after):
+        clauses.append(f"{'the' if some_unknown or rest else 'all'} others {span(others)} %")
+    elif others:
+        who = "thruster" if len(others) == 1 else "thrusters"
+        who = named(others) if some_unknown else f"all {who}"
+        end = verb(others, "delivers", "deliver")
+        clauses.append(f"{who} {end} {span(others)} % of {verb(others, 'its', 'their')} modelled thrust")
+    return clauses
+
+
+def span(some: Sequence[Thrust]) -> str:
+    """Return the range of some shares in percent."""
+    low, high = (number(round(100.0 * end(one.share for one in some))) for end in (min, max))
+    return low if low == high else f"{low} to {high}"

@@ -1,0 +1,308 @@
+"""Sentences that alike effects share: entries that are missing, entries that changed, and displacements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from hydro.core.effects.case import Case, Quantity, estimate
+from hydro.core.effects.wording import (
+    AXES,
+    LEAST_PART,
+    capital,
+    compass,
+    known,
+    listed,
+    number,
+    quantity,
+    sides,
+    superscript,
+    uncertainty,
+)
+
+LONGEST = 220
+"""Characters of a sentence at most: three lines of a terminal."""
+MOST_ENTRIES = 3
+"""Entries of an effect that its sentence names."""
+PLAIN_RATIO = 100.0
+"""Largest ratio to the file's value that is told as a ratio."""
+COORDINATES = frozenset({"m", "s", "rad", "°"})
+"""Units of places, times and angles, which are told by their values: their ratios mean nothing."""
+
+Sentence = Callable[[Case], str]
+
+
+class Entry(NamedTuple):
+    """One number of an effect with the words for it.
+
+    Attributes:
+        label: Its full name, as in `heave drag`.
+        part: The words after its value, as in `in heave`.
+        quantity: The number.
+        unit: Its unit.
+    """
+
+    label: str
+    part: str
+    quantity: Quantity
+    unit: str
+
+
+def undetermined(case: Case, subject: str, value: str) -> str:
+    """Say that a log does not determine a value, or that it does not show a difference from the file's.
+
+    Args:
+        case: The values.
+        subject: What is not determined.
+        value: The estimate in words.
+    """
+    if case.in_file:
+        return f"{capital(subject)} does not differ clearly from the file's value."
+    said = f", {value}," if case.finite else ""
+    return f"{capital(subject)}{said} is not determined by this log."
+
+
+def most_telling(entries: Iterable[Entry]) -> list[Entry]:
+    """Sort entries by their difference from the file: in standard errors, then in size."""
+    return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
+
+
+def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
+    """Return a sentence with as many entries as fit into `LONGEST` characters, one at least."""
+    for count in range(most, 1, -1):
+        if len(text := render(count)) <= LONGEST:
+            return text
+    return render(1)
+
+
+def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
+    """State the entries of an effect: what is missing, or what changes against the file.
+
+    Args:
+        case: The values.
+        noun: What the effect adds, as in `quadratic damping`.
+        entries: All entries.
+    """
+    return changed(noun, entries) if case.in_file else missing(case, noun, entries)
+
+
+def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
+    """State entries that the file lacks: "Quadratic damping of 284 N s²/m² (±6) in heave is missing."."""
+    order = most_telling(entries)
+    clear = [one for one in order if one.quantity.clear]
+    if not order:
+        return f"{capital(noun)} is not determined by this log."
+    if not clear:
+        return undetermined(case, noun, valued(order[0]))
+    if len(clear) == 1:
+        return f"{capital(noun)} of {valued(clear[0])} is missing."
+
+    def render(count: int) -> str:
+        named = [valued(one) for one in clear[:count]]
+        return f"{capital(noun)} is missing: {listed([*named, *smaller(len(clear) - count)])}."
+
+    return shortened(render)
+
+
+def valued(entry: Entry) -> str:
+    """Write the value of an entry with its unit, error and place."""
+    return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
+
+
+def changed(noun: str, entries: Sequence[Entry]) -> str:
+    """State entries that differ from the file: "Heave drag is 1.3 times the file's value (…)"."""
+    order = most_telling(entries)
+    clear = [one for one in order if one.quantity.clear]
+    if not clear:
+        if not order or not order[0].quantity.change:
+            return f"{capital(noun)} is as in the file."
+        return f"{capital(against_file(order[0], first=True))}, within its uncertainty."
+
+    def render(count: int) -> str:
+        named = [against_file(one, first=not place) for place, one in enumerate(clear[:count])]
+        return capital(listed([*named, *smaller(len(clear) - count, "change")])) + "."
+
+    return shortened(render)
+
+
+def smaller(left: int, noun: str = "one") -> list[str]:
+    """Count what is left out, as the last item of a list."""
+    return [f"{left} smaller {noun}{'s' * (left > 1)}"] if left > 0 else []
+
+
+def against_file(entry: Entry, first: bool) -> str:
+    """Compare an entry with the file's value: by their ratio where that is plain, else by both values.
+
+    Args:
+        entry: The entry.
+        first: Whether it is the first of its sentence, which says what is compared.
+    """
+    value, error, before = entry.quantity
+    is_, was = "is " if first else "", number(before)
+    unit = superscript(entry.unit)
+    ratio = value / before if before else math.inf
+    if entry.unit in COORDINATES or not 1.0 / PLAIN_RATIO <= ratio <= PLAIN_RATIO:
+        now, _, doubt = quantity(value, error, entry.unit).partition(" (")
+        old = quantity(before, unit=entry.unit)
+        return f"{entry.label} {is_}{now} ({doubt.replace(')', ', ')}was {old})"
+    times = f"{ratio:.2g}" if f"{ratio:.2g}" != "1" else f"{ratio:.3g}"
+    doubt = f" ± {uncertainty(value, error)}" if known(error) else ""
+    gap = "" if unit in ("", "°") else " "
+    both = f"({number(value, error)}{doubt}, was {was}{gap}{unit})"
+    of = "the file's value " if first else ""
+    return f"{entry.label} {is_}{times} times {of}{both}"
+
+
+def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
+    """Return the entries of a point of the body [m], FRD, for a comparison with the file."""
+    ways = ("forward", "starboard", "downward")
+    return [Entry(f"{whose} {side} position", "", one, "m") for side, one in zip(ways, point, strict=True)]
+
+
+def diagonal(
+    noun: str, label: str, units: tuple[str, str, str], symmetric: bool = False, key: str = "diagonal"
+) -> Sentence:
+    """Return the sentence of an effect that is given by its diagonal, or by a whole 6x6 matrix.
+
+    Args:
+        noun: What the effect adds, as in `quadratic damping`.
+        label: What an axis has of it, as in `drag`.
+        units: Of the force, mixed and moment blocks.
+        symmetric: Whether entries below the diagonal repeat those above.
+        key: The parameter that is the diagonal.
+    """
+
+    def sentence(case: Case) -> str:
+        diagonals = case.many(key, (6,))
+        straight = [
+            Entry(f"{axis} {label}", f"in {axis}", one, units[2 * (i >= 3)])
+            for i, (axis, one) in enumerate(zip(AXES, diagonals, strict=True))
+        ]
+        if "matrix" not in case.values and "matrix" not in (case.before or {}):
+            return stated(case, noun, straight)
+        return stated(case, noun, of_matrix(case, label, units, symmetric, key))
+
+    return sentence
+
+
+def of_matrix(
+    case: Case, label: str, units: tuple[str, str, str], symmetric: bool, key: str = "diagonal"
+) -> list[Entry]:
+    """Return the entries of a 6x6 matrix that the values or the file give by a matrix or its diagonal."""
+    whole, line = case.many("matrix", (6, 6)), case.many(key, (6,))
+    form, old = "matrix" in case.values or key not in case.values, "matrix" in (case.before or {})
+    entries = []
+    for i in range(6):
+        for j in range(i if symmetric else 0, 6):
+            here, there = whole[6 * i + j], line[i] if i == j else Quantity(0.0)
+            value, error = (here if form else there)[:2]
+            one = Quantity(value, error, here.before if old else there.before)
+            name = AXES[i] if i == j else f"{AXES[i]}-{AXES[j]}"
+            entries.append(Entry(f"{name} {label}", f"in {name}", one, units[(i >= 3) + (j >= 3)]))
+    return entries
+
+
+def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sentence:
+    """Return the sentence of an effect whose parameters are coefficients with names.
+
+    Args:
+        noun: What the effect adds, as in `coupled damping`.
+        named: Key, unit, full name, and words after the value, of each.
+    """
+
+    def sentence(case: Case) -> str:
+        return stated(
+            case, noun, [Entry(label, part, case.one(key), unit) for key, unit, label, part in named]
+        )
+
+    return sentence
+
+
+def force_per_speed(i: int, j: int) -> str:
+    """Name the force or moment along axis i that a velocity along axis j makes."""
+    force, speed = "moment" if i >= 3 else "force", "rate" if j >= 3 else "speed"
+    return f"{AXES[i]} {force} per {AXES[j]} {speed}"
+
+
+def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str]:
+    """Write the components of a body vector that are clear: `0.020 m (±0.001) forward`, `0.010 m above`.
+
+    An error that all of them share is written once.
+
+    Args:
+        changes: Three quantities, FRD, whose differences from the file are meant.
+        unit: Their unit.
+        least: Size below which a component without a standard error is negligible.
+    """
+    vector = [one.change for one in changes]
+    most = max(map(abs, vector))
+    kept = [
+        (one, side)
+        for one, side in zip(changes, sides(*vector), strict=True)
+        if one.clear and (known(one.error) or abs(one.change) >= max(least, LEAST_PART * most))
+    ]
+    errors = {uncertainty(one.change, one.error) for one, _ in kept}
+    pieces = []
+    for place, (one, side) in enumerate(kept):
+        text = one.changed(unit)
+        pieces.append(f"{text.partition(' (±')[0] if place and len(errors) == 1 else text} {side}")
+    return pieces
+
+
+def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> Sentence:
+    """Return the sentence of a point that lies elsewhere than the file has it.
+
+    Args:
+        point: Its name.
+        verb: `lies` or `sits`.
+        keys: Three parameters, or one of three numbers [m], FRD.
+        where: Where it was assumed to be.
+    """
+
+    def sentence(case: Case) -> str:
+        three = case.many(keys, (3,)) if isinstance(keys, str) else [case.one(key) for key in keys]
+        pieces = along_body(three, "m", 5e-4)
+        if pieces:
+            of = "" if pieces[-1].endswith(("above", "below")) else "of "
+            return f"{capital(point)} {verb} {listed(pieces)} {of}{where}."
+        far = max(three, key=lambda one: one.deviations)
+        return undetermined(case, f"the place of {point}", far.changed("m"))
+
+    return sentence
+
+
+def horizontal(north: Quantity, east: Quantity) -> Quantity:
+    """Return the length of a horizontal vector, with the length that the file gives it."""
+    length, before = math.hypot(north.value, east.value), math.hypot(north.before, east.before)
+    if not length:
+        return estimate(0.0, max(north.error, east.error), before)
+    pairs = [(one.value, one.error) for one in (north, east) if not math.isnan(one.error)]
+    error = math.sqrt(sum((value * error) ** 2 for value, error in pairs if value)) / length if pairs else 0.0
+    return Quantity(length, error if error > 0.0 else math.nan, before)
+
+
+def toward(size: str, north: float, east: float) -> str:
+    """Write a horizontal vector by its length and compass heading."""
+    return f"{size} toward {compass(north, east)}"
+
+
+def horizontal_change(
+    north: Quantity, east: Quantity, unit: str, factor: float = 1.0
+) -> tuple[str, str, bool]:
+    """Write a horizontal vector, the file's vector, and whether they differ clearly.
+
+    Args:
+        north: Component toward north.
+        east: Component toward east.
+        unit: Unit after the change of scale.
+        factor: Change of scale.
+    """
+    north, east = north.times(factor), east.times(factor)
+    length = horizontal(north, east)
+    if length.before:
+        old = toward(quantity(length.before, unit=unit), north.before, east.before)
+        clear = north.clear or east.clear
+    else:
+        old, clear = f"0 {unit}", Quantity(length.value, length.error).clear
+    return toward(length.text(unit), north.value, east.value), old, clear

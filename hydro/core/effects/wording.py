@@ -1,0 +1,152 @@
+"""Plain words for numbers: values with standard errors, compass headings, places on the body, lists."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+"""Names of the six degrees of freedom (SNAME)."""
+POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
+"""Points of the compass, clockwise from north."""
+MOST_DIGITS = 4
+"""Significant digits of a value at most, however small its standard error is."""
+PLAIN_DIGITS = 3
+"""Significant digits of a value without a standard error."""
+LEAST_PLACE, PLACE_DECIMALS = 0.005, 2
+"""Smallest coordinate [m] of a place that is written, and its decimals: what a tape measures."""
+LEAST_PART = 0.05
+"""Smallest share of the largest coordinate that is written: less is invisible beside it."""
+MOST_PIECES = 6
+"""Numbers of thrusters that a list writes out; longer lists become a count."""
+
+
+def known(error: float) -> bool:
+    """Return whether a standard error is usable: finite and above 0."""
+    return math.isfinite(error) and error > 0.0
+
+
+def superscript(unit: str) -> str:
+    """Write the powers of a unit raised: `N s^2/m^2` as `N s²/m²`, `1` as nothing."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
+
+
+def decimals(value: float, error: float = math.nan) -> int:
+    """Return the decimals to which a value is rounded: one digit of its error, or three digits of itself."""
+    size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
+    if not known(error):
+        return PLAIN_DIGITS - 1 - size
+    last = -int(f"{error:.0e}".partition("e")[2])
+    return min(last, MOST_DIGITS - 1 - size) if abs(value) > error else last
+
+
+def plain(value: float, places: int) -> str:
+    """Write a number with some decimals; very large and very small ones with a power of ten."""
+    if value and (abs(value) >= 1e6 or (abs(value) < 1e-3 and places > 5)):
+        mantissa, _, power = f"{value:.1e}".partition("e")
+        return f"{mantissa}e{int(power)}"
+    text = f"{round(value, places):.{max(places, 0)}f}"
+    return text.removeprefix("-") if not float(text) else text
+
+
+def number(value: float, error: float = math.nan) -> str:
+    """Write a value rounded to its standard error, or to three significant digits where that is unknown."""
+    text = plain(value, decimals(value, error))
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text and not known(error) else text
+
+
+def uncertainty(value: float, error: float) -> str:
+    """Write a standard error to the last digit of its value, rounded up to that digit; nothing if unknown."""
+    if not known(error):
+        return ""
+    places = decimals(value, error)
+    return plain(max(round(error, places), 10.0**-places), places)
+
+
+def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
+    """Write a value with its unit and standard error: `0.25 m/s (±0.01)`, `65 % (±2)`, `3.0° (±0.2)`.
+
+    Args:
+        value: The value, in `unit`.
+        error: Its standard error; NaN, 0 and infinity mean unknown.
+        unit: Unit as in the catalogue (`N s^2/m^2`), `%` or `°`.
+    """
+    written, doubt = superscript(unit), uncertainty(value, error)
+    gap = "" if written in ("", "°") else " "
+    return f"{number(value, error)}{gap}{written}" + (f" (±{doubt})" if doubt else "")
+
+
+def capital(text: str) -> str:
+    """Begin a sentence with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
+def listed(words: Sequence[str]) -> str:
+    """Join words by commas, the last by `and`."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def group(numbers: Iterable[int], noun: str = "thruster") -> str:
+    """Name numbered things: `thruster 3`, `thrusters 1, 2 and 5`, `thrusters 1 to 4`, at most six pieces."""
+    runs = list[list[int]]()
+    every = sorted(set(numbers))
+    for one in every:
+        if runs and one == runs[-1][-1] + 1:
+            runs[-1].append(one)
+        else:
+            runs.append([one])
+    pieces = list[str]()
+    for run in runs:
+        pieces += [f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run)
+    if len(pieces) > MOST_PIECES:
+        return f"{len(every)} {noun}s"
+    return f"{noun}{'s' * (len(every) > 1)} {listed(pieces)}"
+
+
+def compass(north: float, east: float) -> str:
+    """Return the heading of a direction and its point of the compass, one of sixteen: `323° (NW)`.
+
+    Args:
+        north: Component toward north, in any unit.
+        east: Component toward east, in the same unit.
+    """
+    heading = math.degrees(math.atan2(east, north)) % 360.0
+    return f"{round(heading) % 360}° ({POINTS[round(heading / 22.5) % 16]})"
+
+
+def sides(x: float, y: float, z: float) -> tuple[str, str, str]:
+    """Name the side of each component of a body vector, FRD, as in `forward`, `to port`, `below`."""
+    return (
+        "forward" if x > 0.0 else "aft",
+        "to starboard" if y > 0.0 else "to port",
+        "below" if z > 0.0 else "above",
+    )
+
+
+def place(
+    point: Sequence[float], errors: Sequence[float] = (math.nan,) * 3, origin: str = "the origin"
+) -> str:
+    """Describe a point of the body: `0.22 m forward, 0.10 m below the origin`.
+
+    Args:
+        point: x y z from the body origin [m], FRD.
+        errors: Standard errors [m]; coordinates below theirs are left out, as negligible ones are.
+        origin: Name of the point that it is measured from.
+
+    Returns:
+        The place; `the origin` where no coordinate is left.
+    """
+    least = max(LEAST_PLACE, LEAST_PART * max(map(abs, point)))
+    kept = [
+        (value, error, side)
+        for value, error, side in zip(point, errors, sides(*point), strict=True)
+        if abs(value) >= max(least, error if known(error) else 0.0)
+    ]
+    if not kept:
+        return origin
+    pieces = []
+    for value, error, side in kept:
+        places = min(decimals(value, error), PLACE_DECIMALS) if known(error) else PLACE_DECIMALS
+        pieces.append(f"{plain(abs(value), places)} m {side}")
+    below = kept[-1][2] in ("below", "above")
+    return f"{', '.join(pieces)}{' ' if below else ' of '}{origin}"
