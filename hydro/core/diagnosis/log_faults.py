@@ -104,10 +104,10 @@ class Preprocessed:
         """What kinematics alone says of the velocity log's errors, by effect."""
         return kinematic_tests(self.record)
 
-    @property
+    @cached_property
     def lateness(self) -> float:
         """How late the velocity log is, where kinematics show that [s]; 0 where they do not."""
-        return lateness(self.sensors)
+        return lateness(lambda: self.sensors)
 
     def shots(self, seconds: float) -> Shots:
         """Shots of a length [s], begun where the smoothed log saw the vehicle.

@@ -13,8 +13,11 @@ from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
 
 Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
-"""What a diagnosis comes to: the log or the thrusters contradict the file, so that nothing else was examined;
-effects are stated; effects are only suspected; an error remains that no effect explains; nothing is missing."""
+"""What a diagnosis comes to.
+
+The log or the thrusters contradict the file, so that nothing else was examined; effects are stated; they are
+only suspected; an error remains that no effect explains; nothing is missing.
+"""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 CERTAIN, LIKELY = 0.9, 0.6
 """Confidence from which a name is called certain, and likely; below it is possible."""

@@ -1,24 +1,32 @@
 """Velocities of a log that is late, at the times that they are of.
 
-What a thruster does shows in accelerations.  Those of a late log lag behind the commands, and behind the rates of
-turn, which another sensor measures.
+What a thruster does shows in accelerations.  Those of a late log lag behind the commands, and behind the
+rates of turn, which another sensor measures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from hydro.core.effects.sensor import SENSOR_DELAY
+from hydro.core.errors import DataError
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests, shown
 from hydro.core.recording.arrays import Recording
 
 
-def lateness(tests: Mapping[str, KinematicTest]) -> float:
-    """Return how late a velocity log is, where kinematics show that [s]; 0 where they do not."""
-    test = tests.get(SENSOR_DELAY.name)
+def lateness(tests: Callable[[], Mapping[str, KinematicTest]]) -> float:
+    """Return how late a velocity log is, where kinematics show that [s]; 0 where they do not.
+
+    Args:
+        tests: What kinematics say of the log's errors; a recording may be too short to be asked.
+    """
+    try:
+        test = tests().get(SENSOR_DELAY.name)
+    except DataError:
+        return 0.0
     return float(test.estimate[0]) if test is not None and shown(test) else 0.0
 
 
@@ -29,7 +37,7 @@ def on_time(record: Recording, late: float | None = None) -> Recording:
         record: The recording.
         late: How late they are [s]; by default what kinematics show.
     """
-    late = lateness(kinematic_tests(record)) if late is None else late
+    late = lateness(lambda: kinematic_tests(record)) if late is None else late
     if not late:
         return record
     nu = record.nu.copy()

@@ -99,8 +99,8 @@ def test_what_is_held_against_a_hull_is_its_first_change_unless_said_otherwise(k
     monkeypatch.setattr(module, "stable_shots", lambda vehicle, log: None)
     monkeypatch.setattr(module, "diagnose_change", lambda *given: given[-1])
     hull = cast(Any, SimpleNamespace())
-    assert diagnose_log(known, log, hull=hull) is False
-    assert diagnose_log(known, log, hull=hull, further=True) is True
+    assert diagnose_log(known, log, hull=hull, file=known) is False
+    assert diagnose_log(known, log, hull=hull, further=True, file=known) is True
 
 
 @pytest.mark.parametrize(
@@ -490,7 +490,7 @@ def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(kn
     monkeypatch.setattr(module, "searched", lambda *_: pytest.fail("searched"))
     monkeypatch.setattr(module, "named_by_transfer", lambda baseline, outcome, _: said)
     monkeypatch.setattr(module, "LOUD", 1.0)
-    assert diagnose_log(known, log, in_vain=True) == said
+    assert diagnose_log(known, log, in_vain=True, file=known) == said
     monkeypatch.setattr(module, "LOUD", 1e6)
     with pytest.raises(pytest.fail.Exception, match="searched"):
         diagnose_log(known, log, in_vain=True)

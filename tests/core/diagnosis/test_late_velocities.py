@@ -43,7 +43,7 @@ def test_the_right_model_leaves_noise_alone(recorded):
 
 
 def test_the_audit_sees_the_velocities_at_their_own_times(recorded):
-    """Late accelerations lag behind the commands that made them, and thrusters seemed weaker than they are."""
+    """Late accelerations lag behind the commands that made them: thrusters seemed weaker."""
     log = preprocess(damped(), recorded)
     assert log.audit is not None
     assert not log.audit.wrong

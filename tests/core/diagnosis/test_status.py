@@ -61,7 +61,13 @@ def test_a_headline_contradicts_no_finding(found, changed):
 
 def test_effects_are_counted_and_each_has_its_sentence():
     found = [
-        Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"]),
+        Finding(
+            "missing",
+            "thruster_gain",
+            ("thruster_gain",),
+            parameters=STATED["thruster_gain"],
+            standard_errors={"g": [0.01] * 8},
+        ),
         Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters=STATED["net_buoyancy"]),
         Finding("retune", "quadratic_damping", ("quadratic_damping",)),
     ]

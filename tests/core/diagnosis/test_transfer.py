@@ -211,7 +211,7 @@ def test_a_file_with_linear_damping_alone_says_nothing_of_drag():
 
 
 def test_a_velocity_without_samples_is_judged_by_the_way_that_is_gone():
-    """Depth without a velocity log: heave counts, by the change of depth over five seconds; surge does not."""
+    """Depth alone: heave counts, by the change of depth over five seconds; surge does not."""
     raw = noisy(moved(damped(HEAVY), rows=3000), 1)
     blind = raw.with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("x", "y", "u", "v", "w"))
     shots = make_shots(recording(damped(), blind), seconds=5.0)
