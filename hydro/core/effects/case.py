@@ -15,6 +15,8 @@ from hydro.core.vehicle.description import Vehicle
 
 CLEAR = 2.0
 """Standard errors by which a value must differ to be stated: about 95 % confidence."""
+LARGEST = 1e15
+"""Size above which a number is none: a fit that diverged."""
 ONE_SAMPLE = 1.05
 """Samples of the log up to which a delay is called no more than one sample."""
 
@@ -93,8 +95,8 @@ class Case:
 
     @property
     def finite(self) -> bool:
-        """Whether all numbers of the values are finite."""
-        return all(np.isfinite(_numbers(value)).all() for value in self.values.values())
+        """Whether all numbers of the values are finite and below LARGEST."""
+        return all((np.abs(_numbers(value)) < LARGEST).all() for value in self.values.values())
 
     def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
         """Return the file's entry of a parameter, zeros where it has none."""
@@ -129,8 +131,8 @@ class Case:
 
 
 def estimate(value: float, error: float, before: float = 0.0) -> Quantity:
-    """Return a quantity; a value that is not finite becomes the file's, with an infinite error."""
-    if not math.isfinite(value):
+    """Return a quantity; a value that is none becomes the file's, with an infinite error."""
+    if not abs(value) < LARGEST:
         return Quantity(before, math.inf, before)
     return Quantity(value, math.nan if math.isnan(error) or error <= 0.0 else error, before)
 
