@@ -97,7 +97,7 @@ def mean(numbers: Sequence[float]) -> float:
 
 
 def against(number_: int, gain: float, error: float, before: float) -> Thrust:
-    """Return thrust as a share of what the file's gain leaves, or of nominal thrust where that is nothing."""
+    """Return thrust as a share of the file's thrust, or of the nominal thrust where the file has none."""
     modelled = 1.0 + before if 1.0 + before > NEAREST else 1.0
     return Thrust(number_, (1.0 + gain) / modelled, error / modelled)
 
@@ -129,7 +129,7 @@ def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
 
 
 def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[str]:
-    """Return clauses on thrusters: dead, reversed, odd, and what the others have in common."""
+    """Return clauses on dead, reversed and odd thrusters, and on the remaining ones."""
     dead = [one for one in found if one.at(0.0)]
     backward = [one for one in found if one.share < 0.0 and one not in dead]
     whole = [one for one in backward if one.at(-1.0)]
