@@ -240,7 +240,7 @@ def deadband_sentence(case: Case) -> str:
 
 
 def curve_sentence(case: Case) -> str:
-    """State the power of the thrust curve beside the file's."""
+    """State the power of the thrust curve and the file's."""
     powers = {curve_power(thruster) for thruster in thrusters(case.vehicle)}
     power = case.one("da")
     if not power.clear:

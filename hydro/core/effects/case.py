@@ -1,4 +1,4 @@
-"""Values of one effect beside the vehicle file that they are for: what its sentence is made from."""
+"""Fitted values of one effect together with the vehicle file: the input of its sentence."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from hydro.core.vehicle.description import Vehicle
 
 CLEAR = 2.0
 """Standard errors by which a value must differ to be stated: about 95 % confidence."""
+LARGEST = 1e15
+"""Absolute value above which a number is treated as not finite: the fit diverged."""
 ONE_SAMPLE = 1.05
 """Samples of the log up to which a delay is called no more than one sample."""
 
@@ -93,8 +95,8 @@ class Case:
 
     @property
     def finite(self) -> bool:
-        """Whether all numbers of the values are finite."""
-        return all(np.isfinite(_numbers(value)).all() for value in self.values.values())
+        """Whether all numbers of the values are finite and below LARGEST."""
+        return all((np.abs(_numbers(value)) < LARGEST).all() for value in self.values.values())
 
     def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
         """Return the file's entry of a parameter, zeros where it has none."""
@@ -129,14 +131,14 @@ class Case:
 
 
 def estimate(value: float, error: float, before: float = 0.0) -> Quantity:
-    """Return a quantity; a value that is not finite becomes the file's, with an infinite error."""
-    if not math.isfinite(value):
+    """Return a quantity; a value that is not a number becomes the file's, with an infinite error."""
+    if not abs(value) < LARGEST:
         return Quantity(before, math.inf, before)
     return Quantity(value, math.nan if math.isnan(error) or error <= 0.0 else error, before)
 
 
 def _numbers(given: Any) -> Array:
-    """Return numbers as an array, none of what is no number."""
+    """Return numbers as an array; an empty one if they are not numbers."""
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -144,7 +146,7 @@ def _numbers(given: Any) -> Array:
 
 
 def _shaped(given: Any, shape: tuple[int, ...], otherwise: float) -> Array:
-    """Return numbers in a shape; what has another shape, or is none, is filled."""
+    """Return numbers in a shape, filled with `otherwise` if they have another shape or are not numbers."""
     try:
         found = np.asarray(given, dtype=np.float64)
         return np.array(np.broadcast_to(found, shape))

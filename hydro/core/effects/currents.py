@@ -171,7 +171,8 @@ def trend_sentence(case: Case) -> str:
         return undetermined(case, "the gain of the current per minute", now)
     if case.in_file:
         return f"Per minute the current gains {now}, not {old} as in the file."
-    return f"Per minute the current gains {now}, counted from t = {case.one('t_0').value:.10g} s."
+    from_ = round(case.one("t_0").value, 1) + 0.0
+    return f"Per minute the current gains {now}, counted from t = {from_:.10g} s."
 
 
 EFFECTS = (

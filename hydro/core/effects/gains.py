@@ -11,6 +11,8 @@ from hydro.core.effects.case import CLEAR, Case
 from hydro.core.effects.phrases import LONGEST, undetermined
 from hydro.core.effects.wording import capital, group, listed, number, quantity
 
+LARGEST_SHARE = 10.0
+"""Share of thrust above which a gain is not determined: no thruster delivers ten times its thrust."""
 LARGEST_ERROR = 0.25
 """Standard error of a gain above which it is not determined: an eighth of the range from reversed to full."""
 NEAR = 3.0
@@ -34,8 +36,9 @@ class Thrust(NamedTuple):
 
     @property
     def percent(self) -> str:
-        """The share with its error."""
-        return quantity(100.0 * self.share, 100.0 * self.error, "%")
+        """The share in whole percent with its error, if that is known."""
+        error = max(100.0 * self.error, 1.0) if self.error > 0.0 else self.error
+        return quantity(100.0 * self.share, error, "%")
 
     def differs(self, share: float) -> bool:
         """Whether it plainly and clearly differs from a share."""
@@ -58,10 +61,17 @@ def gains_sentence(case: Case) -> str:
         return not_determined(unknown)
     last = f" {not_determined(unknown)}" if unknown else ""
     for most in range(MOST, 0, -1):
-        text = f"{capital('; '.join(statements(found, most, bool(unknown))))}.{last}"
-        if len(text) <= LONGEST:
+        clauses = statements(found, most, bool(unknown))
+        if len(joined(clauses) + last) <= LONGEST:
             break
-    return text
+    while len(joined(clauses) + last) > LONGEST and len(clauses) > 1:
+        clauses.pop()
+    return joined(clauses) + last
+
+
+def joined(clauses: Sequence[str]) -> str:
+    """Return clauses as one sentence."""
+    return f"{capital('; '.join(clauses))}."
 
 
 def not_determined(numbers: Sequence[int]) -> str:
@@ -74,6 +84,8 @@ def common_sentence(case: Case) -> str:
     gain = case.one("common")
     before = mean([was for _, was in file_gains(case)])
     one = against(1, gain.value, gain.error, before)
+    if abs(one.share) > LARGEST_SHARE:
+        return "The common gain of the thrusters is not determined by this log."
     if not one.error <= LARGEST_ERROR or abs(one.share - 1.0) <= CLEAR * one.error:
         return undetermined(case, "the thrust of all thrusters", f"{one.percent} of the modelled one")
     return f"All thrusters deliver {one.percent} of their modelled thrust."
@@ -85,7 +97,7 @@ def mean(numbers: Sequence[float]) -> float:
 
 
 def against(number_: int, gain: float, error: float, before: float) -> Thrust:
-    """Return thrust as a share of what the file's gain leaves, or of nominal thrust where that is nothing."""
+    """Return thrust as a share of the file's thrust, or of the nominal thrust where the file has none."""
     modelled = 1.0 + before if 1.0 + before > NEAREST else 1.0
     return Thrust(number_, (1.0 + gain) / modelled, error / modelled)
 
@@ -107,19 +119,17 @@ def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
     errors = case.error_of("g", (len(gains),))
     found, unknown = [], []
     for i, before in file_gains(case):
-        if (
-            0.0 <= errors[i] <= LARGEST_ERROR
-            and math.isfinite(gains[i].value)
-            and not math.isinf(gains[i].error)
-        ):
-            found.append(against(i + 1, gains[i].value, errors[i], before))
+        one = against(i + 1, gains[i].value, errors[i], before)
+        determined = 0.0 <= errors[i] <= LARGEST_ERROR and not math.isinf(gains[i].error)
+        if determined and abs(one.share) <= LARGEST_SHARE:
+            found.append(one)
         else:
             unknown.append(i + 1)
     return found, unknown
 
 
 def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[str]:
-    """Return clauses on thrusters: dead, reversed, odd, and what the others have in common."""
+    """Return clauses on dead, reversed and odd thrusters, and on the remaining ones."""
     dead = [one for one in found if one.at(0.0)]
     backward = [one for one in found if one.share < 0.0 and one not in dead]
     whole = [one for one in backward if one.at(-1.0)]
@@ -131,10 +141,9 @@ def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[s
         columns = "its column is" if len(whole) == 1 else "their columns are"
         clauses.append(f"{named(whole)} {verb(whole, 'is', 'are')} reversed, or {columns} swapped")
     partly = [one for one in backward if one not in whole]
-    clauses += [
-        f"thruster {one.number} is reversed at {one._replace(share=-one.share).percent} of its modelled thrust"
-        for one in partly[:1]
-    ]
+    if partly:
+        reverse = partly[0]._replace(share=-partly[0].share)
+        clauses.append(f"thruster {reverse.number} is reversed at {reverse.percent} of its modelled thrust")
     if partly[1:]:
         clauses.append(f"{named(partly[1:])} {verb(partly[1:], 'is', 'are')} reversed as well")
     if forward:

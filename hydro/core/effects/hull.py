@@ -328,9 +328,10 @@ UPRIGHT = 15.0
 
 def fin_of(roll: float) -> str:
     """Name a fin by the roll of its span [deg]: 0 of an elevator, 90 of a rudder."""
-    if abs(roll) <= UPRIGHT or abs(roll - 180.0) <= UPRIGHT:
+    roll = (roll + 90.0) % 180.0 - 90.0  # half a turn more is the same fin
+    if abs(roll) <= UPRIGHT:
         return "A horizontal fin"
-    if abs(abs(roll) - 90.0) <= UPRIGHT:
+    if abs(roll) >= 90.0 - UPRIGHT:
         return "A vertical fin"
     return f"A fin rolled by {roll:.0f}°"
 

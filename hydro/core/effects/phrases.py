@@ -26,9 +26,9 @@ LONGEST = 220
 MOST_ENTRIES = 3
 """Entries of an effect that its sentence names."""
 PLAIN_RATIO = 100.0
-"""Largest ratio to the file's value that is told as a ratio."""
+"""Largest ratio to the file's value that is written as a ratio."""
 COORDINATES = frozenset({"m", "s", "rad", "°"})
-"""Units of places, times and angles, which are told by their values: their ratios mean nothing."""
+"""Units of places, times and angles, which are written by their values: their ratios mean nothing."""
 
 Sentence = Callable[[Case], str]
 
@@ -81,7 +81,7 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
     Args:
         case: The values.
-        noun: What the effect adds, as in `quadratic damping`.
+        noun: Name of the force or inertia, as in `quadratic damping`.
         entries: All entries.
     """
     return changed(noun, entries) if case.in_file else missing(case, noun, entries)
@@ -127,7 +127,7 @@ def changed(noun: str, entries: Sequence[Entry]) -> str:
 
 
 def smaller(left: int, noun: str = "one") -> list[str]:
-    """Count what is left out, as the last item of a list."""
+    """Count the omitted entries, as the last item of a list."""
     return [f"{left} smaller {noun}{'s' * (left > 1)}"] if left > 0 else []
 
 
@@ -166,8 +166,8 @@ def diagonal(
     """Return the sentence of an effect that is given by its diagonal, or by a whole 6x6 matrix.
 
     Args:
-        noun: What the effect adds, as in `quadratic damping`.
-        label: What an axis has of it, as in `drag`.
+        noun: Name of the force or inertia, as in `quadratic damping`.
+        label: Its name after that of an axis, as in `drag`.
         units: Of the force, mixed and moment blocks.
         symmetric: Whether entries below the diagonal repeat those above.
         key: The parameter that is the diagonal.
@@ -207,7 +207,7 @@ def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sente
     """Return the sentence of an effect whose parameters are coefficients with names.
 
     Args:
-        noun: What the effect adds, as in `coupled damping`.
+        noun: Name of the force or inertia, as in `coupled damping`.
         named: Key, unit, full name, and words after the value, of each.
     """
 

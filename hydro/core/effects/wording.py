@@ -16,7 +16,9 @@ PLAIN_DIGITS = 3
 LEAST_PLACE, PLACE_DECIMALS = 0.005, 2
 """Smallest coordinate [m] of a place that is written, and its decimals: what a tape measures."""
 LEAST_PART = 0.05
-"""Smallest share of the largest coordinate that is written: less is invisible beside it."""
+"""Smallest share of the largest coordinate that is written: smaller ones are negligible."""
+LARGEST_DOUBT = 0.1
+"""Standard error [m] above which a coordinate near 0 does not mean the origin."""
 MOST_PIECES = 6
 """Numbers of thrusters that a list writes out; longer lists become a count."""
 
@@ -134,7 +136,7 @@ def place(
         origin: Name of the point that it is measured from.
 
     Returns:
-        The place; `the origin` where no coordinate is left.
+        The place; the origin's name where no coordinate is left, or that the place is undetermined.
     """
     least = max(LEAST_PLACE, LEAST_PART * max(map(abs, point)))
     kept = [
@@ -143,10 +145,10 @@ def place(
         if abs(value) >= max(least, error if known(error) else 0.0)
     ]
     if not kept:
-        return origin
+        return "an undetermined place" if any(known(e) and e > LARGEST_DOUBT for e in errors) else origin
     pieces = []
     for value, error, side in kept:
-        places = min(decimals(value, error), PLACE_DECIMALS) if known(error) else PLACE_DECIMALS
+        places = min(decimals(value, error) if known(error) else decimals(value) + 1, PLACE_DECIMALS)
         pieces.append(f"{plain(abs(value), places)} m {side}")
     below = kept[-1][2] in ("below", "above")
     return f"{', '.join(pieces)}{' ' if below else ' of '}{origin}"
