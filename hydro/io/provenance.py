@@ -5,6 +5,7 @@ The record holds no clock and no host name: the same inputs give the same bytes.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -159,6 +160,7 @@ def _digest(content: bytes) -> bytes:
     return b"sha256:" + hashlib.sha256(content).hexdigest().encode()
 
 
+@functools.cache
 def package_version() -> str:
     """The version of this package, as installed."""
     return metadata.version("deep-hydro-sim")

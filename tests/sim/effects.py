@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import msgspec
 import numpy as np
 
@@ -48,6 +50,7 @@ EFFECTS = {
 }  # fmt: skip
 
 
+@cache
 def preset(datasets, name):
     return vehicle_file.read(datasets / "vehicles" / f"{name}.toml")[0]
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.special import logsumexp
 
 from hydro.core.audit.momentum_balance import AXES, Balance
 from hydro.core.audit.wiring import Wiring
@@ -67,10 +67,10 @@ class Order:
     signs: Array
     evidence: Array
 
-    @property
+    @cached_property
     def best(self) -> float:
         """Logarithm of its whole posterior, not normalised."""
-        return float(logsumexp(self.evidence))
+        return float(_summed(self.evidence.ravel()))
 
     def effectiveness(self) -> tuple[Array, Array]:
         """Effectiveness (n,) with no sign given, and its covariance (n, n)."""
@@ -91,13 +91,13 @@ class Posterior:
 
     def __post_init__(self) -> None:
         """Normalise."""
-        object.__setattr__(self, "_norm", float(logsumexp([order.best for order in self.orders])))
+        object.__setattr__(self, "_norm", float(_summed(np.array([order.best for order in self.orders]))))
 
     def wirings(self) -> list[tuple[Wiring, float]]:
         """Hypotheses and their probabilities, the likeliest first; none below 1 in 1,000."""
         found = []
         for order in self.orders:
-            chances = np.exp(logsumexp(order.evidence, axis=1) - self._norm)
+            chances = np.exp(_summed(order.evidence) - self._norm)
             for i in np.flatnonzero(chances > 1e-3):
                 signs = tuple(int(sign) for sign in order.signs[i])
                 found.append((Wiring(order.column, signs), float(chances[i])))
@@ -108,8 +108,14 @@ class Posterior:
         for order in self.orders:
             if order.column == wiring.column:
                 row = order.evidence[(order.signs == np.array(wiring.sign)).all(axis=1)][0]
-                return np.asarray(np.exp(row - logsumexp(row)))
+                return np.asarray(np.exp(row - _summed(row)))
         raise ValueError(wiring)
+
+
+def _summed(logarithms: Array) -> Array:
+    """Logarithm of the sum over the last axis of what has these logarithms, all of them finite."""
+    most = logarithms.max(axis=-1, keepdims=True)
+    return np.asarray(most[..., 0] + np.log(np.exp(logarithms - most).sum(axis=-1)))
 
 
 def posterior(found: Balance) -> Posterior:
@@ -170,7 +176,7 @@ def _order(found: Balance, column: tuple[int, ...]) -> Order:
     gram = found.gram[:, at[:, None], at[None, :]] * arms[:, :, None] * arms[:, None, :]
     score = found.score[:, at] * arms
     factors = _factors(gram, score)
-    whole = np.einsum("a,aij->ij", factors**2, gram)
+    whole = (factors**2 @ gram.reshape(AXES, -1)).reshape(count, count)
     slope = factors @ score
     signs = _signs(whole, slope)
     chance = _evidence(whole, slope, signs)
@@ -185,12 +191,14 @@ def _order(found: Balance, column: tuple[int, ...]) -> Order:
 def _factors(gram: Array, score: Array) -> Array:
     """Most probable factor of each axis, alternating with the effectivenesses, (6,)."""
     count = score.shape[1]
+    low, high = FACTORS
+    flat, free = gram.reshape(AXES, -1), np.eye(count) / FREE**2
     factors = np.ones(AXES)
     for _ in range(ROUNDS):
-        whole = np.einsum("a,aij->ij", factors**2, gram) + np.eye(count) / FREE**2
+        whole = (factors**2 @ flat).reshape(count, count) + free
         g = np.linalg.solve(whole, factors @ score)
-        curved, slope = np.einsum("i,aij,j->a", g, gram, g), score @ g
-        updated = np.clip((slope + INERTIA**-2) / (curved + INERTIA**-2), *FACTORS)
+        curved, slope = gram @ g @ g, score @ g
+        updated = np.minimum(np.maximum((slope + INERTIA**-2) / (curved + INERTIA**-2), low), high)
         close = np.abs(updated - factors).max() < 1e-3
         factors = updated
         if close:
@@ -216,18 +224,16 @@ def _signs(gram: Array, score: Array) -> Array:
 
 def _evidence(gram: Array, score: Array, signs: Array) -> Array:
     """Logarithm of the marginal likelihood for each combination of signs and each of SCALES, (S, M)."""
-    count = len(score)
-    out = np.empty((len(signs), len(SCALES)))
-    for k, scale in enumerate(SCALES):
-        precision = 1.0 / (SPREAD * scale) ** 2
-        curved = gram + precision * np.eye(count)
-        inverse = np.linalg.inv(curved)
-        linear = score[None, :] + precision * scale * signs
-        quadratic = np.einsum("si,ij,sj->s", linear, inverse, linear, optimize=True)
-        constant = precision * scale**2 * count
-        volume = np.linalg.slogdet(curved)[1] - count * np.log(precision)
-        out[:, k] = 0.5 * (quadratic - constant - volume)
-    return out
+    count, precision = len(score), 1.0 / (SPREAD * SCALES) ** 2
+    sizes, vectors = np.linalg.eigh(gram)
+    curved = np.maximum(sizes, 0.0)[:, None] + precision
+    own, turned = vectors.T @ score, signs @ vectors
+    pull = precision * SCALES  # of the prior's mean
+    quadratic = own**2 @ (1.0 / curved) + pull * (2.0 * (turned * own) @ (1.0 / curved))
+    quadratic += pull**2 * (turned**2 @ (1.0 / curved))
+    constant = precision * SCALES**2 * count
+    volume = np.log(curved).sum(axis=0) - count * np.log(precision)
+    return np.asarray(0.5 * (quadratic - constant - volume))
 
 
 def _cycles(column: tuple[int, ...]) -> int:

@@ -296,29 +296,25 @@ class _Axis:
 
     def filtered(self, values: Array) -> Array:
         """Errors whitened: each window less what those before it foretell, in units of the spread."""
-        out = values.copy()
-        follows = self.consecutive.copy()
+        out, follows = values.copy(), self.consecutive
         for lag, coefficient in enumerate(self.filter, start=1):
-            if lag > 1:
-                follows = follows & np.roll(self.consecutive, lag - 1)
-            rows = np.flatnonzero(follows)
-            rows = rows[rows >= lag]
-            out[rows] -= coefficient * values[rows - lag]
-        return out / self.spread
+            follows = self.consecutive[lag:] & follows[:-1] if lag > 1 else follows[1:]
+            out[lag:] -= (coefficient * follows * values[:-lag].T).T
+        out /= self.spread
+        return out
 
-    def design(self, pushed: Array) -> tuple[Array, Array]:
-        """Whitened accelerations (W,) and regressors (W, p + k), scaled by their priors."""
-        columns = np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
-        return self.filtered(self.left), self.filtered(columns)
+    def design(self, pushed: Array) -> Array:
+        """Regressors (W, p + k), scaled by their priors."""
+        return np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
 
     def fitted(self, pushed: Array) -> tuple[Array, float]:
         """Errors (W,), not whitened, of the fit with every column free, and the number of free parameters."""
-        y, columns = self.design(pushed)
+        whole = self.design(pushed)
+        y, columns = self.filtered(self.left), self.filtered(whole)
         gram = columns.T @ columns
         inverse = pinvh(gram + np.eye(len(gram)))  # noise-free columns outweigh the priors by all digits
         beta = inverse @ (columns.T @ y)
         freedom = float((inverse * gram).sum())
-        whole = np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
         return self.left - whole @ beta, freedom
 
     def cost(self, pushed: Array) -> float:
