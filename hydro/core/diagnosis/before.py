@@ -41,7 +41,7 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
-from hydro.core.residual.imitation import imitations, widened
+from hydro.core.residual.imitation import imitations, pulls, widened
 from hydro.core.vehicle.description import Vehicle
 
 NAMED = 0.10
@@ -315,7 +315,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
     name, wins, model = change.best.effect, change.wins(), change.best.model
     unchanged = compared.unchanged
     hulls = imitations(unchanged, file, model.unknown, model.values, folds(unchanged.shots.session))
-    fit = widened(model.estimated(), hulls)
+    fit = widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]

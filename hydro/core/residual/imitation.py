@@ -3,7 +3,9 @@
 A model of a hull is not exact, and what it leaves is no noise: it lasts, and comes back wherever the motion
 does.  So standard errors that residuals alone give are too small.  The stretches of the recording before that
 the model was not fitted to show what it leaves, and the derivatives of a fit of the recording after what that
-fit would have made of each: that much of its values may be the hull's.
+fit would have made of each: that much of its values may be the hull's.  How much the stretches of the
+recording after pull its values apart adds to it, as in the sandwich formula of clustered errors (White 1982,
+Liang and Zeger 1986).
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
 from hydro.core.identification.outcome import Fit
+from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import Free
 from hydro.core.vehicle.description import Vehicle
@@ -48,7 +51,36 @@ def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Arr
     return found
 
 
-def widened(fit: Fit, steps: Array) -> Fit:
-    """The fit with the imitations of its values, (stretches, P), in the standard errors: so many draws."""
-    spread = fit.covariance + steps.T @ steps / len(steps)
-    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+def pulls(normal: Normal, unknown: Free, fold: Rows) -> Array:
+    """Return how far each stretch of a recording pulls the values of a fit to all of it.
+
+    Args:
+        normal: The problem about the fit.
+        unknown: What was fitted, P entries.
+        fold: Number of the stretch of each shot, (S,).
+
+    Returns:
+        Changes of the values, in the units of the entries, (stretches, P).
+    """
+    kept = np.isfinite(normal.gram[:, -1, -1])
+    matrix = normal.matrix[kept].sum(axis=0) + np.eye(len(unknown.scales)) * PRIOR**-2
+    score = np.array([normal.score[kept & (fold == one)].sum(axis=0) for one in np.unique(fold)])
+    found: Array = np.linalg.solve(matrix, score.T).T * unknown.scales
+    return found
+
+
+def widened(fit: Fit, imitated: Array, pulled: Array) -> Fit:
+    """Return the fit with standard errors that hold what its stretches and the hull's error do to the values.
+
+    Correlations stay those of the fit: few stretches do not tell them.
+
+    Args:
+        fit: The fit, P values.
+        imitated: Draws of what the hull's error does to them, (stretches, P), see `imitations`.
+        pulled: What the stretches do, (stretches, P), see `pulls`.
+    """
+    count = len(pulled)
+    variance = (imitated**2).mean(axis=0) + (pulled**2).sum(axis=0) * count / max(count - 1, 1)
+    errors = np.sqrt(variance)
+    scale = errors / np.maximum(np.sqrt(np.diag(fit.covariance)), 1e-300)
+    return replace(fit, covariance=fit.covariance * np.outer(scale, scale), standard_errors=errors)

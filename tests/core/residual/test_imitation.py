@@ -12,7 +12,7 @@ from hydro.core.diagnosis.model import fit_model
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
-from hydro.core.residual.imitation import imitations, widened
+from hydro.core.residual.imitation import imitations, pulls, widened
 
 FILE = damped()
 HEAVY = {"name": "net_buoyancy", "dB": -6.0}
@@ -54,12 +54,29 @@ def test_of_a_change_that_is_not_linear_too():
     assert found.mean() == pytest.approx(0.04, abs=0.01)
 
 
-def test_standard_errors_hold_what_is_imitated(model):
-    """Each stretch is one draw of what the hull's error does: 3 and -4 have a mean square of 12.5."""
+def test_standard_errors_hold_what_is_imitated_and_how_stretches_differ(model):
+    """Of imitations 3 and -4 the mean square is 12.5; stretches that pull by 2 each way add 16."""
     fit = model.estimated()
-    wider = widened(fit, np.array([[3.0], [-4.0]]))
-    assert wider.standard_errors == pytest.approx(np.sqrt(fit.standard_errors**2 + 12.5))
-    assert wider.covariance == pytest.approx(fit.covariance + 12.5)
+    wider = widened(fit, np.array([[3.0], [-4.0]]), np.array([[2.0], [-2.0]]))
+    assert wider.standard_errors == pytest.approx(np.sqrt(12.5 + 16.0))
+    assert wider.covariance == pytest.approx(12.5 + 16.0)
     assert dataclasses.replace(wider, covariance=0, standard_errors=0) == dataclasses.replace(
         fit, covariance=0, standard_errors=0
     )
+
+
+def test_stretches_pull_by_what_fits_to_them_alone_would_find():
+    """A hull that the file does not describe pulls the load of each half its own way, about equally far."""
+    shots = problem(HEAVY, {"name": "crossflow_drag", "Cd_y": 0.05, "Cd_z": 0.05})
+    fold = np.arange(len(shots.shots.starts)) * 2 // len(shots.shots.starts)
+
+    def load(kept):
+        part = OutputError(shots.shots.of(kept))
+        return fit_model(FILE, ["net_buoyancy"], part, shots.shots.record.track, 12)
+
+    whole = load(fold >= 0)
+    pulled = pulls(whole.normal, whole.unknown, fold)[:, 0]
+    apart = np.array([load(fold == one).values[0] - whole.values[0] for one in (0, 1)])
+    assert pulled.sum() == pytest.approx(0.0, abs=0.05 * np.abs(pulled).max())
+    assert np.sign(pulled).tolist() == np.sign(apart).tolist()
+    assert np.abs(pulled).max() == pytest.approx(0.5 * np.abs(apart).mean(), rel=0.3)
