@@ -443,11 +443,15 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
 
 def _print(found: Diagnosis, earlier: Earlier | None, console: Console) -> None:
     """The findings for a person, and how much of the residual they leave."""
+    from rich.padding import Padding
+
     from hydro.report import change
     from hydro.report import prediction as words
 
-    if found.headline:
-        console.print(found.headline, style="bold")
+    if found.status is not None:
+        console.print(f"{found.status.title}{':' if found.status.sentences else '.'}", style="bold")
+        for sentence in found.status.sentences:
+            console.print(Padding(sentence, (0, 0, 0, 2)))
     if found.prediction is not None:
         console.print(words.prediction(found.prediction))
     console.print()

@@ -6,12 +6,14 @@ from hydro.core.diagnosis.findings import Prediction
 
 
 def prediction(known: Prediction) -> str:
-    """Return one sentence with the errors before and after, and what noise alone leaves."""
-    now = f"Predictions {known.horizon:g} s ahead are off by {known.given:.3g} m/s"
-    noise = f"noise alone: {known.floor:.2g}"
-    if known.added == known.given:
-        return f"{now} ({noise})."
-    after = f"{known.added:.3g} m/s with what is stated below added ({noise})"
-    if known.falls:
-        return f"{now}; {after}."
-    return f"{now}; {after}: adding it does not help, and hydro add refuses it."
+    """Return the errors before and after, and what noise alone leaves, a sentence each."""
+    parts = [f"{known.horizon:g} s ahead, the file's predictions are off by {known.given:.3g} m/s."]
+    if known.added != known.given:
+        parts.append(
+            f"With what is stated added they are off by {known.added:.3g} m/s, on stretches that it was not "
+            "fitted to."
+        )
+        if not known.falls:
+            parts.append("So adding it does not help, and hydro add refuses it.")
+    parts.append(f"Noise alone leaves {known.floor:.2g} m/s.")
+    return " ".join(parts)

@@ -160,8 +160,7 @@ def answered(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, *, chang
     """
     if not (changed or log.misdirected):
         diagnosis = predicted(diagnosis, vehicle, log)
-    answer = status(diagnosis.findings, vehicle, log.record.dt, changed=changed)
-    return replace(diagnosis, headline=answer.headline)
+    return replace(diagnosis, status=status(diagnosis.findings, vehicle, log.record.dt, changed=changed))
 
 
 def _found_in(

@@ -127,6 +127,34 @@ class Prediction:
         return self.given - self.added > self.spread
 
 
+Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
+"""What a diagnosis comes to.
+
+The log or the thrusters contradict the file, so that nothing else was examined; effects are stated; they are
+only suspected; an error remains that no effect explains; nothing is missing.
+"""
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a diagnosis comes to, in words.
+
+    Attributes:
+        kind: In one word.
+        title: In a few words.
+        sentences: What is stated, a sentence or two for each effect.
+    """
+
+    kind: Kind
+    title: str
+    sentences: tuple[str, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """All of it in one line."""
+        return f"{self.title}: {' '.join(self.sentences)}" if self.sentences else f"{self.title}."
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """What is missing in a vehicle file.
@@ -141,7 +169,7 @@ class Diagnosis:
         candidates: Scores of every candidate effect that was fitted, step by step.
         prediction: How well the file predicts before and after; None where no session is long enough, or a
             recording before has taught the hull.
-        headline: What it all comes to, see `diagnosis.status`; empty of one step of `explain`.
+        status: What it all comes to, see `diagnosis.status`; None of one step of `explain`.
     """
 
     findings: tuple[Finding, ...]
@@ -151,7 +179,12 @@ class Diagnosis:
     question: Question | None = None
     candidates: tuple[Candidate, ...] = ()
     prediction: Prediction | None = None
-    headline: str = ""
+    status: Status | None = None
+
+    @property
+    def headline(self) -> str:
+        """What it all comes to in one line; empty of one step of `explain`."""
+        return self.status.headline if self.status else ""
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""

@@ -115,5 +115,5 @@ class _Check:
         both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)
         if both is None:
             return float("nan")
-        noise, rows = both[0].noise.sum(axis=0), both[0].rows.sum()
-        return float(np.sqrt(noise @ self.weight / rows))
+        noise, numbers = both[0].noise.sum(axis=0), both[0].numbers.sum(axis=0)
+        return float(np.sqrt((noise / np.maximum(numbers, 1.0)) @ self.weight))

@@ -3,37 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from hydro.core.diagnosis.findings import STATED, Finding
+from hydro.core.diagnosis.findings import STATED, Finding, Status
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
 
-Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
-"""What a diagnosis comes to.
-
-The log or the thrusters contradict the file, so that nothing else was examined; effects are stated; they are
-only suspected; an error remains that no effect explains; nothing is missing.
-"""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 CERTAIN, LIKELY = 0.9, 0.6
 """Confidence from which a name is called certain, and likely; below it is possible."""
-
-
-@dataclass(frozen=True)
-class Status:
-    """What a diagnosis comes to.
-
-    Attributes:
-        kind: In one word.
-        headline: In one or a few sentences.
-    """
-
-    kind: Kind
-    headline: str
 
 
 def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, *, changed: bool = False) -> Status:
@@ -49,21 +28,21 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, *, changed:
     suspected = [one for one in findings if one.verdict == "suspect"]
     remains = any(one.verdict in UNEXPLAINED for one in findings)
     if stated:
-        told = " ".join(_sentence(one, vehicle, dt) for one in stated)
-        rest = " An error remains that no effect explains." if remains else ""
-        return Status("stated", f"{_counted(stated, changed)}: {told}{rest}")
+        told = [_sentence(one, vehicle, dt) for one in stated]
+        rest = ["An error remains that no effect explains."] if remains else []
+        return Status("stated", _counted(stated, changed), (*told, *rest))
     if suspected:
         best = max(suspected, key=lambda one: np.nan_to_num(one.confidence))
-        told = f"{_sentence(best, vehicle, dt)} ({in_words(best.confidence)})"
-        rest = " No effect explains all of the error." if remains else ""
-        return Status("uncertain", f"Not certain: {told}{rest}")
+        told = [f"{_sentence(best, vehicle, dt)} ({in_words(best.confidence)})"]
+        rest = ["No effect explains all of the error."] if remains else []
+        return Status("uncertain", "Not certain", (*told, *rest))
     if remains:
-        return Status("unexplained", "The model does not predict this log, and no effect explains why.")
+        return Status("unexplained", "The model does not predict this log, and no effect explains why")
     faults = [one for one in findings if one.verdict == "log_fault"]
     if faults and not any(one.verdict == "nothing_missing" for one in findings):
-        return Status("fault", f"The log has a fault: {faults[0].advice}")
+        return Status("fault", "The log has a fault", (f"{faults[0].advice}.",))
     nothing = "Nothing has changed" if changed else "Nothing is missing"
-    return Status("nothing", f"{nothing}: the model predicts this log to within its noise.")
+    return Status("nothing", nothing, ("The model predicts this log to within its noise.",))
 
 
 def in_words(confidence: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import polars as pl
 import pytest
 from recordings import damped, moved, noisy
 
@@ -42,6 +43,15 @@ def test_the_right_effect_brings_the_error_to_the_noise(heavy):
     first, second = found.findings
     assert first.error_added == known.added
     assert second.error_added > 1.5 * first.error_added
+
+
+def test_the_floor_is_that_of_the_samples_there_are(heavy):
+    """A velocity log of every fourth row leaves the same noise in each of its samples."""
+    rare = (pl.int_range(pl.len()) % 4) == 0
+    sparse = heavy.with_columns(pl.when(rare).then(pl.col(name)).alias(name) for name in ("u", "v", "w"))
+    full, few = (checked(raw, FOUND).prediction for raw in (heavy, sparse))
+    assert few.floor == pytest.approx(full.floor, rel=0.2)
+    assert few.added == pytest.approx(few.floor, rel=0.3)
 
 
 def test_a_wrong_effect_does_not_help_a_right_file():
