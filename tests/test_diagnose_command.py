@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from tables import raw
 
 from hydro import cli
 from hydro.commands import shell
-from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
 from hydro.core.experiment.discrimination import Rival
 from hydro.core.experiment.flight import Question
 from hydro.core.prediction.parameters import free
@@ -212,3 +213,55 @@ def test_a_person_reads_one_line_per_finding(diagnosis: Path) -> None:
     )
     assert told[1].startswith("other values: quadratic_damping, 50% of the error of the file as given")
     assert told[2] == "not shown by this recording: body_lift"
+
+
+def predicting(folder: Path, added: float, *, alone: float) -> Path:
+    """A diagnosis of a file that is off by 0.3 m/s, with the errors once its findings are added."""
+    found = [replace(one, error_added=alone) if one.parameters else one for one in FOUND]
+    frame = Diagnosis(tuple(found), vehicles.read(VEHICLE)[0], (9.0, 5.0, 1.0)).frame()
+    known = {"horizon": 5.0, "given": 0.3, "added": added, "spread": 0.01, "floor": 0.02}
+    made = table.make(
+        "diagnosis",
+        frame,
+        stage="diagnose",
+        parameters={"prediction": known},
+        vehicle_text=VEHICLE.read_text(),
+    )
+    table.write(made, folder / "d.parquet")
+    return folder / "d.parquet"
+
+
+def test_findings_that_do_not_help_are_refused_without_force(tmp_path: Path, capsys) -> None:
+    """All together, and one that is named by itself."""
+    made = predicting(tmp_path, 0.295, alone=0.1)
+    line = ["add", str(VEHICLE), str(made), "-o", str(tmp_path / "v.toml")]
+    assert cli.main(line) == 1
+    (told,) = capsys.readouterr().err.splitlines()
+    assert "does not lower the error 5 s ahead" in told
+    assert "0.3 m/s before, 0.295 m/s after; --force adds it all the same" in told
+    assert not (tmp_path / "v.toml").exists()
+    assert cli.main([*line, "--effect", "ocean_current"]) == 0
+    assert cli.main([*line, "--force"]) == 0
+    made = predicting(tmp_path, 0.05, alone=0.31)
+    assert cli.main(line) == 0
+    assert cli.main([*line, "--effect", "ocean_current"]) == 1
+
+
+@pytest.mark.slow
+def test_the_answer_comes_first(tmp_path: Path, capsys) -> None:
+    """In sentences on the terminal, with the errors; and the same in the footer of the diagnosis."""
+    hidden = VEHICLE.parents[1] / "hidden"
+    line = ["diagnose", str(hidden / "vehicle.toml"), str(hidden / "measured.parquet")]
+    assert cli.main([*line, "-o", str(tmp_path / "d.parquet")]) == 0
+    told = [one for one in capsys.readouterr().err.splitlines() if not one.startswith("hydro: ")]
+    assert told[0] == "2 effects are missing and 1 has other values:"
+    assert told[1].startswith("  Thruster 5 delivers 70 % (±1) of its modelled thrust")
+    text = " ".join(told)
+    assert "flows toward 323° (NW)" in text
+    kept = table.read(tmp_path / "d.parquet", "diagnosis").provenance.parameters
+    assert kept["headline"].startswith(
+        "2 effects are missing and 1 has other values: Thruster 5 delivers 70 %"
+    )
+    known = Prediction(**kept["prediction"])
+    assert known.falls
+    assert known.added == pytest.approx(known.floor, rel=0.2)
