@@ -49,15 +49,15 @@ NAMED = 0.10
 LEAST = 0.06
 """Share of the floor that it must remove besides,"""
 FURTHER = 0.20
-"""and a further one of what the first leaves, or of the floor where that is greater."""
+"""and a further change, of the residual after the first or of the floor where that is greater."""
 RESAMPLES = 2000
 MOST_CHANGES = 3
 CHANCE = 0.03
-"""Mean margin by which the best of all candidates is ahead by chance, in floors: by the hull's own error,"""
+"""Mean margin by which the best candidate is ahead by chance, in floors: by the error of the hull model,"""
 UNKNOWN = 0.2
-"""by what the best leaves unexplained, for each floor beyond one, which any rival may explain,"""
+"""by the residual that remains, for each floor beyond one, which any rival may explain,"""
 INEXACT = 0.01
-"""and by the error of the formulas of changes found before, for each floor that these removed."""
+"""and by errors in the formulas of changes found before, for each floor that these removed."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -135,7 +135,7 @@ class Change:
 
     @property
     def margin(self) -> float:
-        """How far the best is ahead of the next, or of no change, each with its fine, in floors."""
+        """Return how far the best is ahead of the next, or of no change, each with its fine, in floors."""
         others = [self.fined(one) for one in self.rivals.values() if one.effect != self.best.effect]
         return float(min([*others, self.whole.sum()]) - self.fined(self.best)) / self.floor
 
@@ -146,13 +146,13 @@ class Change:
         return self.score * whole / max(whole, self.floor)
 
     def confidence(self, given: float) -> float:
-        """Probability that the best is what has changed.
+        """Return the probability that the best candidate is the change.
 
         It is the part of the resampled recordings in which it wins, times the probability that its margin
         does not come about by chance.  Such margins have an exponential distribution.
 
         Args:
-            given: What the file as given leaves, in floors.
+            given: Squared residual of the file as given, in floors.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)

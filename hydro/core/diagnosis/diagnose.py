@@ -150,13 +150,13 @@ def diagnose_log(
 
 
 def answered(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, *, changed: bool) -> Diagnosis:
-    """Return a diagnosis with its headline, and with the errors before and after what is stated.
+    """Return a diagnosis with its headline, and with the errors before and after stated findings are added.
 
     Args:
-        diagnosis: What was found.
+        diagnosis: The findings.
         vehicle: The file.
         log: The recording.
-        changed: Whether the findings tell what has changed since a recording before.
+        changed: Whether the findings are changes since a recording before.
     """
     if not (changed or log.misdirected):
         diagnosis = predicted(diagnosis, vehicle, log)

@@ -183,7 +183,7 @@ class Diagnosis:
 
     @property
     def headline(self) -> str:
-        """What it all comes to in one line; empty of one step of `explain`."""
+        """Return the status in one line; empty for one step of `explain`."""
         return self.status.headline if self.status else ""
 
     def frame(self) -> pl.DataFrame:

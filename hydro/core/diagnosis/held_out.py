@@ -31,7 +31,7 @@ PART = 96
 """Shots at most that findings are fitted to again without a stretch: four times as many change an error by
 less than 1 %."""
 LEAST = 8
-"""Predictions at least: fewer tell little of the standard error of a difference."""
+"""Predictions at least: fewer give no standard error of a difference."""
 RESAMPLES = 1000
 
 
@@ -103,13 +103,13 @@ class _Check:
         return squares.error(self.weight)
 
     def errors(self, squares: Squares) -> Array:
-        """The same of recordings whose stretches are weighed at random, (RESAMPLES,); always the same."""
+        """Return the error for RESAMPLES random weights of the stretches, with a fixed seed, (RESAMPLES,)."""
         drawn = weights(len(squares.sums), RESAMPLES, seed=0)
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))
 
     def floor(self) -> float:
-        """What noise alone leaves [m/s]."""
+        """Return the error by noise alone [m/s]."""
         record = self.log.record
         motion, pieces = Motion.of(record), Pieces.of(record)
         both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)

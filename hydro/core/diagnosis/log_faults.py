@@ -106,7 +106,7 @@ class Preprocessed:
 
     @cached_property
     def lateness(self) -> float:
-        """How late the velocity log is, where kinematics show that [s]; 0 where they do not."""
+        """Return the delay of the velocity log where kinematics show one [s]; else 0."""
         return lateness(lambda: self.sensors)
 
     def shots(self, seconds: float) -> Shots:

@@ -16,13 +16,13 @@ CERTAIN, LIKELY = 0.9, 0.6
 
 
 def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, *, changed: bool = False) -> Status:
-    """Return what findings come to.
+    """Return the answer that findings amount to.
 
     Args:
         findings: Of one diagnosis, the most telling first.
         vehicle: The file that was diagnosed.
         dt: Sample time of the recording [s].
-        changed: Whether they tell what has changed since a recording before.
+        changed: Whether they are changes since a recording before.
     """
     stated = [one for one in findings if one.verdict in STATED]
     suspected = [one for one in findings if one.verdict == "suspect"]
@@ -59,7 +59,7 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
         return f"{one.effect} has other values than the file."
     told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt)
     others = [name for name in one.members if name != one.effect]
-    return f"{told} This log does not tell it from {' or '.join(others)}." if others else told
+    return f"{told} By this log it may as well be {' or '.join(others)}." if others else told
 
 
 def _counted(stated: Sequence[Finding], changed: bool) -> str:

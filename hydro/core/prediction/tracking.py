@@ -50,13 +50,13 @@ AT_FIRST = np.repeat([0.5, 0.3, 0.5, 0.3], 3)
 ASTRAY = np.repeat([1e-3, 1e-3, 0.1, 0.2], 3)
 """What a good model errs in a second, as a random walk, likewise."""
 LEAST = np.repeat([0.01, 0.01, 0.02, 0.02], 3)
-"""Least noise of a sample beside it, for what a good model errs within a window, likewise."""
+"""Least noise of a sample in the filter, likewise: a good model errs as much within a window."""
 COARSER = 3.0
 """Factor from one multiple of both to the next that is tried."""
 MOST_COARSE = 5
 """Steps at most: a model that errs 243 times as much says nothing."""
 TELLING = 60.0
-"""How long after the first command the samples tell how much the model errs [s]."""
+"""Time after the first command from which the error of the model is estimated [s]."""
 CORRECTIONS = 3
 """Of a window by Gauss and Newton."""
 HEADINGS = 12
@@ -208,7 +208,7 @@ def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
 
 
 def _telling(here: _Segment) -> int:
-    """Row up to which the samples tell how much the model errs: TELLING after the first command."""
+    """Return the row up to which the error of the model is estimated, TELLING after the first command."""
     start, stop = here.bounds
     commanded = np.flatnonzero(here.record.commands[start:stop].any(axis=1))
     first = int(commanded[0]) if len(commanded) else 0

@@ -73,10 +73,10 @@ def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str
 
 
 def _known(vehicle: Vehicle, record: Recording) -> Array:
-    """Standard deviation to which a recording places the beginnings of shots, (12,).
+    """Return the standard deviation to which a recording places the beginnings of shots, (12,).
 
-    It is the median of what the samples of each shot alone show by a right model, and no less than the doubt
-    of what was filled, which tells how much the model errs.
+    It is the median over the shots, for a right model.  It is no less than the doubt of filled channels,
+    which contains the error of the model.
     """
     filled = tracked(vehicle, record)
     shots = make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)

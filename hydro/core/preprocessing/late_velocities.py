@@ -1,7 +1,7 @@
-"""Velocities of a log that is late, at the times that they are of.
+"""Move the velocities of a late log to the times at which they were measured.
 
-What a thruster does shows in accelerations.  Those of a late log lag behind the commands, and behind the
-rates of turn, which another sensor measures.
+Thrusters show in accelerations.  Those of a late log lag behind the commands, and behind the rates of turn,
+which another sensor measures.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from hydro.core.recording.arrays import Recording
 
 
 def lateness(tests: Callable[[], Mapping[str, KinematicTest]]) -> float:
-    """Return how late a velocity log is, where kinematics show that [s]; 0 where they do not.
+    """Return the delay of a velocity log where kinematics show one [s]; else 0.
 
     Args:
-        tests: What kinematics say of the log's errors; a recording may be too short to be asked.
+        tests: Returns the kinematic tests of the log; it fails for a recording that is too short.
     """
     try:
         test = tests().get(SENSOR_DELAY.name)
@@ -31,11 +31,11 @@ def lateness(tests: Callable[[], Mapping[str, KinematicTest]]) -> float:
 
 
 def on_time(record: Recording, late: float | None = None) -> Recording:
-    """Return a recording with its linear velocities moved to the times that they are of.
+    """Return a recording with its linear velocities moved to the times at which they were measured.
 
     Args:
         record: The recording.
-        late: How late they are [s]; by default what kinematics show.
+        late: Their delay [s]; by default that of `lateness`.
     """
     late = lateness(lambda: kinematic_tests(record)) if late is None else late
     if not late:

@@ -70,14 +70,14 @@ def pulls(normal: Normal, unknown: Free, fold: Rows) -> Array:
 
 
 def widened(fit: Fit, imitated: Array, pulled: Array) -> Fit:
-    """Return the fit with standard errors that hold what its stretches and the hull's error do to the values.
+    """Return the fit with standard errors that hold for the hull model's error and between stretches.
 
-    Correlations stay those of the fit: few stretches do not tell them.
+    Correlations stay those of the fit: few stretches do not determine them.
 
     Args:
         fit: The fit, P values.
-        imitated: Draws of what the hull's error does to them, (stretches, P), see `imitations`.
-        pulled: What the stretches do, (stretches, P), see `pulls`.
+        imitated: Draws of the hull model's error in the values, (stretches, P), see `imitations`.
+        pulled: Changes of the values by each stretch, (stretches, P), see `pulls`.
     """
     count = len(pulled)
     variance = (imitated**2).mean(axis=0) + (pulled**2).sum(axis=0) * count / max(count - 1, 1)
