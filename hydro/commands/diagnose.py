@@ -70,10 +70,6 @@ CorrectThrusters = Annotated[
 ]
 CHI2 = ("given", "own_effects", "found")
 """Mean squared residuals in units of the noise: of the file, of its own effects anew, with what was found."""
-HEADLINE = "headline"
-"""Parameter of a diagnosis: what it comes to, in a sentence or a few."""
-PREDICTION = "prediction"
-"""Parameter of a diagnosis: how well the file predicts before and after (`findings.Prediction`)."""
 
 
 def diagnose(
@@ -214,11 +210,11 @@ def diagnose(
         found = diagnose_log(start, log, hull=hull, progress=advance)
         if discover and not log.misdirected:
             found = discovered(start, log, found, advance)
-            found = answered(found, start, log, changed=hull is not None)
+            found = answered(found, start, log, hull=hull)
     changes = tell_changes(name, log.changes)
     _print(found, earlier, person(as_json))
     if as_json:
-        errors = {PREDICTION: asdict(found.prediction)} if found.prediction else {}
+        errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
         print_json(
             headline=found.headline,
             findings=found.frame(),
@@ -231,11 +227,7 @@ def diagnose(
             "diagnosis",
             found.frame(),
             stage="diagnose",
-            parameters={"chi2": [round(value, 4) for value in found.chi2]}
-            | ({PREDICTION: asdict(found.prediction)} if found.prediction else {})
-            | {HEADLINE: found.headline}
-            | (earlier.parameters if earlier else {})
-            | changes,
+            parameters=found.summary | (earlier.parameters if earlier else {}) | changes,
             inputs=inputs,
             vehicle_text=text,
         )
@@ -288,7 +280,7 @@ def _diagnose_each(
                 failed += 1
                 typer.echo(f"hydro: {one.error}", err=True)
                 continue
-            console.print(f"{one.session}:", style="bold")
+            console.print(f"{one.session}: {one.headline}", style="bold")
             print_findings(one.findings, console)
     tell_strangers(output, (part.session for part in data.parts))
     if failed:
@@ -403,25 +395,29 @@ def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
     Args:
         source: The diagnosis.
         names: Effects that are to be added.
-        alone: Whether they were named one by one: then each has to lower it by itself.
+        alone: Whether they were named one by one: then one of them has to lower it by itself.
 
     Raises:
         DataError: They do not.
     """
-    from hydro.core.diagnosis.findings import Prediction
+    import polars as pl
+
+    from hydro.core.diagnosis.findings import PREDICTION, Prediction
 
     parameters = source.provenance.parameters if source.provenance else {}
     if PREDICTION not in parameters or "error_added" not in source.frame.columns:
         return
     known = Prediction(**parameters[PREDICTION])
+    told = ", ".join(names)
     if not alone:
-        if not known.falls:
-            raise DataError(_no_better(", ".join(names), known.added, known))
+        if known.added != known.given and not known.falls:
+            raise DataError(_no_better(told, known.added, known))
         return
-    added = dict(source.frame.select("effect", "error_added").drop_nulls().iter_rows())
-    for name in names:
-        if name in added and not added[name] < known.given:
-            raise DataError(_no_better(name, added[name], known))
+    errors: list[float] = (
+        source.frame.filter(pl.col("effect").is_in(names))["error_added"].drop_nulls().to_list()
+    )
+    if errors and not min(errors) < known.given:
+        raise DataError(_no_better(told, min(errors), known))
 
 
 def _no_better(names: str, error: float, known: Prediction) -> str:

@@ -15,5 +15,6 @@ def prediction(known: Prediction) -> str:
         )
         if not known.falls:
             parts.append("So adding it does not help, and hydro add refuses it.")
-    parts.append(f"Noise alone leaves {known.floor:.2g} m/s.")
+    if known.floor is not None:
+        parts.append(f"Noise alone leaves {known.floor:.2g} m/s.")
     return " ".join(parts)

@@ -29,11 +29,13 @@ class Diagnosed:
     Attributes:
         session: Its name.
         findings: Findings as a table; None where it could not be diagnosed.
+        headline: Their headline.
         error: Why not.
     """
 
     session: str
     findings: pl.DataFrame | None = None
+    headline: str = ""
     error: str = ""
 
 
@@ -50,16 +52,18 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected
         corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
     """
     try:
-        findings = _written(part, partitions.place(folder, part.session), start, text, corrected)
+        findings, headline = _written(part, partitions.place(folder, part.session), start, text, corrected)
     except DataError as error:
         where, words = name_of(part.path), str(error)
         return Diagnosed(part.session, error=words if words.startswith(where) else f"{where}: {words}")
     memory.give_back()
-    return Diagnosed(part.session, findings)
+    return Diagnosed(part.session, findings, headline)
 
 
-def _written(part: Part, target: Path, start: Vehicle, text: str, corrected: bool) -> pl.DataFrame:
-    """Diagnose a session and write what is found."""
+def _written(
+    part: Part, target: Path, start: Vehicle, text: str, corrected: bool
+) -> tuple[pl.DataFrame, str]:
+    """Diagnose a session and write the findings; return them and their headline."""
     source = table.read_part(part)
     known = vehicle.without_errors_from(start, source.provenance.content)
     log = preprocess(known, source.frame)
@@ -69,7 +73,7 @@ def _written(part: Part, target: Path, start: Vehicle, text: str, corrected: boo
         "diagnosis",
         found.frame(),
         stage="diagnose",
-        parameters={"chi2": [round(value, 4) for value in found.chi2]} | changes,
+        parameters=found.summary | changes,
         inputs=[source],
         vehicle_text=text,
     )
@@ -77,7 +81,7 @@ def _written(part: Part, target: Path, start: Vehicle, text: str, corrected: boo
     table.write(made, target)
     if found.estimates is not None:
         covariance.write(found.estimates, target, stage="diagnose", inputs=[source], vehicle_text=text)
-    return made.frame
+    return made.frame, found.headline
 
 
 def warm(part: Part, start: Vehicle) -> None:

@@ -146,21 +146,22 @@ def diagnose_log(
     goes on with a log `as_audited`, and with a hull, which was learnt from a recording in order.
     """
     found = _found_in(vehicle, log, hull, further, file, in_vain, progress or silent)
-    return found if file is not None else answered(found, vehicle, log, changed=hull is not None)
+    return found if file is not None else answered(found, vehicle, log, hull=hull)
 
 
-def answered(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, *, changed: bool) -> Diagnosis:
+def answered(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, *, hull: Hull | None) -> Diagnosis:
     """Return a diagnosis with its headline, and with the errors before and after stated findings are added.
 
     Args:
         diagnosis: The findings.
         vehicle: The file.
         log: The recording.
-        changed: Whether the findings are changes since a recording before.
+        hull: What a recording before has taught; None without one.
     """
-    if not (changed or log.misdirected):
+    if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log)
-    return replace(diagnosis, status=status(diagnosis.findings, vehicle, log.record.dt, changed=changed))
+    left = None if hull is None else diagnosis.chi2[-1]
+    return replace(diagnosis, status=status(diagnosis.findings, vehicle, log.record.dt, left))
 
 
 def _found_in(

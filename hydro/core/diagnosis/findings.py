@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import msgspec
@@ -59,6 +59,8 @@ FIT = 3.0
 """Mean squared residual in units of the noise up to which a fit is one."""
 STATED = ("missing", "retune", "cannot_tell_apart")
 """Verdicts that are statements about an effect: `hydro add` adds their values unasked."""
+HEADLINE, PREDICTION = "headline", "prediction"
+"""Names in an artefact of the headline, and of the errors before and after."""
 WITH_VALUES = (*STATED, "suspect")
 """Verdicts that come with values."""
 
@@ -112,14 +114,14 @@ class Prediction:
         given: Root mean square error of the file as given, all axes together [m/s].
         added: The same with all stated findings added, of stretches that their values were not fitted to.
         spread: Standard error of the difference, by stretches weighed at random [m/s].
-        floor: What noise alone leaves [m/s].
+        floor: What noise alone leaves [m/s]; None where a velocity is judged by the way that is gone.
     """
 
     horizon: float
     given: float
     added: float
     spread: float
-    floor: float
+    floor: float | None
 
     @property
     def falls(self) -> bool:
@@ -185,6 +187,14 @@ class Diagnosis:
     def headline(self) -> str:
         """Return the status in one line; empty for one step of `explain`."""
         return self.status.headline if self.status else ""
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers and the headline that an artefact keeps beside the findings."""
+        kept: dict[str, Any] = {"chi2": [round(value, 4) for value in self.chi2]}
+        if self.prediction is not None:
+            kept[PREDICTION] = asdict(self.prediction)
+        return kept | ({HEADLINE: self.headline} if self.headline else {})
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""

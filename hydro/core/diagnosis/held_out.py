@@ -15,7 +15,9 @@ from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.transfer import Squares, left_out_squares, resolved, squares_ahead
+from hydro.core.diagnosis.transfer import Squares, by_way, left_out_squares, resolved, squares_ahead
+from hydro.core.effects.catalogue import CATALOGUE
+from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import replay
@@ -24,7 +26,7 @@ from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import JUDGED
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError
-from hydro.core.recording.shots import Shots, room
+from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
 PART = 96
@@ -43,9 +45,13 @@ def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diag
         vehicle: The file.
         log: The recording.
     """
-    if room(log.record, JUDGED) < LEAST:
+    try:
+        ahead = log.shots(JUDGED)
+    except DataError:
         return diagnosis
-    check = _Check.of(vehicle, log)
+    if len(ahead.starts) < LEAST:
+        return diagnosis
+    check = _Check.of(vehicle, log, ahead)
     findings = tuple(
         replace(one, error_added=check.error(check.squares([one]))) if can_be_added(one) else one
         for one in diagnosis.findings
@@ -60,8 +66,10 @@ def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diag
 
 
 def can_be_added(finding: Finding) -> bool:
-    """Whether a finding has values that `hydro add` can put into a file."""
-    return finding.verdict in WITH_VALUES and bool(finding.parameters)
+    """Whether a finding has values that change predictions: waves act by chance, with a mean of zero."""
+    effect = CATALOGUE.get(finding.effect.partition(":")[0])
+    changes = effect is not None and not effect.is_random
+    return finding.verdict in WITH_VALUES and bool(finding.parameters) and changes
 
 
 @dataclass(frozen=True)
@@ -85,10 +93,9 @@ class _Check:
     weight: Array
 
     @classmethod
-    def of(cls, vehicle: Vehicle, log: Preprocessed) -> _Check:
-        """The file as given, and what it predicts."""
+    def of(cls, vehicle: Vehicle, log: Preprocessed, ahead: Shots) -> _Check:
+        """Return the file as given, and its predictions."""
         problem = resolved(stable_start(vehicle, log)[1]).some(PART)
-        ahead = log.shots(JUDGED)
         weight = Weights.of(candidate(vehicle)).velocity
         return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)
 
@@ -108,12 +115,14 @@ class _Check:
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))
 
-    def floor(self) -> float:
-        """Return the error by noise alone [m/s]."""
+    def floor(self) -> float | None:
+        """Return the error by noise alone [m/s]; None where a velocity is judged by the way that is gone."""
         record = self.log.record
+        if by_way(record).size:
+            return None
         motion, pieces = Motion.of(record), Pieces.of(record)
         both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)
         if both is None:
-            return float("nan")
+            return None
         noise, numbers = both[0].noise.sum(axis=0), both[0].numbers.sum(axis=0)
         return float(np.sqrt((noise / np.maximum(numbers, 1.0)) @ self.weight))

@@ -105,8 +105,8 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     named = by_transfer(there, part(progress, 0.4, 0.9))
     progress("verdicts", 0.9)
     last = replace(outcome, model=named.model, found=(), fit=named.fit)
-    known = contradicted(baseline, outcome)
-    stated = any(one.verdict in STATED for one in (*errors, *named.findings))
+    known = list(contradicted(baseline, outcome))
+    stated = any(one.verdict in STATED for one in (*errors, *known, *named.findings))
     findings = [*errors, *known, *named.findings, *unexplained(baseline, last, stated=stated)]
     if baseline.warnings and findings:
         words = "; ".join(baseline.warnings)
@@ -195,7 +195,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             return named
         passed.append(rival.effect)
         if not fanciful.findings:
-            fanciful, least = named, max(NEARLY * surveyed.worth(rival), NAMED)
+            fanciful, least = named, max(NEARLY * surveyed.worth(rival), least)
     return fanciful
 
 

@@ -7,57 +7,75 @@ from collections.abc import Sequence
 import numpy as np
 
 from hydro.core.diagnosis.findings import STATED, Finding, Status
+from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
 
+RIGHT = 1.5
+"""Floors of the hull model that the right changes leave at most, see `diagnosis.contenders`."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 CERTAIN, LIKELY = 0.9, 0.6
 """Confidence from which a name is called certain, and likely; below it is possible."""
 
 
-def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, *, changed: bool = False) -> Status:
+def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float | None = None) -> Status:
     """Return the answer that findings amount to.
 
     Args:
         findings: Of one diagnosis, the most telling first.
         vehicle: The file that was diagnosed.
         dt: Sample time of the recording [s].
-        changed: Whether they are changes since a recording before.
+        left: Of changes since a recording before, the squared residual that they leave, in floors of the
+            hull model; None of a diagnosis without one.
     """
+    changed = left is not None
     stated = [one for one in findings if one.verdict in STATED]
     suspected = [one for one in findings if one.verdict == "suspect"]
-    remains = any(one.verdict in UNEXPLAINED for one in findings)
+    faults = [f"The log has a fault: {one.advice}." for one in findings if one.verdict == "log_fault"]
+    remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > RIGHT)
     if stated:
         told = [_sentence(one, vehicle, dt) for one in stated]
         rest = ["An error remains that no effect explains."] if remains else []
-        return Status("stated", _counted(stated, changed), (*told, *rest))
+        return Status("stated", _counted(stated, changed), (*told, *rest, *faults))
     if suspected:
-        best = max(suspected, key=lambda one: np.nan_to_num(one.confidence))
-        told = [f"{_sentence(best, vehicle, dt)} ({in_words(best.confidence)})"]
-        rest = ["No effect explains all of the error."] if remains else []
-        return Status("uncertain", "Not certain", (*told, *rest))
+        best = max(suspected, key=_likely)
+        told = [f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."]
+        rest = ["No effect explains all of the error."] if remains and not np.isnan(best.confidence) else []
+        return Status("uncertain", "Not certain", (*told, *rest, *faults))
     if remains:
-        return Status("unexplained", "The model does not predict this log, and no effect explains why")
-    faults = [one for one in findings if one.verdict == "log_fault"]
+        return Status(
+            "unexplained", "The model does not predict this log, and no effect explains why", tuple(faults)
+        )
     if faults and not any(one.verdict == "nothing_missing" for one in findings):
-        return Status("fault", "The log has a fault", (f"{faults[0].advice}.",))
-    nothing = "Nothing has changed" if changed else "Nothing is missing"
-    return Status("nothing", nothing, ("The model predicts this log to within its noise.",))
+        return Status("fault", "Nothing else was examined", tuple(faults))
+    if changed:
+        return Status(
+            "nothing", "Nothing has changed", ("No change exceeds the error of the hull model.", *faults)
+        )
+    noise = "The model predicts this log to within its noise."
+    return Status("nothing", "Nothing is missing", (noise, *faults))
+
+
+def _likely(one: Finding) -> float:
+    """Return the confidence of a suspect; 1 of a formula, which has none and explains all that others do."""
+    return 1.0 if np.isnan(one.confidence) else one.confidence
 
 
 def in_words(confidence: float) -> str:
-    """Return a confidence in words and percent."""
+    """Return a confidence in words and percent; a formula, which has none, is possible."""
     if np.isnan(confidence):
         return "possible"
     word = "certain" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "possible"
-    return f"{word}, {confidence:.0%}"
+    return f"{word}, {100.0 * confidence:.0f} %"
 
 
 def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
     """Return a finding's sentence; its name where it has no values."""
     if not one.parameters:
-        return f"{one.effect} has other values than the file."
+        return f"The file's {one.effect.replace('_', ' ')} does not fit this log."
     told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt)
+    if one.verdict in STATED and told.endswith(UNCLEAR) and told.count(". ") == 0:
+        told = f"{one.effect.replace('_', ' ').capitalize()} explains a part of the error. {told}"
     others = [name for name in one.members if name != one.effect]
     return f"{told} By this log it may as well be {' or '.join(others)}." if others else told
 

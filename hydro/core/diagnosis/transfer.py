@@ -45,6 +45,7 @@ from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import Free, free
 from hydro.core.progress import Progress
+from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.allowance import Held
 from hydro.core.threads import shared
@@ -405,19 +406,27 @@ def squares_at_rest(ahead: Shots) -> Squares:
 def _squares(predicted: Array, shots: Shots) -> Squares:
     """Return the squared errors of predicted states, (S, T, 13), over shots.
 
-    A velocity without samples is judged by the way that it has gone, over the time of a stretch, where the
+    A velocity without samples is judged by the way that is gone, over the time of a stretch, where the
     position on its axis has samples.
     """
     error = predicted[..., 7:] - shots.measured[..., 7:]
     seen = np.ones(error.shape, bool) if shots.seen is None else shots.seen[..., 6:].copy()
-    if shots.seen is not None:
-        by_way = np.flatnonzero(~seen[..., :3].any(axis=(0, 1)) & shots.seen[..., :3].any(axis=(0, 1)))
+    if shots.seen is not None and (axes := by_way(shots.record)).size:
         way = (predicted[..., :3] - shots.measured[..., :3]) * shots.seen[..., :3]
         body = np.einsum("sij,sti->stj", rotation_from_quaternion(shots.first[:, 3:7]), way)
-        error[..., by_way] = body[..., by_way] / (error.shape[1] * shots.record.dt)
-        seen[..., by_way] = shots.seen[..., by_way]
+        error[..., axes] = body[..., axes] / (error.shape[1] * shots.record.dt)
+        seen[..., axes] = shots.seen[..., axes]
+    error, seen = error[:, shots.lead :], seen[:, shots.lead :]
     squares = np.clip(np.nan_to_num(error, nan=np.inf), -BEYOND[6:], BEYOND[6:]) ** 2
     return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))
+
+
+def by_way(record: Recording) -> Rows:
+    """Return the linear axes, of 0 to 2, whose position has samples and whose velocity has none."""
+    if record.seen is None:
+        return np.zeros(0, np.int64)
+    shown = np.asarray(record.seen.any(axis=0), bool)
+    return np.asarray(np.flatnonzero(shown[:3] & ~shown[6:9]), np.int64)
 
 
 def _rival(

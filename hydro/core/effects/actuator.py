@@ -279,12 +279,13 @@ def torque_sentence(case: Case) -> str:
 
     def render(count: int) -> str:
         named = [
-            f"{one.size('N m/N')} {'right' if one.value >= 0.0 else 'left'}-handed for thruster {i}"
+            f"{one.size('N m/N')} {'clockwise' if one.value >= 0.0 else 'counterclockwise'} for thruster {i}"
             + (f" (was {number(one.before)})" if case.in_file else "")
             for i, one in clear[:count]
         ]
         verb = "changes" if case.in_file else "is missing"
-        return f"Propeller torque {verb}: {listed([*named, *smaller(len(clear) - count)])}."
+        told = listed([*named, *smaller(len(clear) - count)])
+        return f"Reaction torque of the propellers on the hull, seen along their thrust, {verb}: {told}."
 
     return shortened(render)
 

@@ -15,10 +15,9 @@ LARGEST_SHARE = 10.0
 """Share of thrust above which a gain is not determined: no thruster delivers ten times its thrust."""
 LARGEST_ERROR = 0.25
 """Standard error of a gain above which it is not determined: an eighth of the range from reversed to full."""
-NEAR = 3.0
-"""Standard errors within which a thruster is called dead or reversed."""
-NEAREST, FARTHEST = 0.01, 0.3
-"""Shares of thrust within which it always is, and beyond which it never is, however large its error."""
+NEAREST, CLOSE = 0.01, 0.15
+"""Shares of thrust within which a thruster is called dead or reversed whatever its error, and with twice its
+error added."""
 ALIKE = 0.03
 """Share of thrust within which thrusters count as alike: about what bollard tests repeat to."""
 MOST = 3
@@ -46,8 +45,8 @@ class Thrust(NamedTuple):
 
     def at(self, share: float) -> bool:
         """Whether it is so near to a share that it is called that."""
-        near = min(max(NEAR * self.error, NEAREST), FARTHEST)
-        return abs(self.share - share) <= near
+        off = abs(self.share - share)
+        return off <= NEAREST or off + CLEAR * self.error <= CLOSE
 
 
 def gains_sentence(case: Case) -> str:

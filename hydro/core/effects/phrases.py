@@ -33,6 +33,10 @@ COORDINATES = frozenset({"m", "s", "rad", "°"})
 Sentence = Callable[[Case], str]
 
 
+UNCLEAR = ("is not determined by this log.", "does not differ clearly from the file's value.")
+"""Ends of sentences on values that a log does not determine, without and with the effect in the file."""
+
+
 class Entry(NamedTuple):
     """One number of an effect with the words for it.
 
@@ -58,9 +62,9 @@ def undetermined(case: Case, subject: str, value: str) -> str:
         value: The estimate in words.
     """
     if case.in_file:
-        return f"{capital(subject)} does not differ clearly from the file's value."
+        return f"{capital(subject)} {UNCLEAR[1]}"
     said = f", {value}," if case.finite else ""
-    return f"{capital(subject)}{said} is not determined by this log."
+    return f"{capital(subject)}{said} {UNCLEAR[0]}"
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:

@@ -69,13 +69,24 @@ def _steps(parts: list[Array]) -> list[Mask]:
     if not every.size or np.mean(every == 0.0) > ALIKE:
         return none
     beyond = [change - _running_median(change) for change in changes]
-    usual = max(float(np.median(np.abs(np.concatenate(beyond)))) / 0.6745, LEAST_NOISE)
+    usual = max(
+        float(np.median(np.abs(np.concatenate(beyond)))) / 0.6745,
+        LEAST_NOISE,
+        _resolution(np.concatenate(parts)),
+    )
     found = []
     for part, change, off in zip(parts, changes, beyond, strict=True):
         size = np.abs(off)
         stays = np.sign(off) * _stayed(part, change) > STAYS * size
         found.append((size > np.maximum(STEP * usual, ALONE * _around(size))) & stays)
     return found
+
+
+def _resolution(values: Array) -> float:
+    """Return the least difference of two values: the unit of a sensor that rounds, else next to nothing."""
+    apart = np.diff(np.unique(values))
+    apart = apart[apart > LEAST_NOISE]
+    return float(apart.min()) if apart.size else 0.0
 
 
 def _around(size: Array) -> Array:

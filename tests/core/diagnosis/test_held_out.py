@@ -73,3 +73,10 @@ def test_an_error_falls_only_by_more_than_its_standard_error():
     assert Prediction(5.0, 0.3, 0.2, 0.05, 0.01).falls
     assert not Prediction(5.0, 0.3, 0.27, 0.05, 0.01).falls
     assert not Prediction(5.0, 0.3, 0.4, 0.05, 0.01).falls
+
+
+def test_waves_change_no_prediction(heavy):
+    """They act by chance: hydro add adds them without a check."""
+    waves = {"height": 0.2, "period": 4.0, "direction": 0.0, "peak": 2.3}
+    known = checked(heavy, Finding("missing", "ocean_waves", ("ocean_waves",), parameters=waves)).prediction
+    assert known.added == known.given

@@ -43,9 +43,9 @@ def findings(draw):
 CONFIDENCE = st.one_of(st.floats(0.0, 1.0), st.just(math.nan))
 
 
-@given(findings(), st.booleans())
-def test_a_headline_contradicts_no_finding(found, changed):
-    answer = status(found, damped(), 0.02, changed=changed)
+@given(findings(), st.sampled_from([None, 0.7, 3.0]))
+def test_a_headline_contradicts_no_finding(found, left):
+    answer = status(found, damped(), 0.02, left)
     verdicts = {one.verdict for one in found}
     stated = [one for one in found if one.verdict in ("missing", "retune")]
     assert answer.headline.endswith((".", ")"))
@@ -55,6 +55,12 @@ def test_a_headline_contradicts_no_finding(found, changed):
     assert answer.headline.startswith(NOTHING) == (answer.kind == "nothing")
     if answer.headline.startswith(NOTHING):
         assert not verdicts & {"missing", "retune", "suspect", "none_of_the_known", "far_from_noise"}
+    if "log_fault" in verdicts:
+        assert "The log has a fault: z moves in steps." in answer.headline
+    if "within its noise" in answer.headline:
+        assert left is None
+    if left == 3.0:
+        assert answer.kind == "unexplained" or "remains" in answer.headline or "all of the" in answer.headline
     if answer.kind == "unexplained":
         assert not verdicts & {"missing", "retune", "suspect"}
 
@@ -74,11 +80,27 @@ def test_effects_are_counted_and_each_has_its_sentence():
     text = status(found, damped(), 0.02).headline
     assert text.startswith("2 effects are missing and 1 has other values: ")
     assert "hruster 4 delivers 70 %" in text
-    assert status(found[:1], damped(), 0.02, changed=True).headline.startswith("1 effect has changed: ")
+    assert status(found[:1], damped(), 0.02, 0.7).headline.startswith("1 effect has changed: ")
 
 
 def test_confidence_in_words():
-    assert in_words(0.97) == "certain, 97%"
-    assert in_words(SURE - 0.01) == "likely, 89%"
-    assert in_words(0.3) == "possible, 30%"
+    assert in_words(0.97) == "certain, 97 %"
+    assert in_words(SURE - 0.01) == "likely, 89 %"
+    assert in_words(0.3) == "possible, 30 %"
     assert in_words(math.nan) == "possible"
+
+
+def test_values_that_are_not_clear_do_not_deny_what_is_stated():
+    found = Finding(
+        "missing", "net_buoyancy", ("net_buoyancy",), parameters={"dB": 3.0}, standard_errors={"dB": 2.0}
+    )
+    text = status([found], damped(), 0.02, 0.7).headline
+    assert text.startswith("1 effect has changed: Net buoyancy explains a part of the error. ")
+
+
+def test_a_formula_comes_before_the_force_that_it_replaces():
+    formula = Finding("suspect", "formula", ("formula",), parameters={"forces": ["X u^3"], "force": [-300.0]})
+    weight = Finding("suspect", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -30.0}, confidence=0.02)
+    text = status([formula, weight, Finding("none_of_the_known")], damped(), 0.02).headline
+    assert "heavier" not in text
+    assert text.endswith("(possible).")

@@ -67,3 +67,12 @@ def test_depths_that_are_held_rounded_or_wrong_for_a_row_are_no_corrections(flig
 def test_a_few_steps_of_a_position_that_is_found_anew_are_left_to_others(flight):
     z = flight["z"].to_numpy() + 0.5 * (np.arange(flight.height) // 1000)
     assert not filter_corrections(recording(damped(), flight.with_columns(z=pl.Series(z))))
+
+
+@pytest.mark.parametrize("unit", [0.002, 0.0035, 0.01])
+def test_a_quick_heading_that_is_rounded_is_no_filter(unit):
+    """It changes in every row, by one unit more or less: a unit is no step."""
+    t = np.arange(8000) * 0.02
+    turn = 1.6 * np.sin(0.3 * t) + 0.5 * np.sin(1.1 * t) + np.where(t > 80.0, 0.9 * np.sin(3.0 * t), 0.0)
+    raw = moved(damped(), rows=8000).with_columns(psi=pl.Series(np.round(turn / unit) * unit))
+    assert "psi" not in filter_corrections(recording(damped(), raw))
