@@ -267,8 +267,11 @@ def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array
     left_out = (part.sum(axis=0) - np.add.reduceat(part, edges) for part in (gram, shared))
     share = CAUTION * min(share, *map(_spare, *left_out))
     noisy, whole = (np.diagonal(part.sum(axis=0))[:LOG] for part in (shared, gram))
-    biased = (1.0 - share) * noisy / np.maximum(whole - share * noisy, np.finfo(float).tiny)
-    return less(share), np.minimum(biased, PLAIN_SIZE)
+    noise = (1.0 - share) * noisy
+    least = np.maximum(
+        noise / PLAIN_SIZE, np.finfo(float).tiny
+    )  # an axis without motion is biased altogether
+    return less(share), noise / np.maximum(whole - share * noisy, least)
 
 
 def _spare(gram: Array, shared: Array) -> float:
