@@ -314,12 +314,12 @@ def add(
     """Add the findings of a diagnosis to a vehicle file.
 
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
-    new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
-    and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
+    new values. Everything else in the file stays, comments too. Standard errors and the hash of the recording
+    are written with the values. A suspect, of which the diagnosis is less than 90 % sure, is
     added only by its name. Findings that do not lower the error of predictions 5 s ahead, over stretches of
     the recording that they were not fitted to, are refused without --force. The diagnosis of another vehicle,
     or of this one before it was edited, is refused.
-    Where the covariance of the values lies beside DIAGNOSIS, that of the added ones is written beside the
+    If there is a covariance file for DIAGNOSIS, the covariance of the added values is written next to the
     file that -o names; a diagnosis from a pipe has none.
     """
     from hydro.core.diagnosis.findings import by_name, suspects, tables
@@ -404,7 +404,7 @@ def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
 
     from hydro.core.diagnosis.findings import PREDICTION, Prediction
 
-    parameters = source.provenance.parameters if source.provenance else {}
+    parameters = source.provenance.parameters
     if PREDICTION not in parameters or "error_added" not in source.frame.columns:
         return
     known = Prediction(**parameters[PREDICTION])

@@ -156,7 +156,7 @@ def answered(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, *, hull:
         diagnosis: The findings.
         vehicle: The file.
         log: The recording.
-        hull: What a recording before has taught; None without one.
+        hull: The model of the hull from a recording before a change; None without one.
     """
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log)

@@ -59,6 +59,8 @@ FIT = 3.0
 """Mean squared residual in units of the noise up to which a fit is one."""
 STATED = ("missing", "retune", "cannot_tell_apart")
 """Verdicts that are statements about an effect: `hydro add` adds their values unasked."""
+UNEXPLAINED = ("none_of_the_known", "far_from_noise")
+"""Verdicts that an error remains which no effect explains."""
 HEADLINE, PREDICTION = "headline", "prediction"
 """Names in an artefact of the headline, and of the errors before and after."""
 WITH_VALUES = (*STATED, "suspect")
@@ -190,7 +192,7 @@ class Diagnosis:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Return the numbers and the headline that an artefact keeps beside the findings."""
+        """Return the numbers and the headline that an artefact keeps with the findings."""
         kept: dict[str, Any] = {"chi2": [round(value, 4) for value in self.chi2]}
         if self.prediction is not None:
             kept[PREDICTION] = asdict(self.prediction)

@@ -52,12 +52,16 @@ def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diag
     if len(ahead.starts) < LEAST:
         return diagnosis
     check = _Check.of(vehicle, log, ahead)
+    alone = {i: check.squares([one]) for i, one in enumerate(diagnosis.findings) if can_be_added(one)}
     findings = tuple(
-        replace(one, error_added=check.error(check.squares([one]))) if can_be_added(one) else one
-        for one in diagnosis.findings
+        replace(one, error_added=check.error(alone[i])) if i in alone else one
+        for i, one in enumerate(diagnosis.findings)
     )
-    stated = [one for one in findings if one.verdict in STATED and can_be_added(one)]
-    after = check.squares(stated) if stated else check.given
+    stated = [i for i in alone if findings[i].verdict in STATED]
+    if len(stated) == 1:
+        after = alone[stated[0]]
+    else:
+        after = check.squares([findings[i] for i in stated]) if stated else check.given
     difference = check.errors(after) - check.errors(check.given)
     prediction = Prediction(
         JUDGED, check.error(check.given), check.error(after), float(difference.std()), check.floor()

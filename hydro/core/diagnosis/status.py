@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hydro.core.diagnosis.findings import STATED, Finding, Status
+from hydro.core.diagnosis.contenders import RIGHT
+from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Finding, Status
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
 
-RIGHT = 1.5
-"""Floors of the hull model that the right changes leave at most, see `diagnosis.contenders`."""
-UNEXPLAINED = ("none_of_the_known", "far_from_noise")
-CERTAIN, LIKELY = 0.9, 0.6
-"""Confidence from which a name is called certain, and likely; below it is possible."""
+LIKELY = 0.6
+"""Confidence from which a name that is not stated is called likely; below, it is possible."""
 
 
 def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float | None = None) -> Status:
@@ -65,7 +63,7 @@ def in_words(confidence: float) -> str:
     """Return a confidence in words and percent; a formula, which has none, is possible."""
     if np.isnan(confidence):
         return "possible"
-    word = "certain" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "possible"
+    word = "certain" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
     return f"{word}, {100.0 * confidence:.0f} %"
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects.case import Case
 from hydro.core.effects.gains import gains_sentence
-from hydro.core.effects.phrases import Sentence, shortened, smaller, undetermined
+from hydro.core.effects.phrases import Sentence, beyond, shortened, smaller, undetermined
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -208,37 +208,6 @@ def asymmetry_sentence(case: Case) -> str:
     return f"In reverse, thrusters deliver {left} of their nominal thrust{was}."
 
 
-def lag_sentence(case: Case) -> str:
-    """State by how much the time constant of the thrusters is longer or shorter."""
-    lag = case.one("dT")
-    if not lag.clear:
-        return undetermined(case, "the added time constant of the thrusters", lag.text("s"))
-    side = "longer" if lag.change > 0.0 else "shorter"
-    sample = case.sampled(lag.change)
-    return f"Thrusters answer with a time constant {lag.changed('s')} {side} than modelled{sample}."
-
-
-def command_delay_sentence(case: Case) -> str:
-    """State by how much later or earlier commands take effect."""
-    delay = case.one("d")
-    if not delay.clear:
-        return undetermined(case, "the added command delay", delay.text("s"))
-    side = "later" if delay.change > 0.0 else "earlier"
-    sample = case.sampled(delay.change)
-    return f"Commands take effect {delay.changed('s')} {side} than modelled{sample}."
-
-
-def deadband_sentence(case: Case) -> str:
-    """State by how much the dead band is wider or narrower."""
-    band = case.one("d").times(100.0)
-    if not band.clear:
-        return undetermined(case, "the added dead band of the thrusters", band.text("%"))
-    side = "wider" if band.change > 0.0 else "narrower"
-    return (
-        f"The thrusters' dead band is {band.changed('%')} of full command {side} on each side than modelled."
-    )
-
-
 def curve_sentence(case: Case) -> str:
     """State the power of the thrust curve and the file's."""
     powers = {curve_power(thruster) for thruster in thrusters(case.vehicle)}
@@ -368,7 +337,13 @@ EFFECTS = (
     _effect(
         "thruster_lag",
         thruster_lag,
-        lag_sentence,
+        beyond(
+            "dT",
+            "s",
+            "the added time constant of the thrusters",
+            "Thrusters answer with a time constant {change} {side} than modelled",
+            ("longer", "shorter"),
+        ),
         "T + dT",
         "Yoerger, Cooke and Slotine (1990)",
         "steps and fast sweeps of the commands",
@@ -395,7 +370,13 @@ EFFECTS = (
     _effect(
         "command_delay",
         command_delay,
-        command_delay_sentence,
+        beyond(
+            "d",
+            "s",
+            "the added command delay",
+            "Commands take effect {change} {side} than modelled",
+            ("later", "earlier"),
+        ),
         "u(t - d)",
         "pure transport delay",
         "steps and fast sweeps of the commands",
@@ -423,7 +404,13 @@ EFFECTS = (
     _effect(
         "thruster_deadband",
         thruster_deadband,
-        deadband_sentence,
+        beyond(
+            "d",
+            "%",
+            "the added dead band of the thrusters",
+            "The thrusters' dead band is {change} of full command {side} on each side than modelled",
+            ("wider", "narrower"),
+        ),
         "dead band + d",
         "Yoerger, Cooke and Slotine (1990); paper (10)",
         "small commands of both signs",

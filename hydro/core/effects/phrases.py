@@ -96,7 +96,7 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
-        return f"{capital(noun)} is not determined by this log."
+        return f"{capital(noun)} {UNCLEAR[0]}"
     if not clear:
         return undetermined(case, noun, valued(order[0]))
     if len(clear) == 1:
@@ -272,6 +272,27 @@ def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> S
             return f"{capital(point)} {verb} {listed(pieces)} {of}{where}."
         far = max(three, key=lambda one: one.deviations)
         return undetermined(case, f"the place of {point}", far.changed("m"))
+
+    return sentence
+
+
+def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]) -> Sentence:
+    """Return a sentence on a number that is added to one of the vehicle's, and on the side to which it is.
+
+    Args:
+        key: The parameter.
+        unit: Unit in which it is written; a share of 1 is written in percent.
+        subject: Its name where the log does not determine it.
+        words: The sentence without its full stop, with `{change}` and `{side}`.
+        sides: Words for more and for less than the file has.
+    """
+
+    def sentence(case: Case) -> str:
+        one = case.one(key).times(100.0 if unit == "%" else 1.0)
+        if not one.clear:
+            return undetermined(case, subject, one.text(unit))
+        told = words.format(change=one.changed(unit), side=sides[one.change <= 0.0])
+        return told + (case.sampled(one.change) if unit == "s" else "") + "."
 
     return sentence
 

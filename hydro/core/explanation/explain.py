@@ -15,7 +15,7 @@ import polars as pl
 
 from hydro.core.diagnosis.baseline import LOUD, stable_shots
 from hydro.core.diagnosis.diagnose import diagnose_log
-from hydro.core.diagnosis.findings import Diagnosis, extended, suspects
+from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.errors import DataError
@@ -30,8 +30,6 @@ from hydro.core.vehicle.description import Vehicle
 
 MOST_STEPS = 6
 """The file as given not counted."""
-UNEXPLAINED = ("none_of_the_known", "far_from_noise")
-"""Verdicts that something is left which no effect explains."""
 NO_BETTER = "nothing else that was tried predicts stretches better that it was not fitted to"
 Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
 """A diagnosis of a vehicle and a recording, and what lies beyond its catalogue."""

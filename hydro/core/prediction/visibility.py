@@ -75,8 +75,8 @@ def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str
 def _known(vehicle: Vehicle, record: Recording) -> Array:
     """Return the standard deviation to which a recording places the beginnings of shots, (12,).
 
-    It is the median over the shots, for a right model.  It is no less than the doubt of filled channels,
-    which contains the error of the model.
+    It is the median over the shots, for a right model, or the doubt of filled channels where that is
+    greater: the doubt contains the error of the model.
     """
     filled = tracked(vehicle, record)
     shots = make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)
