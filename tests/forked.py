@@ -6,7 +6,9 @@ two each. Modules of `hydro`, and libraries that read the environment, every com
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
 import gc
 import importlib
 import json
@@ -16,6 +18,7 @@ import select
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,6 +50,16 @@ def hydro(place: Path) -> Iterator[None]:
             yield
         finally:
             server.stdin.close()
+
+
+@functools.cache
+def program() -> str:
+    """Path of such a program, the same for all tests of this process."""
+    kept = contextlib.ExitStack()
+    atexit.register(kept.close)
+    place = Path(kept.enter_context(tempfile.TemporaryDirectory())) / "hydro"
+    kept.enter_context(hydro(place))
+    return str(place)
 
 
 def serve(address: str) -> None:

@@ -13,11 +13,11 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import forked
 import polars as pl
 import pytest
 from streams_here import on_terminal, piped
@@ -29,13 +29,12 @@ from hydro.io import table
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = {command.__name__: example for group in cli.GROUPS for command, example in group.COMMANDS.items()}
-HYDRO = [sys.executable, "-m", "hydro.cli"]
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
 
 
 def hydro(*arguments: object, stdin: bytes = b"", cwd: Path = ROOT) -> subprocess.CompletedProcess[bytes]:
     """Run one command as a process of its own."""
-    line = [*HYDRO, *map(str, arguments)]
+    line = [forked.program(), *map(str, arguments)]
     return subprocess.run(line, input=stdin, capture_output=True, cwd=cwd, env=ENVIRONMENT, timeout=300)
 
 
@@ -186,7 +185,7 @@ def test_show_into_a_pipe_is_json_with_lineage_and_columns(work: Path) -> None:
 
 
 def test_a_closed_pipe_ends_quietly(work: Path) -> None:
-    line = f"{shlex.join(HYDRO)} labels {work}/raw.parquet | head -c 9 >/dev/null; echo ${{PIPESTATUS[0]}}"
+    line = f"{forked.program()} labels {work}/raw.parquet | head -c 9 >/dev/null; echo ${{PIPESTATUS[0]}}"
     done = subprocess.run(
         ["bash", "-c", line], cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120
     )
@@ -200,7 +199,7 @@ def on_terminal_of_a_process(*arguments: object) -> tuple[int, str]:
     """Run a process whose streams are one terminal, and return its exit code and everything printed."""
     leader, follower = pty.openpty()
     process = subprocess.Popen(
-        [*HYDRO, *map(str, arguments)],
+        [forked.program(), *map(str, arguments)],
         stdin=follower,
         stdout=follower,
         stderr=follower,

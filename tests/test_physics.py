@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from streams_here import piped
 
 from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
@@ -26,7 +26,6 @@ from hydro.io.model import from_artefact
 
 ROOT = Path(__file__).resolve().parents[1]
 VEHICLE = ROOT / "datasets" / "vehicles" / "auv151.toml"
-HYDRO = [sys.executable, "-m", "hydro.cli"]
 
 
 def run(*arguments: object) -> tuple[int, str, str]:
@@ -102,15 +101,8 @@ def test_a_session_of_commands_starts_at_rest_at_the_origin(folder):
 def test_a_table_of_commands_needs_no_footer_and_a_pipe_gives_the_bytes_of_the_file(folder):
     assert run("simulate", VEHICLE, folder / "plain.parquet", "-o", folder / "other.parquet")[0] == 0
     assert table.read(folder / "other.parquet").frame.equals(table.read(folder / "raw.parquet").frame)
-    piped = subprocess.run(
-        [*HYDRO, "simulate", str(VEHICLE)],
-        input=(folder / "commands.parquet").read_bytes(),
-        capture_output=True,
-        timeout=300,
-        check=True,
-    )
-    assert piped.stdout == (folder / "raw.parquet").read_bytes()
-    assert piped.stderr == b""
+    done = piped("simulate", VEHICLE, stdin=(folder / "commands.parquet").read_bytes())
+    assert done == (0, (folder / "raw.parquet").read_bytes(), b"")
 
 
 def test_a_raw_table_gives_the_initial_state_and_simulating_again_changes_nothing(folder):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import forked
 import pytest
 from matplotlib.figure import Figure
 
@@ -22,7 +23,16 @@ FULL = "hydro: stdout: no space left on the device: free some and run again\n"
 
 def shell(line: str) -> tuple[str, str]:
     """What a line of the shell prints, where `hydro` and `SAMPLE` are known."""
-    known = f'hydro() {{ "{sys.executable}" -m hydro.cli "$@"; }}; SAMPLE={SAMPLE}; '
+    return command(forked.program(), line)
+
+
+def closed(line: str) -> tuple[str, str]:
+    """The same of a process that inherits its streams closed or open, as the line leaves them."""
+    return command(f"{sys.executable} -m hydro.cli", line)
+
+
+def command(program: str, line: str) -> tuple[str, str]:
+    known = f'hydro() {{ {program} "$@"; }}; SAMPLE={SAMPLE}; '
     done = subprocess.run(["bash", "-c", known + line], cwd=ROOT, capture_output=True, text=True, timeout=120)
     return done.stdout, done.stderr
 
@@ -45,13 +55,13 @@ def test_a_full_disk(command: str) -> None:
 )
 def test_a_closed_stream(command: str, stream: str) -> None:
     told = f"hydro: {stream}: closed: leave it open, or name a file\n"
-    assert shell(f"hydro {command}; echo $?") == ("1\n", told)
+    assert closed(f"hydro {command}; echo $?") == ("1\n", told)
 
 
 def test_closed_streams_that_are_not_needed(tmp_path: Path) -> None:
     line = f"hydro labels $SAMPLE -o {tmp_path}/labels.parquet <&- >&- 2>&-; echo $?"
-    assert shell(line) == ("0\n", "")
-    assert shell(f"hydro check {tmp_path}/labels.parquet; echo $?") == ("0\n", "")
+    assert closed(line) == ("0\n", "")
+    assert closed(f"hydro check {tmp_path}/labels.parquet; echo $?") == ("0\n", "")
 
 
 @pytest.mark.parametrize("command", ["--help", "effects", "labels $SAMPLE"])

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.stats import kendalltau, mannwhitneyu
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
@@ -55,7 +55,7 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
     )
     drawn = _tau(*(np.take_along_axis(values, models, axis=1) for values in again))
     low, high = np.nanpercentile(drawn, INTERVAL)
-    p_value = float(kendalltau(*(values[0] for values in means)).pvalue)
+    p_value = float(scipy.stats.kendalltau(*(values[0] for values in means)).pvalue)
     return Agreement(float(_tau(*means)[0]), float(low), float(high), p_value)
 
 
@@ -66,7 +66,7 @@ def no_better(errors: ArrayLike, best: ArrayLike) -> float:
         errors: One number per network, shape (S,).
         best: Those of the other model, shape (T,).
     """
-    return float(mannwhitneyu(errors, best, alternative="greater", method="exact").pvalue)
+    return float(scipy.stats.mannwhitneyu(errors, best, alternative="greater", method="exact").pvalue)
 
 
 def _tau(first: Array, second: Array) -> Array:

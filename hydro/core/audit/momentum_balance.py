@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
+import scipy
 from scipy.linalg import pinvh
-from scipy.signal import lfilter
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.effects.inertia import ADDED_MASS
@@ -204,7 +204,7 @@ def _tilted(record: Recording) -> Recording:
         rates, seen = record.nu[start:stop, 3:], record.seen[start:stop]
         if not seen[:, 3:5].any() and seen[:, 9:11].any(axis=0).all():
             keep = float(np.exp(-record.dt / LEAK_SECONDS))
-            eta[start:stop, 3:5] = lfilter([record.dt], [1.0, -keep], rates[:, :2], axis=0)
+            eta[start:stop, 3:5] = scipy.signal.lfilter([record.dt], [1.0, -keep], rates[:, :2], axis=0)
     return replace(record, eta=eta)
 
 

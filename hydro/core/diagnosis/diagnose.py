@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import polars as pl
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import (
@@ -422,7 +422,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         if cost < much and not absurd:
             continue
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
-        p = float(fisher.sf(wald, len(entries), max(blocks - len(entries), 1)))
+        p = float(fdtrc(len(entries), max(blocks - len(entries), 1), wald))
         if p <= ALPHA or absurd:
             values, errors = _joint(outcome).table(name)
             there = baseline.given.excess

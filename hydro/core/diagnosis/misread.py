@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.findings import Finding
@@ -93,5 +93,5 @@ def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
 def _differ(one: KinematicTest, other: KinematicTest) -> bool:
     """Whether two recordings show an error of different size, by more than chance and than is negligible."""
     away, spread = one.estimate - other.estimate, one.covariance + other.covariance
-    chance = float(chi2.sf(away @ np.linalg.solve(spread, away), len(away)))
+    chance = float(chdtrc(len(away), away @ np.linalg.solve(spread, away)))
     return chance <= VETO and bool((np.abs(away) > one.negligible).any())

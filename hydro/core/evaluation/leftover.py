@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 
 from hydro.core.columns import POSE, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Mask, Rows
 from hydro.core.effects import columns
@@ -220,7 +220,7 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
         return mean, None, blocks
     errors = np.bincount(number, rows * (values - mean))
     variance = np.sum(errors**2 / (1.0 - count / whole)) / whole**2
-    return mean, float(student.ppf(LEVEL, blocks - 1.0) * np.sqrt(variance)), blocks
+    return mean, float(stdtrit(blocks - 1.0, LEVEL) * np.sqrt(variance)), blocks
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
@@ -231,8 +231,8 @@ def stands_out(bins: pl.DataFrame) -> pl.Series:
     """
     force, high, blocks = bins.select(pl.col("force", "high", "blocks").cast(pl.Float64).fill_null(np.nan))
     freedom = blocks.to_numpy() - 1.0
-    size = np.abs(force.to_numpy()) / (high - force).to_numpy() * student.ppf(LEVEL, freedom)
-    chance = np.nan_to_num(2.0 * student.sf(size, freedom), nan=1.0)
+    size = np.abs(force.to_numpy()) / (high - force).to_numpy() * stdtrit(freedom, LEVEL)
+    chance = np.nan_to_num(2.0 * stdtr(freedom, -size), nan=1.0)
     return pl.Series(chance * bins.height < 2.0 * (1.0 - LEVEL))
 
 

@@ -18,11 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
-from scipy.signal import lfilter
-from scipy.stats import chi2, norm
-from scipy.stats import f as fisher
+from scipy.special import chdtrc, fdtrc, ndtri
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
@@ -91,7 +90,7 @@ class KinematicTest:
     @property
     def visible(self) -> Array:
         """Size from which each entry alone would have shown nine times out of ten, (p,)."""
-        size: Array = (norm.isf(0.5 * SHOWN) + norm.ppf(SEEN)) * self.standard_error
+        size: Array = (ndtri(SEEN) - ndtri(0.5 * SHOWN)) * self.standard_error
         return np.maximum(size, self.negligible)
 
     @property
@@ -122,7 +121,7 @@ class KinematicTest:
     def chance(self, claimed: Array) -> float:
         """Probability that chance alone would put the estimate as far from claimed values."""
         entries = len(self.estimate)
-        return float(fisher.sf(self.distance(claimed) / entries, entries, max(self.blocks - entries, 1)))
+        return float(fdtrc(entries, max(self.blocks - entries, 1), self.distance(claimed) / entries))
 
 
 def shown(test: KinematicTest) -> bool:
@@ -130,7 +129,7 @@ def shown(test: KinematicTest) -> bool:
     size, error = test.estimate, test.standard_error
     if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
         return False  # what no log can have: the pose is late, not the log
-    clear = np.abs(size) > test.negligible + norm.isf(0.5 * SHOWN) * error
+    clear = np.abs(size) > test.negligible - ndtri(0.5 * SHOWN) * error
     return test.p_value <= SHOWN and bool(clear.any()) and _missed(test)
 
 
@@ -140,7 +139,7 @@ def _missed(test: KinematicTest) -> bool:
     Where a log moves along one line alone, scales and angles may turn into one another: the estimate is far
     from nothing then and its linearised errors are small, and without it all fits as well.
     """
-    return float(chi2.sf(test.missed, len(test.estimate))) <= SHOWN
+    return float(chdtrc(len(test.estimate), test.missed)) <= SHOWN
 
 
 def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
@@ -312,8 +311,9 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
         along = (R @ moved.transpose(1, 2, 0)).transpose(1, 0, 2)  # (3, rows, LOG + 1)
         both = np.empty_like(along)
         for i in range(3):
-            both[i] = weight[i] * lfilter([0.5 * dt, 0.5 * dt], [1.0, -keep[i]], along[i], axis=0)
-            placed = lfilter([1.0, -1.0], [1.0, -keep[i]], eta[:, i] - eta[0, i])
+            high_pass = [1.0, -keep[i]]
+            both[i] = weight[i] * scipy.signal.lfilter([0.5 * dt, 0.5 * dt], high_pass, along[i], axis=0)
+            placed = scipy.signal.lfilter([1.0, -1.0], high_pass, eta[:, i] - eta[0, i])
             both[i, :, -1] = weight[i] * placed - both[i, :, -1]
         cut = both[:, late : late + count * length].reshape(3, count, length, LOG + 1)
         gram = np.einsum("ipka,ipkb->pab", cut, cut, optimize=True)

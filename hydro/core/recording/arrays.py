@@ -9,8 +9,8 @@ from typing import TypeVar
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows, checked_commands
 from hydro.core.errors import DataError
@@ -158,10 +158,10 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
         width = min(widest, (stop - start - 1) // 2 * 2 + 1)
         if width >= 5:
             quaternion = steady(quaternion_from_euler(*eta[start:stop, 3:].T))
-            calm = savgol_filter(np.hstack([eta[start:stop, :3], quaternion]), width, 3, axis=0)
+            calm = scipy.signal.savgol_filter(np.hstack([eta[start:stop, :3], quaternion]), width, 3, axis=0)
             eta[start:stop, :3] = calm[:, :3]
             eta[start:stop, 3:] = euler_from_quaternion(calm[:, 3:])
-            nu[start:stop] = savgol_filter(nu[start:stop], width, 3, axis=0)
+            nu[start:stop] = scipy.signal.savgol_filter(nu[start:stop], width, 3, axis=0)
     return eta, nu
 
 

@@ -7,7 +7,7 @@ A constant difference of turning is a gyro's bias.  The velocities along the axe
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from hydro.core.columns import Array
 from hydro.core.recording.arrays import Recording
@@ -57,6 +57,6 @@ def rate_bias(record: Recording) -> Array:
         columns = np.column_stack([np.ones(len(starts)), rate[:, axis]])
         found, *_ = np.linalg.lstsq(columns, error[:, axis], rcond=None)
         spread = np.linalg.pinv(columns.T @ columns) * np.var(error[:, axis] - columns @ found)
-        if abs(found[0]) > max(PLAIN_BIAS, norm.isf(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
+        if abs(found[0]) > max(PLAIN_BIAS, -ndtri(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
             bias[axis] = found[0]
     return bias

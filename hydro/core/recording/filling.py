@@ -7,7 +7,7 @@ position that was never measured from the sum of the velocities.  What neither s
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
+import scipy
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
@@ -76,7 +76,7 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
 
 def slope_noise(dt: float) -> float:
     """Standard deviation of the slope of a pose with white noise of 1 [1/s]."""
-    return float(np.linalg.norm(savgol_coeffs(max(_width(dt), 5), 3, deriv=1, delta=dt)))
+    return float(np.linalg.norm(scipy.signal.savgol_coeffs(max(_width(dt), 5), 3, deriv=1, delta=dt)))
 
 
 def _width(dt: float) -> int:
@@ -89,7 +89,7 @@ def _slope(values: Array, dt: float) -> Array:
     width = min(_width(dt), (len(values) - 1) // 2 * 2 + 1)
     if width < 5 or not values.size:  # scipy refuses an array without columns
         return np.zeros_like(values)
-    slope: Array = savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)
+    slope: Array = scipy.signal.savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)
     return slope
 
 

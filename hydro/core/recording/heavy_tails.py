@@ -36,9 +36,8 @@ from functools import cache
 
 import numpy as np
 import polars as pl
-from scipy.signal import savgol_coeffs, savgol_filter
-from scipy.special import gamma, kv
-from scipy.stats import t as student
+import scipy
+from scipy.special import gamma, kv, stdtr
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, evenly_spaced, samples
@@ -104,7 +103,7 @@ class Tail:
 
     def plausible(self, error: Array, count: int) -> Mask:
         """Which errors the greatest of so many samples may well be."""
-        beyond = count * 2.0 * student.sf(np.abs(error) / self.scale, self.freedom)
+        beyond = count * 2.0 * stdtr(self.freedom, -np.abs(error) / self.scale)
         return np.asarray(beyond >= PLAUSIBLE)
 
 
@@ -158,14 +157,14 @@ def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array]
     width = tail.width
     pseudo = [part.copy() for part in parts]
     long = [i for i, part in enumerate(parts) if len(part) >= width]
-    kept = 1.0 - float(savgol_coeffs(width, 3)[width // 2])  # of a sample's variance, off the cubic
+    kept = 1.0 - float(scipy.signal.savgol_coeffs(width, 3)[width // 2])  # of the variance, off the cubic
     for _ in range(TURNS):
-        motion = [savgol_filter(pseudo[i], width, 3) for i in long]
+        motion = [scipy.signal.savgol_filter(pseudo[i], width, 3) for i in long]
         z = [(parts[i] - smooth) / tail.scale for i, smooth in zip(long, motion, strict=True)]
         reach = tail.scale / float(tail.slope(np.concatenate(z) / np.sqrt(kept)).mean())
         for i, smooth, off in zip(long, motion, z, strict=True):
             pseudo[i] = smooth + reach * tail.score(off)
-    left = np.concatenate([pseudo[i] - savgol_filter(pseudo[i], width, 3) for i in long])
+    left = np.concatenate([pseudo[i] - scipy.signal.savgol_filter(pseudo[i], width, 3) for i in long])
     return pseudo, float(np.sqrt(np.mean(left**2) / kept))
 
 
@@ -242,7 +241,7 @@ def _misfit(parts: Sequence[Array], tail: Tail) -> float:
     """
     pseudo, _ = pseudo_observations(parts, tail)
     whole = max(tail.width, FINE[0])
-    cubic, fine = (_centred(savgol_coeffs(*shape), whole) for shape in ((tail.width, 3), FINE))
+    cubic, fine = (_centred(scipy.signal.savgol_coeffs(*shape), whole) for shape in ((tail.width, 3), FINE))
     noise = _power(pseudo, _centred(np.ones(1), whole) - fine)
     return _power(pseudo, cubic - fine) / noise
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from hydro.core.columns import Array
 from hydro.core.distillation.features import CROSS, features
@@ -68,7 +68,9 @@ class Flow:
         for start, stop in record.segments:
             width = min(widest, (stop - start - 1) // 2 * 2 + 1)
             if width >= 5:
-                rate[start:stop] = savgol_filter(nu[start:stop], width, 3, deriv=1, delta=record.dt, axis=0)
+                rate[start:stop] = scipy.signal.savgol_filter(
+                    nu[start:stop], width, 3, deriv=1, delta=record.dt, axis=0
+                )
         return cls(nu, rate, rotation(*shots.eta[:, 3:].T)[:, 2])
 
     @property

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from hydro.core.columns import Array
 from hydro.core.effects.waves import COMPONENTS, WAVES, harmonics
@@ -97,7 +97,7 @@ class SeaState:
     @property
     def p_value(self) -> float:
         """That a continuum alone would look like it at some period."""
-        return float(min(STARTS * chi2.sf(self.telling, len(self.values)), 1.0))
+        return float(min(STARTS * chdtrc(len(self.values), max(self.telling, 0.0)), 1.0))
 
     @property
     def errors(self) -> dict[str, float]:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
@@ -155,7 +155,10 @@ def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
     kicks = rng.standard_normal((rows, 6)) * np.sqrt(1.0 - keep**2)
     start = rng.standard_normal(6)
     walk = np.column_stack(
-        [lfilter([1.0], [1.0, -keep[i]], kicks[:, i], zi=[keep[i] * start[i]])[0] for i in range(6)]
+        [
+            scipy.signal.lfilter([1.0], [1.0, -keep[i]], kicks[:, i], zi=[keep[i] * start[i]])[0]
+            for i in range(6)
+        ]
     )
     clipped: Array = np.clip(sigma * walk, -1.0, 1.0)
     return clipped
@@ -231,5 +234,5 @@ def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
 def _smooth(demand: Array, dt: float, constant: float = 0.25) -> Array:
     """First-order low-pass from rest, so that no demand jumps."""
     keep = math.exp(-dt / constant)
-    smooth: Array = lfilter([1.0 - keep], [1.0, -keep], demand, axis=0)
+    smooth: Array = scipy.signal.lfilter([1.0 - keep], [1.0, -keep], demand, axis=0)
     return smooth

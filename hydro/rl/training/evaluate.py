@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from hydro.core.columns import Array
 from hydro.rl.environment.fleet import Fleet
@@ -205,5 +205,5 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
 
 def interval(successes: int, trials: int) -> tuple[float, float]:
     """Wilson's interval of a share, 95 %."""
-    found = binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
+    found = scipy.stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
     return float(found.low), float(found.high)
