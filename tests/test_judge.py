@@ -130,6 +130,12 @@ def test_an_addition_helps_where_it_halves_the_error_above_the_floor(after, trut
     assert score([finding("payload", 0.95, **errors)]).helped is helped
 
 
+def test_all_stated_findings_are_added_where_several_effects_are_hidden():
+    errors = {"before": 0.2, "floor": 0.1, "with_truth": 0.1, "after_top": 0.19, "after": 0.11}
+    assert score([finding("payload", 0.95, called=["payload", "tether"], **errors)]).helped
+    assert not score([finding("payload", 0.95, called=["payload"], **errors)]).helped
+
+
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30))
 def test_interval_of_paired_shares_holds_the_difference_and_is_never_empty(gained, lost, same):
     if gained + lost + same == 0:

@@ -25,7 +25,7 @@ SHARES: Mapping[str, Fact] = {
     "with a wrong statement": lambda one: one.wrong,
     "alarm": lambda one: None if one.changed or one.outside else one.alarm,
     "called unknown": lambda one: one.unexplained if one.outside else None,
-    "top finding helps": lambda one: one.helped,
+    "adding helps": lambda one: one.helped,
 }
 """Shares of studies by their name; None leaves a study out."""
 Number = Callable[[Score], float | None]

@@ -21,7 +21,7 @@ from benchmarks.judge.scores import Score, score
 from hydro.core.diagnosis import before, confidence, contenders, findings, imperfect, transfer
 from hydro.core.diagnosis.before import Change
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.model import penalty
 from hydro.core.evaluation.block_resampling import weights
 
 Row = dict[str, Any]
@@ -173,12 +173,8 @@ def _steps(tried: Sequence[Row]) -> Iterator[tuple[Row, list[Row]]]:
 
 def _penalised(row: Row) -> np.ndarray:
     """Return the penalised cost of each kept block, as `Model.penalised` has it of each shot."""
-    shots, blocks = row["shots"], np.array(row["costs"], float)
-    model = SimpleNamespace(
-        costs=np.zeros(shots), values=np.zeros(row["entries"]), normal=SimpleNamespace(chi2=row["chi2"])
-    )
-    fine = cast(Any, Model.penalised).fget(model).sum()
-    return np.asarray(blocks + fine / len(blocks))
+    blocks = np.array(row["costs"], float)
+    return np.asarray(blocks + penalty(row["shots"], row["entries"], row["chi2"]) / len(blocks))
 
 
 def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:

@@ -150,11 +150,13 @@ class Score:
 
     @property
     def helped(self) -> bool | None:
-        """Whether adding the first finding halves the error above the floor, where the true effects would.
+        """Return whether adding findings halves the error above the floor, where the true effects would.
 
-        None where they would not, or where it is not known.
+        What is added is the first finding, or all stated findings where several effects are hidden.  None
+        where the true effects would not halve the error, or where it is not known.
         """
-        before, floor, truth, after = (self.row[k] for k in ("before", "floor", "with_truth", "after_top"))
+        added = "after" if len(self.row["called"] or ()) > 1 else "after_top"
+        before, floor, truth, after = (self.row[k] for k in ("before", "floor", "with_truth", added))
         if None in (before, floor, truth) or not before > floor:
             return None
         if truth - floor > HALVED * (before - floor):

@@ -20,7 +20,7 @@ from scipy.special import expit
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.findings import SURE, Finding
-from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.experiment.advice import suspecting
@@ -68,12 +68,46 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
     Returns:
         The best and all that are tied with it, the most frequent winner first.
     """
-    size = max(block_length(rivals[best].normal.score), 2)
-    blocks = block_sums(np.stack([model.penalised for model in rivals.values()], axis=1), size)
-    winner = np.argmin(weights(len(blocks), RESAMPLES, seed) @ blocks, axis=1)
-    part = dict(zip(rivals, np.bincount(winner, minlength=len(rivals)) / RESAMPLES, strict=True))
+    costs = np.stack([model.penalised for model in rivals.values()], axis=1)
+    part = dict(zip(rivals, _wins(costs, rivals[best].normal, seed), strict=True))
     tied = [name for name in rivals if part[name] >= TIED or name == best]
     return {name: float(part[name]) for name in sorted(tied, key=lambda name: -part[name])}
+
+
+def change_frequency(normal: Normal, entries: Sequence[int], change: Array, seed: int = 0) -> float:
+    """Return the share of the resamples in which changed values of one effect win over the file's.
+
+    Where the effect keeps the file's values, all other parameters move to their best values beside it.
+
+    Args:
+        normal: The joint fit, with the changed values.
+        entries: The parameters of the effect.
+        change: Their change from the file's values, in units of the parameters, (len(entries),).
+        seed: Of the weights.
+    """
+    count, own = normal.gram.shape[1] - 1, np.array(entries)
+    others = np.setdiff1d(np.arange(count), own)
+    matrix, score = normal.matrix.sum(axis=0), normal.score.sum(axis=0)
+    step = np.zeros(count)
+    step[own] = -change
+    held = matrix[np.ix_(others, others)] + PRIOR**-2 * np.eye(len(others))
+    step[others] = np.linalg.solve(held, score[others] - matrix[np.ix_(others, own)] @ step[own])
+    costs, shots = normal.gram[:, -1, -1], len(normal.gram)
+    unchanged = normal.expected(step) - penalty(shots, len(own), normal.chi2) / shots
+    return float(_wins(np.stack([costs, unchanged], axis=1), normal, seed)[0])
+
+
+def _wins(costs: Array, best: Normal, seed: int) -> Array:
+    """Return the share of the resamples in which each of several models costs least, (M,).
+
+    Args:
+        costs: Squared residual of each shot and model, with fines, (S, M).
+        best: The model whose residuals say how long a block is.
+        seed: Of the weights.
+    """
+    blocks = block_sums(costs, max(block_length(best.score), 2))
+    winner = np.argmin(weights(len(blocks), RESAMPLES, seed) @ blocks, axis=1)
+    return np.bincount(winner, minlength=costs.shape[1]) / RESAMPLES
 
 
 def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> tuple[float, float, float]:
@@ -286,8 +320,12 @@ def outshone(findings: Sequence[Finding], left: float) -> list[Finding]:
 
 
 def stated(finding: Finding) -> Finding:
-    """The finding as a suspect, where its name is less sure than a statement has to be."""
-    if finding.verdict != "missing" or finding.confidence >= SURE:
+    """Return the finding as a suspect where its name is less sure than a statement has to be.
+
+    Of effects that the recording does not tell apart, it is the whole group that has to be as sure.
+    """
+    group = finding.support if finding.verdict == "cannot_tell_apart" else 1.0
+    if finding.verdict not in ("missing", "cannot_tell_apart") or finding.confidence >= SURE * group:
         return finding
     return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
 

@@ -34,6 +34,7 @@ from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     RIGHT,
     by_likelihood_confidence,
+    change_frequency,
     doubted,
     explained_share,
     outshone,
@@ -425,6 +426,8 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         p = float(fdtrc(len(entries), max(blocks - len(entries), 1), wald))
         if p <= ALPHA or absurd:
             values, errors = _joint(outcome).table(name)
+            frequency = change_frequency(model.normal, entries, change)
+            sure = by_likelihood_confidence(frequency, model.normal.chi2, in_waves=baseline.sea is not None)
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
             yield Finding(
@@ -432,6 +435,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 name,
                 (name,),
                 share,
+                confidence=no_surer(sure, _joint(outcome).vehicle, name, errors),
                 p_value=p,
                 parameters=values,
                 standard_errors=errors,

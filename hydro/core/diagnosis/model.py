@@ -109,13 +109,24 @@ class Model:
 
     @property
     def penalised(self) -> Array:
-        """Costs of the shots with a fine for each parameter (Schwarz 1978, a shot as one observation), (S,).
-
-        Of two effects of which one can be all that the other is, the smaller is named unless both tell more.
-        """
-        fine = np.log(len(self.costs)) * len(self.values) * max(self.normal.chi2, 1.0)
-        penalised: Array = self.costs + fine / len(self.costs)
+        """Costs of the shots with the penalty for all parameters, in equal parts, (S,)."""
+        shots = len(self.costs)
+        penalised: Array = self.costs + penalty(shots, len(self.values), self.normal.chi2) / shots
         return penalised
+
+
+def penalty(shots: int, parameters: int, chi2: float) -> float:
+    """Return Schwarz's penalty for parameters (1978), in units of a squared residual.
+
+    A shot counts as one observation. So of two effects of which one includes the other, the smaller wins
+    unless the larger explains more.
+
+    Args:
+        shots: Number of shots.
+        parameters: Number of parameters.
+        chi2: Mean squared residual in units of the noise; the penalty grows with it beyond 1.
+    """
+    return float(np.log(shots) * parameters * max(chi2, 1.0))
 
 
 def fit_model(

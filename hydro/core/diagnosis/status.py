@@ -27,8 +27,9 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
             hull model; None of a diagnosis without one.
     """
     changed = left is not None
-    stated = [one for one in findings if one.verdict in STATED]
-    suspected = [one for one in findings if one.verdict == "suspect"]
+    named = [one for one in findings if one.verdict in (*STATED, "suspect")]
+    suspected = [one for one in named if _is_unsure(one)]
+    stated = [one for one in named if one not in suspected]
     faults = [f"The log has a fault: {one.advice}." for one in findings if one.verdict == "log_fault"]
     remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > RIGHT)
     if stated:
@@ -52,6 +53,11 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
         )
     noise = "The model predicts this log to within its noise."
     return Status("nothing", "Nothing is missing", (noise, *faults))
+
+
+def _is_unsure(one: Finding) -> bool:
+    """Return whether a finding is a suspect, or other values of the file's that may as well be right."""
+    return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
 def _likely(one: Finding) -> float:

@@ -141,6 +141,34 @@ def test_a_clear_winner_stands_alone():
     assert found == {"best": 1.0}
 
 
+def test_a_change_of_the_files_values_wins_as_often_as_it_is_needed():
+    columns, noise = drawn(3)
+    for truth, expected in ((0.0, 0.0), (1.0, 1.0)):
+        model = fitted(columns, columns @ [0.5, -0.3, truth] + noise)
+        assert confidence.change_frequency(model.normal, [2], model.amounts[[2]]) == pytest.approx(
+            expected, abs=0.05
+        )
+    even = np.sqrt(np.log(SHOTS) / (columns[..., 2] ** 2).sum())  # of which the gain is just the penalty
+    columns[..., 2] -= (
+        columns[..., :2] @ np.linalg.lstsq(columns[..., :2].reshape(-1, 2), columns[..., 2].ravel())[0]
+    )
+    noise -= columns @ np.linalg.lstsq(columns.reshape(-1, 3), noise.ravel())[0]
+    model = fitted(columns, columns @ [0.5, -0.3, even] + noise)
+    assert confidence.change_frequency(model.normal, [2], model.amounts[[2]]) == pytest.approx(0.5, abs=0.15)
+
+
+def test_other_parameters_move_to_where_least_squares_has_them_beside_the_files_values(monkeypatch):
+    columns, noise = drawn(4)
+    columns[..., 1] += columns[..., 2]  # what one loses the other takes up
+    error = columns @ [0.5, -0.3, 0.1] + noise
+    model, seen = fitted(columns, error), []
+    monkeypatch.setattr(confidence, "_wins", lambda costs, *_: seen.append(costs) or np.zeros(2))
+    monkeypatch.setattr(confidence, "penalty", lambda *_: 0.0)
+    confidence.change_frequency(model.normal, [2], model.amounts[[2]])
+    without = fitted(columns[..., :2], error)
+    np.testing.assert_allclose(seen[0][:, 1], without.normal.gram[:, -1, -1], rtol=1e-5)
+
+
 def test_the_interval_of_a_share_covers_it_as_often_as_promised():
     covered = []
     for seed in range(150):
@@ -188,16 +216,19 @@ def test_effects_that_stand_for_themselves_keep_their_shares():
 
 
 @pytest.mark.parametrize(
-    ("verdict", "sure", "told"),
+    ("verdict", "sure", "support", "told"),
     [
-        ("missing", 0.89, "suspect"),
-        ("missing", 0.9, "missing"),
-        ("cannot_tell_apart", 0.6, "cannot_tell_apart"),
+        ("missing", 0.89, 0.95, "suspect"),
+        ("missing", 0.9, 0.95, "missing"),
+        ("cannot_tell_apart", 0.6, 0.6, "cannot_tell_apart"),
+        ("cannot_tell_apart", 0.5, 0.6, "suspect"),
     ],
 )
-def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, told):
+def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, support, told):
     words = "add it with `hydro add`; a lift"
-    found = stated(Finding(verdict, "body_lift", ("body_lift",), 0.5, confidence=sure, advice=words))
+    found = stated(
+        Finding(verdict, "body_lift", ("body_lift",), 0.5, confidence=sure, support=support, advice=words)
+    )
     assert found.verdict == told
     assert ("--effect body_lift" in found.advice) == (told == "suspect")
 
