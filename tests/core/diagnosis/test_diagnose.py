@@ -340,7 +340,7 @@ def test_values_beyond_belief_are_told_however_little_they_cost(known, times):
     normal = Normal(gram, 1000, np.ones((100, 12)), np.zeros((100, 0, 7)))
     fit = with_uncertainty(unknown, values, normal, 1.0, "output")
     given = SimpleNamespace(excess=1e6)
-    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), given=given)
+    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), given=given, sea=None)
     model = Model(unknown, values, None, normal)
     told = list(_retuned(baseline, SimpleNamespace(model=model, fit=fit, found=())))
     assert [one.verdict for one in told] == ["retune"] * (times == 80.0)
