@@ -39,7 +39,8 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
     if suspected:
         best = max(suspected, key=_likely)
         told = [f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."]
-        rest = ["No effect explains all of the error."] if remains and not np.isnan(best.confidence) else []
+        formula = np.isnan(best.confidence) and not changed  # which explains all that others do
+        rest = ["No effect explains all of the error."] if remains and not formula else []
         return Status("uncertain", "Not certain", (*told, *rest, *faults))
     if remains:
         return Status(
