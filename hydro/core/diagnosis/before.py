@@ -54,7 +54,7 @@ RESAMPLES = 2000
 MOST_CHANGES = 3
 CHANCE = 0.03
 """Mean margin by which the best candidate is ahead by chance, in floors: by the error of the hull model,"""
-UNKNOWN = 0.2
+UNKNOWN = 0.3
 """by the residual that remains, for each floor beyond one, which any rival may explain,"""
 INEXACT = 0.01
 """and by errors in the formulas of changes found before, for each floor that these removed."""
