@@ -38,7 +38,7 @@ def serve(
             min=0.0,
             metavar="S",
             show_default=False,
-            help="End after so long without a packet.",
+            help="End after so long without a frame.",
         ),
     ] = None,
 ) -> None:
@@ -47,8 +47,9 @@ def serve(
     With --ardusub it speaks the JSON interface of ArduPilot's SITL over UDP: each frame of servo outputs
     moves the vehicle by 1/frame_rate, 0.05 s at most, and is answered with timestamp, imu, position, velocity
     and attitude. SITL waits for the answers and so sets the pace. 1100, 1500 and 1900 us are the commands -1,
-    0 and 1. Frames with a smaller number begin the vehicle anew, repeated ones are answered again, and
-    packets that are no frames are dropped; Ctrl-C ends and says how many there were.
+    0 and 1. Frames with a smaller number begin the vehicle anew, and repeated ones are answered again.
+    Packets that are no frames are dropped, and so are frames of a second client while the first one sends.
+    Ctrl-C ends and says how many there were.
     """
     from hydro.export import ardusub as sitl
     from hydro.io import vehicle as vehicles

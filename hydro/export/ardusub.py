@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import socket
 import struct
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,6 +37,9 @@ DATAGRAM = 2048
 """Bytes read of a packet; a frame has 72 at most, and a longer packet is none."""
 WAIT = 0.2
 """Between two looks at whether to end [s]."""
+SILENCE = 1.0
+"""Time without a frame from one client after which another may take its place [s]: SITL sends hundreds a
+second, and uses another port after a restart."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,8 @@ class Counts:
         repeated: Frames that came again, and were answered again.
         lost: Numbers of frames that were left out.
         restarts: Of SITL, after each of which the vehicle began anew.
+        others: Frames of other clients, which are dropped while one is served.
+        unanswered: Frames whose sender cannot be reached.
     """
 
     frames: int = 0
@@ -107,12 +113,18 @@ class Counts:
     repeated: int = 0
     lost: int = 0
     restarts: int = 0
+    others: int = 0
+    unanswered: int = 0
 
     def words(self) -> str:
         """In one line."""
-        return (
-            f"{self.frames:,} frames, {self.malformed:,} malformed packets dropped, {self.repeated:,} frames "
-            f"repeated, {self.lost:,} lost, {self.restarts:,} restarts"
+        rare = {"frames of other clients dropped": self.others, "not answered": self.unanswered}
+        return ", ".join(
+            [
+                f"{self.frames:,} frames, {self.malformed:,} malformed packets dropped",
+                f"{self.repeated:,} frames repeated, {self.lost:,} lost, {self.restarts:,} restarts",
+                *(f"{count:,} {words}" for words, count in rare.items() if count),
+            ]
         )
 
 
@@ -189,7 +201,7 @@ def serve(
         host: Address to listen on; by default the machine's own alone.
         port: UDP port; 0 is any free one.
         ready: Called with the port, once it listens.
-        ended: Asked after every packet, and while there is none, with the time since the last one [s].
+        ended: Asked after every packet, and while there is none, with the time since the last frame [s].
 
     Raises:
         DataError: The address cannot be listened on, or the motion diverges.
@@ -203,15 +215,24 @@ def serve(
             ) from None
         endpoint.settimeout(WAIT)
         ready(endpoint.getsockname()[1])
-        idle = 0.0
-        while not ended(idle):
+        client, last = None, time.monotonic()
+        while not ended(time.monotonic() - last):
             try:
                 packet, sender = endpoint.recvfrom(DATAGRAM)
-            except TimeoutError:
-                idle += WAIT
+            except (
+                TimeoutError,
+                ConnectionError,
+            ):  # nothing came, or the client that was answered last has gone
                 continue
-            except ConnectionError:  # whoever was answered last has gone
+            if frame(packet) is not None and sender != client:
+                if client is not None and time.monotonic() - last < SILENCE:
+                    sub.counts.others += 1
+                    continue
+                client = sender
+            if (said := sub.receive(packet)) is None:
                 continue
-            idle = 0.0
-            if (said := sub.receive(packet)) is not None:
+            last = time.monotonic()
+            try:
                 endpoint.sendto(said, sender)
+            except OSError:  # such as a source port of 0
+                sub.counts.unanswered += 1

@@ -145,6 +145,46 @@ def test_frames_that_come_again_are_answered_and_smaller_numbers_begin_anew(serv
     assert "4 frames, 0 malformed packets dropped, 1 frames repeated, 2 lost, 1 restarts" in counts.words()
 
 
+def test_a_second_client_neither_moves_nor_restarts_the_vehicle(served):
+    client, sub = served
+    other = Client(client.server[1])
+    client.ask(packet(5, [1500] * 16))
+    other.send(packet(0, [1600] * 16))
+    assert client.ask(packet(6, [1500] * 16))["timestamp"] == pytest.approx(2 / RATE)
+    assert (sub.counts.others, sub.counts.restarts) == (1, 0)
+    assert "1 frames of other clients dropped" in sub.counts.words()
+    other.endpoint.close()
+
+
+def test_a_sender_that_cannot_be_answered_ends_nothing_and_junk_does_not_keep_it_awake(datasets, monkeypatch):
+    """A source port of 0 is legal in UDP, and no packet can be sent there."""
+    sub = Sub(vehicle(datasets, "bluerov2_heavy"), channels("1,2,3,4,5,6,7,8", 8))
+
+    class Endpoint:
+        def __init__(self, *_):
+            self.packets = [packet(0, [1500] * 16)]
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_): ...
+        def bind(self, _): ...
+        def settimeout(self, _): ...
+        def getsockname(self):
+            return ("127.0.0.1", 1)
+
+        def recvfrom(self, _):
+            return (self.packets.pop() if self.packets else b"junk"), ("127.0.0.1", 0)
+
+        def sendto(self, *_):
+            raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(ardusub.socket, "socket", Endpoint)
+    ardusub.serve(sub, ended=lambda idle: idle >= 0.2)
+    assert (sub.counts.frames, sub.counts.unanswered) == (1, 1)
+    assert sub.counts.malformed > 0
+
+
 def test_thirty_two_outputs_and_reversed_ones(datasets):
     craft = vehicle(datasets, "bluerov2_heavy")
     wide = Sub(craft, channels("25,26,27,28,29,30,31,32", 8))
