@@ -103,11 +103,12 @@ def check_file(destination: str | Path) -> None:
         DataError: it is a folder, or its folder is missing or cannot be written to.
     """
     name = os.fspath(destination)
-    target = Path(os.path.realpath(name))
-    if target.is_dir():
-        raise explained(name, IsADirectoryError(errno.EISDIR, "is a folder"))
-    if not target.exists() or target.is_file():
-        _check_writable(name, target.parent)
+    try:
+        found = _found(name)
+    except OSError as error:
+        raise explained(name, error) from error
+    if found is None or stat.S_ISREG(found.st_mode):
+        _check_writable(name, Path(os.path.realpath(name)).parent)
 
 
 def check_folder(destination: str | Path) -> None:
@@ -138,21 +139,20 @@ def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
     """Open a temporary file beside `destination` and rename it when the block ends well.
 
     Whatever ends the block early (an error, Ctrl-C) removes the temporary file and leaves a former file at
-    `destination` as it was.  A symbolic link is followed; a device or named pipe is written to directly.
+    `destination` as it was.  The new file has the rights of the former one, and takes the place of none that
+    may not be written.  A symbolic link is followed; a device or a pipe is written to directly.
 
     Raises:
         DataError: the operating system refused; the line says what to do.
     """
     name = os.fspath(destination)
     try:
-        target = Path(os.path.realpath(name))
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "is a folder")
-        if target.exists() and not target.is_file():
-            with open(target, "wb") as device:
+        found = _found(name)
+        if found is not None and not stat.S_ISREG(found.st_mode):
+            with open(name, "wb") as device:
                 yield device
             return
-        with _replacing(target) as stream:
+        with _replacing(Path(os.path.realpath(name)), found) as stream:
             yield stream
     except BrokenPipeError:
         raise
@@ -160,14 +160,35 @@ def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
         raise explained(name, error) from error
 
 
+def _found(name: str) -> os.stat_result | None:
+    """Return what is at a place that is to be written; None where nothing is.
+
+    The system follows links, as that of /dev/stdout to a pipe, which has no path of its own.
+
+    Raises:
+        OSError: It is a folder, or may not be written.
+    """
+    try:
+        found = os.stat(name)
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "is a folder")
+    if not os.access(name, os.W_OK):
+        raise PermissionError(errno.EACCES, "permission denied")
+    return found
+
+
 @contextlib.contextmanager
-def _replacing(target: Path) -> Iterator[BinaryIO]:
-    """The temporary file that takes the place of `target` at the end, with the rights of any new file."""
+def _replacing(target: Path, former: os.stat_result | None) -> Iterator[BinaryIO]:
+    """Yield the temporary file that takes the place of `target` at the end, with the rights of the former."""
     ours = f".{target.name}.{_machine()}-"
     _sweep(target.parent, ours)
     temporary = target.with_name(f"{ours}{os.getpid()}-{secrets.token_hex(2)}{_UNFINISHED}")
     try:
         with open(temporary, "xb") as stream:
+            if former is not None:
+                os.chmod(temporary, stat.S_IMODE(former.st_mode))
             yield stream
             stream.flush()
             os.fsync(stream.fileno())

@@ -53,6 +53,34 @@ def test_the_rights_are_those_of_any_new_file(tmp_path: Path) -> None:
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o640
 
 
+@pytest.mark.parametrize("mode", [0o600, 0o664])
+def test_a_file_that_is_replaced_keeps_its_rights(target: Path, mode: int) -> None:
+    target.chmod(mode)
+    write_bytes(NEW, target)
+    assert stat.S_IMODE(target.stat().st_mode) == mode
+
+
+def test_a_file_that_may_not_be_written_is_not_replaced(target: Path, monkeypatch) -> None:
+    """The super-user may write any file, so the system's answer is that of another user."""
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != target)
+    with pytest.raises(DataError, match=r"permission denied: change the file's rights"):
+        write_bytes(NEW, target)
+    with pytest.raises(DataError, match=r"permission denied"):
+        files.check_file(target)
+    assert untouched(target)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="there are no paths of open files")
+def test_an_open_pipe_is_written_to_by_its_path() -> None:
+    """As the shell names it in `-o /dev/stdout | cat` and `-o >(cat)`."""
+    reader, writer = os.pipe()
+    with os.fdopen(reader, "rb") as end, os.fdopen(writer, "wb") as own:
+        files.check_file(f"/dev/fd/{writer}")
+        write_bytes(NEW, f"/dev/fd/{writer}")
+        own.close()
+        assert end.read() == NEW
+
+
 @pytest.mark.parametrize("failure", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
 @pytest.mark.parametrize("call", ["fsync", "replace"])
 def test_a_failure_leaves_nothing_behind(
