@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import subprocess
@@ -12,6 +13,7 @@ import forked
 import pytest
 from matplotlib.figure import Figure
 
+from hydro.commands import streams
 from hydro.core.errors import DataError
 from hydro.report.figures import save
 
@@ -62,6 +64,19 @@ def test_closed_streams_that_are_not_needed(tmp_path: Path) -> None:
     line = f"hydro labels $SAMPLE -o {tmp_path}/labels.parquet <&- >&- 2>&-; echo $?"
     assert closed(line) == ("0\n", "")
     assert closed(f"hydro check {tmp_path}/labels.parquet; echo $?") == ("0\n", "")
+
+
+def test_an_error_that_is_no_write_is_not_blamed_on_stdout(tmp_path: Path, monkeypatch) -> None:
+    told = streams.failure(OSError(errno.EINVAL, "Invalid argument"))
+    assert told == "invalid argument: the operating system refused; --debug shows where"
+    full = OSError(errno.ENOSPC, "No space left on device")
+    assert streams.failure(full).startswith("stdout: no space left")
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    told = streams.failure(OSError(errno.ENOENT, "No such file or directory"))
+    assert told == "the working directory has been removed: change to another one and run again"
 
 
 @pytest.mark.parametrize("command", ["--help", "effects", "labels $SAMPLE"])

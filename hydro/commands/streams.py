@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import sys
@@ -16,6 +17,10 @@ from hydro.core.errors import HydroWarning
 
 _STREAMS = (("stdin", os.O_WRONLY, "r"), ("stdout", os.O_RDONLY, "w"), ("stderr", os.O_WRONLY, "w"))
 """Name, how the null device takes its place when it is closed, and how it is used."""
+
+
+_OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF, errno.ENXIO}
+"""Errors of a write; what prints is the only writer that names no file."""
 
 
 def replace_closed() -> None:
@@ -49,10 +54,16 @@ def warnings_in_one_line() -> Iterator[None]:
 
 
 def failure(error: OSError) -> str:
-    """What is said of a stream that the operating system refused: writes to files name theirs."""
+    """Return the line on an error of the operating system that names no file: writes to files name theirs."""
     from hydro.io.files import explained
 
-    return str(explained("stdout", error))
+    if error.errno in _OF_WRITING:
+        return str(explained("stdout", error))
+    try:
+        os.getcwd()
+    except OSError:
+        return "the working directory has been removed: change to another one and run again"
+    return f"{(error.strerror or str(error)).lower()}: the operating system refused; --debug shows where"
 
 
 def leave() -> None:
