@@ -55,6 +55,7 @@ def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
         raise DataError(f"{name}: not a table: its first line should name columns, separated by commas")
     if twice := sorted({column for column in names if names.count(column) > 1}):
         raise DataError(f"{name}: column {shown(twice[0])} appears twice: rename or drop one")
+    text = _without_torn_row(text, end, len(names), separator, options)
     Expansion(name, len(content)).add(_CELL * len(names) * (text.count("\n", end) + 1))
     plain = separator.join(f"c{place}" for place in range(len(names)))
     try:
@@ -91,6 +92,18 @@ def _text(content: bytes, options: Options) -> str:
                 f"{options.name}: not UTF-8 text (byte {error.start}): save the log as UTF-8, or as Parquet"
             ) from error
     return text.replace("\r", "\n") if "\r" in text and "\n" not in text else text
+
+
+def _without_torn_row(text: str, start: int, columns: int, separator: str, options: Options) -> str:
+    """Return a table without a last row that has too few cells and no end of line: its writer was cut off."""
+    begin = max(text.rfind("\n") + 1, start)
+    row = text[begin:]
+    if not row.strip() or row.startswith("#") or '"' in row or columns <= row.count(separator) + 1:
+        return text
+    options.notes.append(
+        f"the last row is cut off after {row.count(separator) + 1} of {columns} cells and is left out"
+    )
+    return text[:begin]
 
 
 def _lines(text: str, start: int = 0) -> Iterator[tuple[str, int]]:

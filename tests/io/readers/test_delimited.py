@@ -52,6 +52,15 @@ def test_more_fields_than_names_are_no_damage():
     assert "damaged" not in str(caught.value)
 
 
+def test_a_last_row_that_is_cut_off_is_left_out_with_a_note():
+    found = read("t,x,y\n0,1.5,2.5\n1,2")
+    assert numbers(found, "x") == [1.5]
+    assert found.notes == ("the last row is cut off after 2 of 3 cells and is left out",)
+    whole = read("t,x,y\n0,1.5,2.5\n1,2,3")
+    assert numbers(whole, "y") == [2.5, 3.0]
+    assert whole.notes == ()
+
+
 # NUL bytes
 
 
