@@ -42,6 +42,7 @@ from hydro.commands import (
     study,
     vehicle,
 )
+from hydro.commands import help as help_
 
 HELP = """Find the physics that an underwater vehicle model lacks, and simulate it.
 
@@ -134,7 +135,8 @@ def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str], se
     for command, example in commands.items():
         summary = (command.__doc__ or "").partition("\n")[0]
         name = command.__name__.removesuffix("_")
-        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}", rich_help_panel=section)(
+        text = help_.example(example)
+        home.command(name, cls=help_.Screen, short_help=summary, epilog=text, rich_help_panel=section)(
             places.checked(command)
         )
 
