@@ -34,6 +34,7 @@ from hydro.commands.shell import (
     about,
     estimates_beside,
     expected_seconds,
+    message,
     progress,
     read,
     tell_changes,
@@ -135,11 +136,11 @@ def diagnose(
     address: Address = None,
     threads: Threads = 1,
 ) -> None:
-    """Find the physical effects that a vehicle file lacks.
+    r"""Find the physical effects that a vehicle file lacks.
 
-    Tests every effect of the catalogue on the prediction errors of the file. Each finding has a confidence, its
-    share of the explainable error and a next command; hydro add writes findings into the file.
-    With --before it finds what has changed since that recording.
+    Tests every effect of the catalogue on the prediction errors of the file. Each finding has a confidence,
+    its share of the explainable error and a next command; hydro add writes findings into the file. With
+    --before it finds what has changed since that recording.
 
         hydro diagnose vehicle.toml after.parquet --before before.parquet
 
@@ -150,24 +151,24 @@ def diagnose(
     --correct-thrusters goes on with directions and order as the audit states them.
 
     The file's own effects are re-estimated before the tests, except those that the file holds as `known` or
-    --known names. A recording that clearly contradicts a known value is a finding. The covariance of all values
-    is written next to the table that -o names.
+    --known names. A recording that clearly contradicts a known value is a finding. The covariance of all
+    values is written next to the table that -o names.
 
     If no model comes near the noise, as for a hull that no file describes exactly, unknown hull forces are
     allowed for. Drag, lift and added mass are then at most suspected.
 
     With --before a hull-force model is fitted to the recording before the change, and held fixed. Ten minutes
-    with motion on all axes give a better model than two. The file's effects keep their values, and a change of
-    one is a finding. A change is stated if it removes 10 % or more of the error on data that it was not fitted
-    to. Command columns that were exchanged or reversed since are the first finding.
+    with motion on all axes give a better model than two. The file's effects keep their values, and a change
+    of one is a finding. A change is stated if it removes 10 % or more of the error on data that it was not
+    fitted to. Command columns that were exchanged or reversed since are the first finding.
 
     With --model a network of hydro train replaces the hull-force model. Train it on labels of the unchanged
     vehicle that were made with this vehicle file. Its error is measured on the recording of --before, which
     should not be the one that it was trained on.
 
-        hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | \\
+        hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | \
           hydro train -o net.parquet
-        hydro diagnose vehicle.toml after.parquet --before before.parquet \\
+        hydro diagnose vehicle.toml after.parquet --before before.parquet \
           --model net.parquet
 
     With --discover a formula is fitted if no effect explains the error: sparse terms of velocities, products,
@@ -175,21 +176,22 @@ def diagnose(
     formula is suspected, never stated. Add it by its name if its terms make sense for the vehicle.
 
         hydro diagnose vehicle.toml raw.parquet --discover -o diagnosis.parquet
-        hydro add vehicle.toml diagnosis.parquet --effect formula \\
+        hydro add vehicle.toml diagnosis.parquet --effect formula \
           -o vehicle-1.toml
 
-    With --fly the manoeuvres that separate close rivals, or that show what this recording does not, are written
-    as commands for hydro simulate or an autopilot. Every predicted position of every rival stays within --depth
-    and --space. The answer then has the expected separation of rivals in standard deviations of the noise, and
-    the expected standard errors. Diagnose the new recording and this one as sessions of one raw table.
+    With --fly the manoeuvres that separate close rivals, or that show what this recording does not, are
+    written as commands for hydro simulate or an autopilot. Every predicted position of every rival stays
+    within --depth and --space. The answer then has the expected separation of rivals in standard deviations
+    of the noise, and the expected standard errors. Diagnose the new recording and this one as sessions of one
+    raw table.
 
-        hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 \\
+        hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 \
           --space 10 --thrust 0.6
 
     With --each every session of a folder (session=NAME/part.parquet) is diagnosed by itself, and -o is a
     folder. With --engine ray the nodes of a Ray cluster share the sessions; the results are the same bytes.
 
-        hydro diagnose vehicle.toml dives --each -o findings --engine ray \\
+        hydro diagnose vehicle.toml dives --each -o findings --engine ray \
           --address 10.0.0.1:6379
 
     On a terminal the answer goes to stdout. In a pipe stdout has the table, and stderr the headline.
@@ -232,9 +234,18 @@ def diagnose(
             found = discovered(start, log, found, advance)
             found = answered(found, start, log, hull=hull)
     changes = tell_changes(name, log.changes)
-    options = {"known": known, "before": before, "model": model, "map_": map_, "msg": msg}
-    options |= {"discover": discover, "correct_thrusters": correct_thrusters}
-    call = called_with(vehicle, measured, output, **options)
+    call = called_with(
+        vehicle,
+        measured,
+        output,
+        known=known,
+        before=before,
+        model=model,
+        map_=map_,
+        msg=msg,
+        discover=discover,
+        correct_thrusters=correct_thrusters,
+    )
     context = Context.of(found, start, log.record.dt, call, changed=bool(before))
     _print(found, earlier, context, printing, details)
     if as_json:
@@ -303,7 +314,7 @@ def _diagnose_each(
             update(number + 1, len(tasks), one.session)
             if one.findings is None:
                 failed += 1
-                typer.echo(f"hydro: {one.error}", err=True)
+                message(f"hydro: {one.error}")
                 continue
             console.print(f"{one.session}: {one.headline}", style="bold")
     tell_strangers(output, (part.session for part in data.parts))
@@ -334,19 +345,19 @@ def add(
     ] = False,
     output: Output = STREAM,
 ) -> None:
-    """Add the findings of a diagnosis to a vehicle file.
+    r"""Add the findings of a diagnosis to a vehicle file.
 
     Adds the findings that are stated. A missing effect becomes an [[effect]] table at the end of the file; an
     effect of the file gets new values. A suspect (confidence below 90 %) is added only by its name.
 
-        hydro add vehicle.toml diagnosis.parquet --effect ocean_current \\
+        hydro add vehicle.toml diagnosis.parquet --effect ocean_current \
           -o vehicle-1.toml
 
     Details:
 
     Everything else in the file stays, comments too. Standard errors and the hash of the recording are written
-    with the values. If the diagnosis has a covariance file, the covariance of the added values is written next
-    to the file that -o names; a diagnosis from a pipe has none.
+    with the values. If the diagnosis has a covariance file, the covariance of the added values is written
+    next to the file that -o names; a diagnosis from a pipe has none.
 
     Findings that do not lower the error of predictions 5 s ahead, on data that they were not fitted to, are
     refused without --force. So is the diagnosis of another vehicle, or of this one before it was edited.

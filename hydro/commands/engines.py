@@ -20,19 +20,22 @@ if TYPE_CHECKING:
 HERE: Literal["here"] = "here"
 EngineName = Annotated[
     Literal["here", "ray"],
-    typer.Option(help="This process, or the nodes of a Ray cluster.", rich_help_panel=CLUSTER),
+    typer.Option(
+        show_default=False, help="This process (default), or a Ray cluster.", rich_help_panel=CLUSTER
+    ),
 ]
 Address = Annotated[
     str | None,
     typer.Option(
         metavar="HOST:PORT",
         show_default=False,
-        help="Head of the cluster; default: RAY_ADDRESS, or a new one.",
+        help="Head of the cluster; default: RAY_ADDRESS.",
         rich_help_panel=CLUSTER,
     ),
 ]
 Threads = Annotated[
-    int, typer.Option(min=1, help="Processors of each task on a cluster.", rich_help_panel=CLUSTER)
+    int,
+    typer.Option(min=1, show_default=False, help="Processors of each task.", rich_help_panel=CLUSTER),
 ]
 
 

@@ -1,7 +1,7 @@
 """Help of a command on one screen: examples as they are pasted, and options in named groups.
 
-A docstring has a summary, a paragraph and examples, which are indented.  What follows a line `Details:` stands
-on the page of the documentation alone.
+A docstring has a summary, a paragraph and examples, which are indented.  What follows a line `Details:`
+stands on the page of the documentation alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ DETAILS = "Details:"
 """Paragraph after which the text is for the page of the documentation."""
 KEPT = "\b\n"
 """What Click takes before a paragraph whose lines it keeps."""
-ADVANCED, CLUSTER, FLIGHT, TRAINING = "Advanced", "Cluster", "Flight design", "Training"
+PLAIN_NUMBER = re.compile(r"<(int|float)( range)?>")
+"""What Typer calls the value of an option that is a number."""
+ADVANCED, CLUSTER, FLIGHT = "Advanced", "Cluster", "Flight design"
 """Groups of options that are rarely used."""
 
 
@@ -78,10 +80,10 @@ class Screen(TyperCommand):
             if (record := one.get_help_record(ctx)) is None:
                 continue
             if one.param_type_name == "argument":
-                sections["Arguments"].append((one.metavar or record[0], one.help or ""))
+                sections["Arguments"].append((one.metavar or record[0], getattr(one, "help", "") or ""))
             else:
                 panel = getattr(one, "rich_help_panel", None) or "Options"
-                sections.setdefault(panel, []).append(record)
+                sections.setdefault(panel, []).append((PLAIN_NUMBER.sub("N", record[0]), record[1]))
         for title, rows in sections.items():
             if rows:
                 with formatter.section(title):

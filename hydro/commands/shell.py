@@ -217,7 +217,7 @@ def report_gaps(source: str, frame: pl.DataFrame) -> None:
 def report(source: str, words: str) -> None:
     """Say something of an input in one line on stderr; nothing where there is nothing to say."""
     if words:
-        typer.echo(f"hydro: {_name(source)}: {words}", err=True)
+        message(f"hydro: {_name(source)}: {words}")
 
 
 def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
@@ -289,8 +289,8 @@ def progress(label: str, expected: float | None = None) -> Iterator[Callable[...
 
 
 def message(text: str) -> None:
-    """Print a line on stderr."""
-    typer.echo(text, err=True)
+    """Print a line on stderr; a progress bar there moves below it, which Click would overwrite."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def expected_seconds(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> float:

@@ -10,9 +10,13 @@ from dataclasses import dataclass, field
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.progress_bar import ProgressBar
+from rich.table import Column
 from rich.text import Text
 
 from hydro.core.recording.extent import duration
+
+BAR = 16
+"""Columns of the bar: it leaves half of a terminal of 80 columns for the words beside it."""
 
 
 @dataclass
@@ -37,9 +41,15 @@ class Remaining:
         """Start the clock."""
         self.begin = self.reported = self.now()
 
-    def update(self, share: float) -> None:
-        """Take note of the share that is done; a smaller one than before begins the next part of the work."""
-        if share < self.share:
+    def update(self, share: float | None) -> None:
+        """Take note of the share that is done; a smaller one than before begins the next part of the work.
+
+        Args:
+            share: From 0 to 1; None of work whose length is not known.
+        """
+        if share is None:
+            self.expected, self.begin, share = None, self.now(), 0.0
+        elif share < self.share:
             self.expected, self.begin = self.now() - self.begin, self.now()
         if share != self.share:
             self.share, self.reported = share, self.now()
@@ -53,6 +63,8 @@ class Remaining:
     def seconds(self) -> float | None:
         """Remaining time [s]; None where nothing is known yet."""
         left, spent = 1.0 - self.share, self.reported - self.begin
+        if left <= 0.0:
+            return None
         if self.expected is not None:
             then = left * (left * max(self.expected, spent) + spent)
         elif self.share > 0.0:
@@ -82,14 +94,14 @@ class _Bar(BarColumn):
             self.most, self.begin = 0.0, self.remaining.begin
         self.most = max(self.most, self.remaining.done)
         known = self.remaining.seconds is not None
-        return ProgressBar(total=1.0 if known else None, completed=self.most, width=20, pulse=not known)
+        return ProgressBar(total=1.0 if known else None, completed=self.most, width=BAR, pulse=not known)
 
 
 class _Left(ProgressColumn):
     """The remaining time in words."""
 
     def __init__(self, remaining: Remaining) -> None:
-        super().__init__()
+        super().__init__(Column(no_wrap=True))
         self.remaining = remaining
 
     def render(self, task: Task) -> Text:
@@ -112,16 +124,16 @@ def shown(label: str, expected: float | None) -> Iterator[Callable[..., None]]:
     """
     remaining = Remaining(expected)
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", table_column=Column(no_wrap=True)),
         _Bar(remaining),
         _Left(remaining),
-        TextColumn("{task.fields[text]}"),
+        TextColumn("{task.fields[text]}", table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1)),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
         task = bar.add_task(label, total=None, text="")
 
         def update(done: float, total: float, text: str = "") -> None:
-            remaining.update(done / total if total else 0.0)
+            remaining.update(done / total if total else None)
             bar.update(task, text=text)
 
         yield update

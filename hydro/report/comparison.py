@@ -159,14 +159,15 @@ def headline(comparison: pl.DataFrame) -> str:
     if shown.is_empty():
         return "The model predicts this log to within its noise." if exact else worst_place(comparison)
     row = shown.row(-1, named=True)
-    if row["horizon"] is None:
-        far = "over whole sessions"
-    else:
-        far = words.horizon(row["horizon"])
+    far = "Over whole sessions" if row["horizon"] is None else _capital(words.horizon(row["horizon"]))
     error, floor = (f"{words.figure(row[name])} {row['unit']}" for name in ("error", "noise floor"))
-    if exact:
-        return f"The model predicts this log to within its noise: its error {far} is {error}, noise alone {floor}."
-    return f"The model errs by {error} {far}; noise alone would leave {floor}."
+    told = f"{far} the model errs by {error}; noise alone would leave {floor}."
+    return f"The model predicts this log to within its noise. {told}" if exact else told
+
+
+def _capital(text: str) -> str:
+    """Return a text with a capital first."""
+    return text[:1].upper() + text[1:]
 
 
 def worst_place(comparison: pl.DataFrame) -> str:

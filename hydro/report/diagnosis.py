@@ -156,7 +156,7 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
     told = said(row, about)
     if told and told.rstrip(".") not in about.headline:
         yield Text(told, len(place))
-    if known := facts(row, about):
+    if known := facts(row):
         yield Text(known, len(place))
 
 
@@ -190,7 +190,7 @@ def sureness(row: Mapping[str, Any]) -> str:
     return "" if row["p_value"] is None else f"significant, {words.p_value(row['p_value'])}"
 
 
-def facts(row: Mapping[str, Any], about: Context) -> str:
+def facts(row: Mapping[str, Any]) -> str:
     """Return the share of the explainable error and the rivals of a finding, in a sentence."""
     share = row["share_of_error_explained"]
     if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
@@ -236,7 +236,7 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
             ["parameter", "value", "standard error", "unit"],
             orient="row",
         )
-        test = "" if row["p_value"] is None else f"{_capital(words.p_value(row['p_value']))}. "
+        test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}. "
         yield f"{effect}: {row['verdict'].replace('_', ' ')}", shown, f"{test}{words.sentence(row['advice'])}"
 
 

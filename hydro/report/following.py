@@ -80,7 +80,7 @@ class Call:
 
 
 def next_file(vehicle: Path) -> str:
-    """Return the name of the next vehicle file in the working folder, `vehicle-1.toml` after `vehicle.toml`."""
+    """Return a free name in the working folder: `vehicle-1.toml` after `vehicle.toml`."""
     stem, number = vehicle.stem, 0
     if found := re.fullmatch(r"(.*)-(\d+)", stem):
         stem, number = found[1], int(found[2])

@@ -140,13 +140,13 @@ def diagnose_log(
 ) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings.
 
-    With `further` the vehicle has changes since the hull's recording already: more is asked of the next.
-    What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
-    With `in_vain` a search beside a part of what the vehicle has came nowhere near the noise: where LOUD
-    times the noise is left, what transfers is asked at once.
-    Where the thruster audit contradicts the file, no effect is named: that is the only finding. The search
-    goes on with a log `as_audited`, and with a hull, which was learnt from a recording in order.
-    `provisional` receives the best candidate after the first fits, see `diagnosis.provisional`; not with a hull.
+    With `further` the vehicle has changes since the hull's recording already: more is asked of the next. What
+    the vehicle has beyond its `file` was fitted to this very recording: that holds nothing. With `in_vain` a
+    search beside a part of what the vehicle has came nowhere near the noise: where LOUD times the noise is
+    left, what transfers is asked at once. Where the thruster audit contradicts the file, no effect is named:
+    that is the only finding. The search goes on with a log `as_audited`, and with a hull, which was learnt
+    from a recording in order. `provisional` receives the best candidate after the first fits, see
+    `diagnosis.provisional`; not with a hull.
     """
     found = _found_in(vehicle, log, hull, further, file, in_vain, progress or silent, provisional)
     return found if file is not None else answered(found, vehicle, log, hull=hull)

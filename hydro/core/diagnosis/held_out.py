@@ -144,7 +144,7 @@ class _Check:
         return np.asarray(np.sqrt(means @ self.weight))
 
     def noise(self) -> Array | None:
-        """Return mean squared errors by noise alone, (6,); None where a velocity is judged by the way gone."""
+        """Return mean squared errors by noise alone, (6,); None for a velocity judged by the way gone."""
         record = self.log.record
         if by_way(record).size:
             return None
