@@ -172,7 +172,7 @@ def _first_finding(sources: Sources) -> str:
 
 def _worst_place(sources: Sources) -> str:
     """Where most of the unexplained error lies."""
-    return comparison.headline(sources.comparisons[-1].frame) if sources.comparisons else ""
+    return comparison.worst_place(sources.comparisons[-1].frame) if sources.comparisons else ""
 
 
 def _what_it_is(sources: Sources) -> str:
