@@ -170,14 +170,15 @@ def explain(
             steps.append(found_step)
             study.save_step(steps)
             _tell(steps)
-        study.end(steps, ending(steps))
+        headline = study_status(steps, best(steps), recordings.log.record.dt).headline
+        study.end(steps, ending(steps), headline)
         update(0, 0, "files of the study")
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
         _save_bands(study, best(steps))
     outcome = Outcome(
         steps,
         best(steps),
-        study_status(steps, best(steps), recordings.log.record.dt).headline,
+        headline,
         ending(steps),
         folder,
     )
