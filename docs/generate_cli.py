@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import textwrap
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from typer.models import ArgumentInfo
 
 from hydro.cli import FAMILIES, SECTIONS
+from hydro.commands.help import DETAILS, paragraphs
 
 PAGE = Path(__file__).with_name("cli.md")
 INTRODUCTION = """# The command line
@@ -98,13 +98,11 @@ def _title(command: Callable[..., Any]) -> str:
 
 
 def _text(command: Callable[..., Any]) -> list[str]:
-    """Paragraphs of a command's help, each on one line; what click leaves as it is stays so here."""
-    paragraphs = (inspect.getdoc(command) or "").split("\n\n")
+    """Return the paragraphs of a command's docstring, each on one line; examples keep their lines."""
     return [
-        textwrap.indent(paragraph.removeprefix("\b\n"), "    ")
-        if paragraph.startswith("\b")
-        else " ".join(paragraph.split())
-        for paragraph in paragraphs
+        one if one.startswith("    ") else " ".join(one.split())
+        for one in paragraphs(inspect.getdoc(command) or "")
+        if one != DETAILS
     ]
 
 

@@ -42,22 +42,14 @@ from hydro.commands import (
     study,
     vehicle,
 )
+from hydro.commands import help as help_
 
 HELP = """Find the physics that an underwater vehicle model lacks, and simulate it.
-
-Examples:
 
 \b
   hydro demo
   hydro import dive.bag --write-map map.toml
   hydro explain vehicle.toml dive.bag --map map.toml -o study
-
-The first runs every stage on bundled data. The second drafts a map, which says what the
-columns of your log mean. The third adds the effects that your vehicle file lacks.
-`hydro vehicle new` writes a vehicle file.
-
-Commands read and write vehicle files (TOML) and tables (Parquet). Without an input
-or with -, they read stdin; without -o or with -, they write stdout.
 """
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
@@ -80,6 +72,26 @@ FAMILIES = tuple(one for modules in SECTIONS.values() for one in modules if hasa
 
 class Sectioned(TyperGroup):
     """Group of commands whose help lists them by section, with the summaries in one column."""
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        """Write the summary, and the examples as they are pasted.
+
+        Args:
+            ctx: Context of the parser.
+            formatter: Formatter of the help text; receives them.
+        """
+        formatter.write_paragraph()
+        with formatter.indentation():
+            formatter.write_text(help_.short(self.help or ""))
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands; the last line of the help names the options, so that all fits one screen.
+
+        Args:
+            ctx: Context of the parser.
+            formatter: Formatter of the help text; receives the sections.
+        """
+        self.format_commands(ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the name and the summary of every command under the title of its section.
@@ -105,7 +117,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-    epilog="`hydro COMMAND --help` shows the options of a command and an example.",
+    epilog="`hydro COMMAND --help` explains a command. Options: --version, --debug (traceback), "
+    "--install-completion, --help.",
 )
 
 
@@ -134,7 +147,8 @@ def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str], se
     for command, example in commands.items():
         summary = (command.__doc__ or "").partition("\n")[0]
         name = command.__name__.removesuffix("_")
-        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}", rich_help_panel=section)(
+        text = help_.example(example)
+        home.command(name, cls=help_.Screen, short_help=summary, epilog=text, rich_help_panel=section)(
             places.checked(command)
         )
 

@@ -75,11 +75,21 @@ class Page:
         self.call("Emulation.setEmulatedMedia", features=[scheme])
 
     def open(self, path: Path) -> None:
-        """Load a file and wait until every figure has been drawn."""
+        """Load a file and wait until every figure in sight of the reader has been drawn."""
         self.loaded = False
         self.call("Page.navigate", url=path.resolve().as_uri())
+        self._wait()
+
+    def unfold(self) -> None:
+        """Open every part that is folded, and wait until its figures have been drawn."""
+        self.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+        self._wait()
+
+    def _wait(self) -> None:
+        """Wait until the page is loaded and every figure that is not folded away has been drawn."""
         end = time.monotonic() + self.seconds
-        drawn = "[...document.querySelectorAll('[data-chart]')].every(place => place.dataset.drawn)"
+        places = "[...document.querySelectorAll('[data-chart]')]"
+        drawn = f"{places}.every(place => place.dataset.drawn || !place.clientWidth)"
         ready = f"document.readyState === 'complete' && {drawn}"
         while not (self.run(ready) and self.loaded):
             assert time.monotonic() < end, f"not drawn after {self.seconds} s: {self.complaints}"

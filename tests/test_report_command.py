@@ -16,6 +16,8 @@ from streams_here import piped
 from hydro import cli
 from hydro.io import table
 
+SCREENS = 6
+"""Screens of a phone that the page may take, with its details folded."""
 CHARTS = 1 + 6 + 1 + 7 + 6 + 3
 """Of the study: by condition, force left over on each axis, values of an effect, the ladder of all axes and
 each, overlays, path, depth and commands."""
@@ -54,6 +56,8 @@ def test_the_page_renders(
     page.complaints.clear()
     page.requests.clear()
     page.open(report)
+    assert page.run("document.documentElement.scrollHeight") <= SCREENS * 844
+    page.unfold()
     drawn = page.run(
         "[...document.querySelectorAll('.js-plotly-plot')].map(p => p.querySelectorAll('path').length)"
     )

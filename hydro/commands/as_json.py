@@ -14,7 +14,7 @@ INLINE = ("parameters", "standard_errors")
 
 Json = Annotated[
     bool,
-    typer.Option("--json", help="Print the result as JSON on stdout; what a person reads goes to stderr."),
+    typer.Option("--json", help="Print JSON to stdout, and the answer to stderr."),
 ]
 
 

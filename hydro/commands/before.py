@@ -1,4 +1,4 @@
-"""A recording from before a change, and the model of the hull that it teaches, for all commands."""
+"""The options of a recording before a change, and the hull-force model that is fitted to it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hydro.commands.help import ADVANCED
 from hydro.commands.recordings import Logs, called
 from hydro.commands.shell import about, dataset_name, network, report
 from hydro.core.errors import DataError, UsageError
@@ -22,15 +23,15 @@ Before = Annotated[
         "--before",
         metavar="RAW",
         show_default=False,
-        help="A recording of the vehicle before a change: tells what has changed since. Repeat for the logs "
-        "of one dive.",
+        help="Recording before a change; may be repeated.",
     ),
 ]
 Discover = Annotated[
     bool,
     typer.Option(
         "--discover",
-        help="Where no effect of the catalogue explains what is left, look for sparse terms that do.",
+        help="Fit a formula where no effect explains the error.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 Network = Annotated[
@@ -39,7 +40,8 @@ Network = Annotated[
         "--model",
         metavar="MODEL",
         show_default=False,
-        help="With --before: a network of hydro train in the place of the built-in regression.",
+        help="With --before: network as the hull-force model.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 

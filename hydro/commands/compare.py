@@ -1,4 +1,4 @@
-"""`compare`: how far a vehicle file is from a recording, and where."""
+"""`compare`: measure how well a vehicle file predicts a recording, and where it fails."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.as_json import Json, print_json, saves
+from hydro.commands.answers import AsText, Details, Printing, called_with, print_lines
+from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
@@ -21,7 +22,7 @@ from hydro.commands.shell import (
     tell_not_shown,
     write,
 )
-from hydro.commands.tables import person, print_table
+from hydro.commands.tables import print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from hydro.commands.before import Earlier
     from hydro.io.table import Artefact
+    from hydro.report.following import Call
 
 
 def compare(
@@ -39,8 +41,8 @@ def compare(
         str | None,
         typer.Option(
             metavar="COMPARISON",
-            help="An earlier comparison with the same recording: its errors are shown beside the new ones, "
-            "and its places are looked at again.",
+            show_default=False,
+            help="Earlier comparison with the same recording.",
         ),
     ] = None,
     before: Before = None,
@@ -48,27 +50,38 @@ def compare(
     map_: MapFile = None,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
+    details: Details = False,
+    as_text: AsText = False,
     as_json: Json = False,
     output: Output = STREAM,
 ) -> None:
     """Measure how well a vehicle file predicts a recording.
 
-    Two kinds of error, each beside what sensor noise alone would cause: the force that the model leaves
-    unexplained, and the motion predicted 1, 5 and 20 s ahead from restarts all along the recording, and over
-    each whole session. Then the regimes of motion in which the model fails, with their share of the
-    unexplained error. They are printed on the terminal, on stderr where stdout is a pipe.
+    Predictions start again and again along the recording. The answer has their errors 5 s ahead, the errors
+    by sensor noise alone (the noise floor) and those of two simple predictors, and then the regimes of motion
+    where the model fails most. Add --details for errors at 1 s, 20 s and over whole sessions, and for the
+    force that the model does not explain.
 
-    With --before it shows, axis by axis, where the vehicle has changed since another recording. What the hull
-    does beside the file is learnt from that one and held fixed. The errors of short predictions with it, in
-    the recording after, stand beside those in stretches of the one before that it was not fitted to, the
-    floor, and beside those of the file alone. Above the floor something has changed, or the vehicle moves as
-    it did not before; hydro diagnose --before says what, and how sure that is.
-
-    Errors are those of the cleaned recording, as diagnose, explain and fit see it. Readings that no motion
-    makes, a gyro's bias, columns in other frames or units and exchanged command columns are put right or left
-    out. Every change is one line on stderr, and is kept in the footer of the comparison.
-
+        hydro compare vehicle.toml raw.parquet
         hydro compare vehicle.toml after.parquet --before before.parquet
+
+    With --before the second one compares with a hull-force model, which is fitted to the recording before a
+    change. An error above the floor means a change, or motion that the first recording does not have.
+
+    Details:
+
+    With --before the errors stand in a table, axis by axis: of the file alone, before and after, and of the
+    file with the hull-force model, before (the floor) and after. The floor is measured on parts of the first
+    recording that the model was not fitted to. hydro diagnose --before names what has changed.
+
+    With --against an earlier comparison gives the weights of the axes. Its errors stand beside the new ones,
+    and its regimes are evaluated again.
+
+    Errors are those of the cleaned recording, as for diagnose, explain and fit. Impossible readings, the bias
+    of a gyro, columns in another frame or unit and exchanged command columns are corrected or left out. Each
+    change is one line on stderr, and stands in the footer of the comparison.
+
+    On a terminal the answer goes to stdout. In a pipe stdout has the table, and stderr the headline.
     """
     from hydro.core import effects
     from hydro.core.cleaning.readiness import unready
@@ -78,6 +91,7 @@ def compare(
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 
+    printing = Printing(output, as_text, as_json)
     known, text = vehicles.read(vehicle)
     with about(str(vehicle)):
         effects.validate(known)
@@ -100,10 +114,11 @@ def compare(
             frame = with_hull(frame, known, log, earlier.hull)
     changes = tell_changes(name, log.changes)
     report(name, unready(log.observed))
-    _print(frame, earlier, person(as_json))
+    call = called_with(vehicle, measured, output, before=before, model=model, map_=map_, msg=msg)
+    _print(frame, earlier, call, printing, details)
     if as_json:
         print_json(comparison=frame)
-    if not saves(output, as_json):
+    if not printing.saves:
         return
     inputs = [source, *([former] if former else []), *(earlier.inputs if earlier else ())]
     parameters = (earlier.parameters if earlier else {}) | changes
@@ -129,35 +144,46 @@ def _former(against: str, source: Artefact) -> Artefact:
     return earlier
 
 
-def _print(frame: pl.DataFrame, earlier: Earlier | None, console: Console) -> None:
-    """The comparison for a person."""
+def _print(
+    frame: pl.DataFrame, earlier: Earlier | None, call: Call, printing: Printing, details: bool
+) -> None:
+    """Print the answer, or its headline where the table goes into a pipe."""
+    from hydro.report import change, comparison
+
+    learned = "" if earlier is None else change.learnt(earlier.parameters[change.PARAMETER])
+    if printing.brief:
+        printing.headline(comparison.headline(frame))
+        return
+    console = printing.console
+    print_lines(comparison.answer(frame, call, console.width, learned), console)
+    if details:
+        _print_details(frame, earlier, console)
+
+
+def _print_details(frame: pl.DataFrame, earlier: Earlier | None, console: Console) -> None:
+    """Print the tables of all horizons and of forces, and every regime."""
     from hydro.report import change, comparison, yardsticks
 
     forces = comparison.forces(frame)
     if forces.is_empty():
-        console.print("No velocity was measured: the force that the model leaves out is not shown.")
+        console.print("\nNo velocity was measured: the unexplained force is not known.")
     else:
-        title = "Force that the model leaves out: root mean square, 95 % interval"
-        print_table(forces, title, console)
-    beside = "" if "before" in frame.columns else " (noise alone)"
-    title = f"Errors of its predictions: root mean square{beside}"
-    print_table(comparison.predictions(frame), title, console)
+        print_table(forces, "Unexplained force: root mean square and its 95 % interval", console)
+    beside = "" if "before" in frame.columns else " (noise floor)"
+    print_table(comparison.predictions(frame), f"Errors of predictions: root mean square{beside}", console)
     simple = yardsticks.of_comparison(frame)
     if not simple.is_empty():
-        ahead = yardsticks.ahead(simple)
-        title = f"The model beside simple predictors, {ahead}: least squares fitted to other sessions"
+        title = f"The model and simple predictors, {yardsticks.ahead(simple)}"
         print_table(yardsticks.table(simple), title, console)
     ranked, former = comparison.failures(frame), comparison.former_failures(frame)
     if not ranked.is_empty():
-        print_table(ranked, "Where it fails: share of the unexplained error and of the time", console)
+        print_table(
+            ranked, "Regimes: share of the force error above the noise floor, and of the time", console
+        )
     if not former.is_empty():
-        print_table(former, "Where it failed before", console)
+        print_table(former, "Regimes of the earlier comparison", console)
     if earlier is not None:
         print_table(change.errors(frame), change.title(frame), console)
-        console.print(f"\n{change.learnt(earlier.parameters[change.PARAMETER])}\n{change.summary(frame)}")
-    console.print(f"\n{comparison.headline(frame)}")
-    if told := yardsticks.sentence(simple):
-        console.print(told)
 
 
 COMMANDS = {

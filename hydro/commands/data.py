@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.engines import HERE, Address, EngineName, Threads, engine_for, refuse_engine
+from hydro.commands.help import ADVANCED
 from hydro.commands.places import FILE, Output, SessionsOutput
 from hydro.commands.recordings import (
     Definitions,
@@ -56,12 +57,20 @@ LabelsOrSplit = Annotated[
 MaxVelocity = Annotated[
     float,
     typer.Option(
-        metavar="SD", min=0.0, help="No label above this 1-sigma of a velocity, m/s and rad/s; with nulls."
+        metavar="SD",
+        min=0.0,
+        help="With nulls: largest 1-sigma of a velocity.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 MaxAcceleration = Annotated[
     float,
-    typer.Option(metavar="SD", min=0.0, help="The same of an acceleration, m/s^2 and rad/s^2; with nulls."),
+    typer.Option(
+        metavar="SD",
+        min=0.0,
+        help="With nulls: largest 1-sigma of an acceleration.",
+        rich_help_panel=ADVANCED,
+    ),
 ]
 
 
@@ -69,14 +78,12 @@ def labels(
     raw: Measured = None,
     acceleration: Annotated[
         Literal["rts", "kalman", "kalman-difference"],
-        typer.Option(help="Two-sided smoother, filter, or the paper's differences of filtered velocity."),
+        typer.Option(help="Smoother, filter, or differences of filtered velocity."),
     ] = "rts",
     noise: NoiseSpec = None,
     subtract: Annotated[
         Literal["inertia", "effects"],
-        typer.Option(
-            help="Effects subtracted: added mass alone, or all, so that a network learns what they leave."
-        ),
+        typer.Option(help="Subtract added mass alone, or all effects of the file."),
     ] = "inertia",
     max_sd_velocity: MaxVelocity = 0.05,
     max_sd_acceleration: MaxAcceleration = 0.25,
@@ -91,21 +98,25 @@ def labels(
 ) -> None:
     """Compute the force that the known physics does not explain.
 
-    Smooths velocities, estimates accelerations, computes thrusts from the commands, and adds to the raw
-    columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
-    -tau_res. With --subtract effects and a complete vehicle file what is left is C_RB(nu) nu. Gaps in time
-    are reported in one line on stderr; no filter acts across one.
-
-    Of a recording with nulls, a smoother of pose and velocity fuses what samples there are, and every value
-    has a standard deviation. A row has a label where attitude (0.05 rad), velocity and acceleration are all
-    determined to the bounds; one line on stderr says how many rows have none, and what they lack.
-
-    Of a folder with a file session=NAME/part.parquet for each session, labels go to another such folder, one
-    session after another: memory is that of one. The filter of the noise is found once from all of them.
-    With --engine ray the nodes of a Ray cluster share the sessions; every byte is the same.
+    Smooths velocities, estimates accelerations and adds the residual wrench tau_res = tau_prop - M nu_dot - g
+    to the raw columns. The vehicle feels -tau_res. Of a folder of sessions (session=NAME/part.parquet),
+    labels are another such folder.
 
         hydro labels dives -o labels
         hydro labels dives -o labels --engine ray --address 10.0.0.1:6379
+
+    Details:
+
+    With --subtract effects and a complete vehicle file the residual wrench is C_RB(nu) nu. Gaps in time are
+    one line on stderr; no filter acts across a gap.
+
+    For a recording with nulls a smoother of pose and velocity fuses the samples, and every value has a
+    standard deviation. A row has a label if attitude (to 0.05 rad), velocity and acceleration are determined
+    to the bounds [m/s, rad/s; m/s^2, rad/s^2]. One line on stderr says how many rows have no label, and why.
+
+    Sessions of a folder are processed one by one: memory is that of one session. The noise of the filter is
+    found once from all of them. With --engine ray the nodes of a Ray cluster share the sessions; the results
+    are the same bytes.
     """
     from hydro.core.distillation.labels_of_samples import Bounds
     from hydro.study.labelling import Labelling, label

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.as_json import Json, print_json, saves
+from hydro.commands.answers import AsText, Details, Printing, called_with, print_lines
+from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.engines import HERE, Address, EngineName, Threads, engine_for, refuse_engine
+from hydro.commands.help import ADVANCED, CLUSTER, FLIGHT
 from hydro.commands.places import FILE, EachOutput, Output
 from hydro.commands.recordings import (
     Definitions,
@@ -31,16 +33,19 @@ from hydro.commands.shell import (
     ModelFile,
     about,
     estimates_beside,
+    expected_seconds,
+    message,
     progress,
     read,
     tell_changes,
     tell_duration,
     tell_not_shown,
+    tell_provisional,
     vehicle_held,
     vehicle_to_fit,
     write,
 )
-from hydro.commands.tables import person
+from hydro.commands.tables import print_table
 from hydro.core.errors import DataError, UsageError, in_shell
 
 if TYPE_CHECKING:
@@ -57,6 +62,7 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
+    from hydro.report.diagnosis import Context
     from hydro.study.engine import Engine
 
 
@@ -64,12 +70,12 @@ CorrectThrusters = Annotated[
     bool,
     typer.Option(
         "--correct-thrusters",
-        help="Where the audit of the thrusters contradicts the file, go on with directions and order as the "
-        "audit states them; by default nothing else is examined.",
+        help="Go on with thrusters as their audit states them.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 CHI2 = ("given", "own_effects", "found")
-"""Mean squared residuals in units of the noise: of the file, of its own effects anew, with what was found."""
+"""Reduced chi-squares: of the file, with its own effects re-estimated, with the findings added."""
 
 
 def diagnose(
@@ -77,104 +83,118 @@ def diagnose(
     measured: Measured = None,
     known: Known = None,
     before: Before = None,
+    map_: MapFile = None,
+    details: Details = False,
+    as_text: AsText = False,
+    as_json: Json = False,
+    output: EachOutput = STREAM,
     model: Network = None,
     discover: Discover = False,
     correct_thrusters: CorrectThrusters = False,
-    map_: MapFile = None,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
-    each: Annotated[
-        bool,
-        typer.Option("--each", help="Diagnose every session of a folder by itself; -o is a folder."),
-    ] = False,
-    engine: EngineName = HERE,
-    address: Address = None,
-    threads: Threads = 1,
-    output: EachOutput = STREAM,
-    as_json: Json = False,
     fly: Annotated[
         Path | None,
         typer.Option(
             metavar="COMMANDS",
             show_default=False,
-            help="Write the flight that would tell what is left open, as a commands table.",
+            help="Write the next flight as a commands table.",
+            rich_help_panel=FLIGHT,
         ),
         FILE,
     ] = None,
     depth: Annotated[
         tuple[float, float],
-        typer.Option(metavar="MIN MAX", show_default=False, help="Depths that --fly keeps to [m]."),
+        typer.Option(
+            metavar="MIN MAX",
+            show_default=False,
+            help="Least and greatest depth [m].",
+            rich_help_panel=FLIGHT,
+        ),
     ] = (-math.inf, math.inf),
     space: Annotated[
         float,
         typer.Option(
             metavar="METRES",
             show_default=False,
-            help="Greatest horizontal distance of --fly from where a session begins.",
+            help="Largest horizontal distance from the start [m].",
+            rich_help_panel=FLIGHT,
         ),
     ] = math.inf,
     thrust: Annotated[
-        float, typer.Option(metavar="SHARE", help="Greatest thrust of --fly, as a share of the full one.")
+        float,
+        typer.Option(metavar="SHARE", help="Largest share of full thrust.", rich_help_panel=FLIGHT),
     ] = 1.0,
     seconds: Annotated[
-        float, typer.Option(metavar="N", help="Length of --fly, all sessions together.")
+        float, typer.Option(metavar="N", help="Length of all sessions [s].", rich_help_panel=FLIGHT)
     ] = 120.0,
+    each: Annotated[
+        bool,
+        typer.Option("--each", help="Diagnose each session of a folder.", rich_help_panel=CLUSTER),
+    ] = False,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
 ) -> None:
-    """Find the physical effects that a vehicle file lacks.
+    r"""Find the physical effects that a vehicle file lacks.
 
-    First the thrusters are audited, as by hydro check VEHICLE LOG: where directions or the order of the
-    columns contradict the file, that is the only finding, because every other one would bend to it.
-
-    The file's own effects are re-estimated first; then every effect of the catalogue is tested on what they
-    leave unexplained. A finding gives the share of the error that it explains, the confidence in its name and
-    the effects it could be confused with, its values with standard errors, and what to do or to fly next.
-    What the file holds as `known`, or --known names, is not re-estimated; where the recording contradicts it
-    clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
-    writes them into the file. Beside the table that -o names lies the covariance of all values.
-
-    Where no model reaches the noise, as on a hull that no file describes exactly, what a hull may do beside
-    its file is allowed for: it takes nothing from the values of what is named. Drag, lift and added mass are
-    only suspected there.
-
-    With --before it finds what has changed since another recording: what the hull does beside the file is
-    learnt from that one, by a regression on a library of forces, and held fixed: the longer it is the better,
-    ten minutes of all axes rather than two. The file's effects keep
-    their values, and a change of one is a finding like any other. A change is named where it takes
-    10 % or more of the error away from stretches which it was not fitted to. Command columns exchanged or
-    reversed since are the first finding, and all else is told as if they were in order.
+    Tests every effect of the catalogue on the prediction errors of the file. Each finding has a confidence,
+    its share of the explainable error and a next command; hydro add writes findings into the file. With
+    --before it finds what has changed since that recording.
 
         hydro diagnose vehicle.toml after.parquet --before before.parquet
 
-    With --model a network of hydro train says what the hull does. Train it on labels of the unchanged
-    vehicle, made with this very file. What it leaves is measured on the recording before: best another one
-    than it learnt from.
+    Details:
 
-        hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | hydro train -o net.parquet
-        hydro diagnose vehicle.toml after.parquet --before before.parquet --model net.parquet
+    The thrusters are audited first, as by hydro check VEHICLE LOG. If their directions or the order of the
+    columns contradict the file, that is the only finding, because it would distort all others.
+    --correct-thrusters goes on with directions and order as the audit states them.
 
-    With --discover, where no effect of the catalogue explains what is left, sparse terms (powers of
-    velocities, products, tilt, commands) are tried as a formula. Each must remove error from sessions and
-    regimes of motion that it was not fitted to. The formula is suspected, not stated, with standard
-    errors and in words: judge whether it can be, and add it by its name. A force that was stated and
-    leaves more than the formula does is a suspect then.
+    The file's own effects are re-estimated before the tests, except those that the file holds as `known` or
+    --known names. A recording that clearly contradicts a known value is a finding. The covariance of all
+    values is written next to the table that -o names.
+
+    If no model comes near the noise, as for a hull that no file describes exactly, unknown hull forces are
+    allowed for. Drag, lift and added mass are then at most suspected.
+
+    With --before a hull-force model is fitted to the recording before the change, and held fixed. Ten minutes
+    with motion on all axes give a better model than two. The file's effects keep their values, and a change
+    of one is a finding. A change is stated if it removes 10 % or more of the error on data that it was not
+    fitted to. Command columns that were exchanged or reversed since are the first finding.
+
+    With --model a network of hydro train replaces the hull-force model. Train it on labels of the unchanged
+    vehicle that were made with this vehicle file. Its error is measured on the recording of --before, which
+    should not be the one that it was trained on.
+
+        hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | \
+          hydro train -o net.parquet
+        hydro diagnose vehicle.toml after.parquet --before before.parquet \
+          --model net.parquet
+
+    With --discover a formula is fitted if no effect explains the error: sparse terms of velocities, products,
+    tilt and commands. Each term must reduce the error on sessions and regimes that it was not fitted to. A
+    formula is suspected, never stated. Add it by its name if its terms make sense for the vehicle.
 
         hydro diagnose vehicle.toml raw.parquet --discover -o diagnosis.parquet
-        hydro add vehicle.toml diagnosis.parquet --effect formula -o vehicle-1.toml
+        hydro add vehicle.toml diagnosis.parquet --effect formula \
+          -o vehicle-1.toml
 
-    With --fly, the manoeuvres that would part close rivals, or else show what this recording does not, are
-    written as commands for hydro simulate or an autopilot. They count by what a rival cannot imitate with
-    its own values, as far as the recording leaves these open. Every predicted position of every rival keeps
-    to --depth and --space: manoeuvres are flown gentler or shorter until it does, or there is one line that
-    none does. Printed are the distances of rivals in standard deviations of the noise and the standard errors
-    that are expected. Record it, and diagnose both recordings as sessions of one raw table.
+    With --fly the manoeuvres that separate close rivals, or that show what this recording does not, are
+    written as commands for hydro simulate or an autopilot. Every predicted position of every rival stays
+    within --depth and --space. The answer then has the expected separation of rivals in standard deviations
+    of the noise, and the expected standard errors. Diagnose the new recording and this one as sessions of one
+    raw table.
 
-        hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 --space 10 --thrust 0.6
+        hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 \
+          --space 10 --thrust 0.6
 
-    With --each, of a folder with a file session=NAME/part.parquet for each session, every session is
-    diagnosed by itself: what was missing in which dive. Findings go to such a folder. With --engine ray the
-    nodes of a Ray cluster share the sessions; every byte is the same.
+    With --each every session of a folder (session=NAME/part.parquet) is diagnosed by itself, and -o is a
+    folder. With --engine ray the nodes of a Ray cluster share the sessions; the results are the same bytes.
 
-        hydro diagnose vehicle.toml dives --each -o findings --engine ray --address 10.0.0.1:6379
+        hydro diagnose vehicle.toml dives --each -o findings --engine ray \
+          --address 10.0.0.1:6379
+
+    On a terminal the answer goes to stdout. In a pipe stdout has the table, and stderr the headline.
     """
     from hydro.core.diagnosis.diagnose import answered, diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
@@ -182,12 +202,14 @@ def diagnose(
     from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
+    from hydro.report.diagnosis import Context
 
+    printing = Printing(output, as_text, as_json)
     vehicles.read(vehicle)
     if each:
         _refuse_beside_each(before=before, model=model, discover=discover, fly=fly, json=as_json)
         connect = partial(engine_for, engine, address, threads)
-        _diagnose_each(vehicle, dataset(measured), known, output, connect, correct_thrusters)
+        _diagnose_each(vehicle, dataset(measured), known, printing, connect, correct_thrusters)
         return
     refuse_engine(engine, "sessions are shared out where each is diagnosed by itself: add --each")
     limits = Limits(depth=depth, space=space, thrust=thrust, seconds=seconds)
@@ -196,10 +218,10 @@ def diagnose(
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(name):
         tell_not_shown(start, source.frame)
-        if not before:
-            tell_duration(start, source.frame)
+        expected = None if before else expected_seconds(start, source.frame)
+        tell_duration(source.frame, expected)
     earlier = learnt(before, model, start, source, logs, discover=discover)
-    with about(name), progress("diagnose") as update:
+    with about(name), progress("diagnose", expected) as update:
 
         def advance(words: str, share: float) -> None:
             update(round(100 * share), 100, words)
@@ -207,12 +229,25 @@ def diagnose(
         hull = earlier.hull if earlier else None
         log = preprocess(start, source.frame, hull)
         log = log.as_audited() if correct_thrusters else log
-        found = diagnose_log(start, log, hull=hull, progress=advance)
+        found = diagnose_log(start, log, hull=hull, progress=advance, provisional=tell_provisional(expected))
         if discover and not log.misdirected:
             found = discovered(start, log, found, advance)
             found = answered(found, start, log, hull=hull)
     changes = tell_changes(name, log.changes)
-    _print(found, earlier, person(as_json))
+    call = called_with(
+        vehicle,
+        measured,
+        output,
+        known=known,
+        before=before,
+        model=model,
+        map_=map_,
+        msg=msg,
+        discover=discover,
+        correct_thrusters=correct_thrusters,
+    )
+    context = Context.of(found, start, log.record.dt, call, changed=bool(before))
+    _print(found, earlier, context, printing, details)
     if as_json:
         errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
         print_json(
@@ -222,7 +257,7 @@ def diagnose(
             **errors,
         )
     inputs = [source, *(earlier.inputs if earlier else ())]
-    if saves(output, as_json):
+    if printing.saves:
         made = table.make(
             "diagnosis",
             found.frame(),
@@ -235,11 +270,11 @@ def diagnose(
         if found.estimates is not None and output != STREAM:
             covariance.write(found.estimates, output, stage="diagnose", inputs=inputs, vehicle_text=text)
     if fly is not None and found.question is None:
-        typer.echo("hydro: no flight written: no rivals are left that one could part", err=True)
+        typer.echo("hydro: no flight written: no rivals are left that one could separate", err=True)
     if fly is not None and found.question is not None:
         with about(name):
             flight = advise(found.question, limits)
-        _print_flight(flight, fly, person(as_json))
+        _print_flight(flight, fly, printing.console)
         made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)
         write(made, str(fly))
 
@@ -258,7 +293,7 @@ def _diagnose_each(
     file: Path,
     folder: str | None,
     known: list[str] | None,
-    output: str,
+    printing: Printing,
     connect: Callable[[], AbstractContextManager[Engine]],
     corrected: bool,
 ) -> None:
@@ -266,22 +301,22 @@ def _diagnose_each(
     from hydro.io import partitions
     from hydro.study.diagnosing import diagnose_part, warm
 
+    output = printing.output
     if folder is None or output == STREAM:
         raise UsageError(f"--each needs a folder of sessions ({partitions.LAYOUT}), and -o FOLDER")
     data = partitions.opened(folder, ("raw",))
     start, text = vehicle_held(file, known)
     tasks = [(part, Path(output), start, text, corrected) for part in data.parts]
-    failed, console = 0, person()
+    failed, console = 0, printing.console
     with connect() as engine, progress("diagnose") as update:
         engine.prepare(partial(warm, data.parts[0], start))
         for number, one in enumerate(engine.each(diagnose_part, tasks)):
             update(number + 1, len(tasks), one.session)
             if one.findings is None:
                 failed += 1
-                typer.echo(f"hydro: {one.error}", err=True)
+                message(f"hydro: {one.error}")
                 continue
             console.print(f"{one.session}: {one.headline}", style="bold")
-            print_findings(one.findings, console)
     tell_strangers(output, (part.session for part in data.parts))
     if failed:
         raise DataError(f"{folder}: {failed} of {len(tasks)} sessions could not be diagnosed, see above")
@@ -301,26 +336,31 @@ def add(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="A finding to add; by default all missing or to be re-estimated, no suspects. "
-            "Repeat for several.",
+            help="Finding to add; default: all that are stated. May be repeated.",
         ),
     ] = None,
     force: Annotated[
         bool,
-        typer.Option("--force", help="Add them although predictions of left-out data do not get better."),
+        typer.Option("--force", help="Add findings that do not lower the held-out error."),
     ] = False,
     output: Output = STREAM,
 ) -> None:
-    """Add the findings of a diagnosis to a vehicle file.
+    r"""Add the findings of a diagnosis to a vehicle file.
 
-    A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
-    new values. Everything else in the file stays, comments too. Standard errors and the hash of the recording
-    are written with the values. A suspect, of which the diagnosis is less than 90 % sure, is
-    added only by its name. Findings that do not lower the error of predictions 5 s ahead, over stretches of
-    the recording that they were not fitted to, are refused without --force. The diagnosis of another vehicle,
-    or of this one before it was edited, is refused.
-    If there is a covariance file for DIAGNOSIS, the covariance of the added values is written next to the
-    file that -o names; a diagnosis from a pipe has none.
+    Adds the findings that are stated. A missing effect becomes an [[effect]] table at the end of the file; an
+    effect of the file gets new values. A suspect (confidence below 90 %) is added only by its name.
+
+        hydro add vehicle.toml diagnosis.parquet --effect ocean_current \
+          -o vehicle-1.toml
+
+    Details:
+
+    Everything else in the file stays, comments too. Standard errors and the hash of the recording are written
+    with the values. If the diagnosis has a covariance file, the covariance of the added values is written
+    next to the file that -o names; a diagnosis from a pipe has none.
+
+    Findings that do not lower the error of predictions 5 s ahead, on data that they were not fitted to, are
+    refused without --force. So is the diagnosis of another vehicle, or of this one before it was edited.
     """
     from hydro.core.diagnosis.findings import by_name, suspects, tables
     from hydro.io import vehicle as vehicles
@@ -428,38 +468,37 @@ def _no_better(names: str, error: float, known: Prediction) -> str:
     )
 
 
-def print_findings(frame: pl.DataFrame, console: Console) -> None:
-    """One line per finding, and its advice below."""
-    from hydro.report.diagnosis import lines
-
-    for line, advice in lines(frame):
-        console.print(line, style="bold")
-        console.print(f"    {advice}")
-
-
-def _print(found: Diagnosis, earlier: Earlier | None, console: Console) -> None:
-    """The findings for a person, and how much of the residual they leave."""
-    from rich.padding import Padding
-
+def _print(
+    found: Diagnosis, earlier: Earlier | None, context: Context, printing: Printing, details: bool
+) -> None:
+    """Print the answer, or its headline where the table goes into a pipe."""
     from hydro.report import change
-    from hydro.report import prediction as words
+    from hydro.report.diagnosis import answer, fits
 
-    if found.status is not None:
-        console.print(f"{found.status.title}{':' if found.status.sentences else '.'}", style="bold")
-        for sentence in found.status.sentences:
-            console.print(Padding(sentence, (0, 0, 0, 2)))
-    if found.prediction is not None:
-        console.print(words.prediction(found.prediction))
-    console.print()
-    print_findings(found.frame(), console)
-    given, own, all_of_it = found.chi2
-    if earlier is not None:
-        console.print(f"\n{change.learnt(earlier.parameters[change.PARAMETER])} {change.left(found.chi2)}")
+    if printing.brief:
+        printing.headline(found.headline)
         return
-    console.print(
-        f"\nMean squared residual (1: noise alone): {given:.3g} as given, {own:.3g} with the file's "
-        f"own effects re-estimated, {all_of_it:.3g} with what was found."
-    )
+    console, frame = printing.console, found.frame()
+    print_lines(answer(frame, context, console.width, whole=details), console)
+    if earlier is not None:
+        told = f"{change.learnt(earlier.parameters[change.PARAMETER])} {change.left(found.chi2)}"
+        console.print(f"\n{told}")
+    if details:
+        print_findings(frame, console)
+        if earlier is None:
+            console.print(f"\n{fits(found.chi2)}")
+
+
+def print_findings(frame: pl.DataFrame, console: Console) -> None:
+    """Print the values, the test and the advice of each finding."""
+    from hydro.report.diagnosis import details
+
+    for title, values, words in details(frame):
+        if values.is_empty():
+            console.print(f"\n{title}", style="bold")
+        else:
+            print_table(values, title, console)
+        console.print(words)
 
 
 def _print_flight(flight: Flight, path: Path, console: Console) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hydro.commands.help import CLUSTER
 from hydro.commands.shell import here, message
 from hydro.core.errors import UsageError
 
@@ -19,19 +20,22 @@ if TYPE_CHECKING:
 HERE: Literal["here"] = "here"
 EngineName = Annotated[
     Literal["here", "ray"],
-    typer.Option(help="Where the work is done: in this process, or on the nodes of a Ray cluster."),
+    typer.Option(
+        show_default=False, help="This process (default), or a Ray cluster.", rich_help_panel=CLUSTER
+    ),
 ]
 Address = Annotated[
     str | None,
     typer.Option(
         metavar="HOST:PORT",
         show_default=False,
-        help="Head of the Ray cluster; by default that of RAY_ADDRESS or of this machine, or a new one that "
-        "ends with the command.",
+        help="Head of the cluster; default: RAY_ADDRESS.",
+        rich_help_panel=CLUSTER,
     ),
 ]
 Threads = Annotated[
-    int, typer.Option(min=1, help="Processors of each task on a cluster; nodes run as many as have room.")
+    int,
+    typer.Option(min=1, show_default=False, help="Processors of each task.", rich_help_panel=CLUSTER),
 ]
 
 

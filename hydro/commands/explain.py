@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.answers import AsText, Details, Printing, print_lines
 from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
-from hydro.commands.diagnose import CorrectThrusters
+from hydro.commands.diagnose import CorrectThrusters, print_findings
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
     Known,
     ModelFile,
     about,
+    expected_seconds,
+    message,
     progress,
     tell_changes,
     tell_duration,
     tell_not_shown,
+    tell_provisional,
     vehicle_to_fit,
 )
-from hydro.commands.tables import person, print_table
+from hydro.commands.tables import print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -37,17 +40,14 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.study import Study
     from hydro.io.table import Artefact
-
-
-NOT_STATED = ", not stated: of what was tried it predicts best what its fit left out"
-ONLY_SUSPECTED = ", not stated: it is suspected"
+    from hydro.report.study import Outcome
 
 
 def explain(
     vehicle: ModelFile,
     folder: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; created if needed."),
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."),
         FOLDER,
     ],
     measured: Measured = None,
@@ -56,53 +56,61 @@ def explain(
         typer.Option(
             metavar="RAW",
             show_default=False,
-            help="Another recording, to which nothing is fitted: it shows whether a step generalises. "
-            "Repeat for the logs of one dive.",
+            help="Held-out recording: nothing is fitted to it.",
         ),
     ] = None,
     known: Known = None,
     before: Before = None,
+    map_: MapFile = None,
+    details: Details = False,
+    as_text: AsText = False,
+    as_json: Json = False,
     model: Network = None,
     discover: Discover = False,
     correct_thrusters: CorrectThrusters = False,
-    map_: MapFile = None,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
-    as_json: Json = False,
 ) -> None:
-    """Find missing effects, add them one by one and show the errors.
+    r"""Find missing effects, add them one by one and show the errors.
 
-    First the thrusters are audited, as by hydro check VEHICLE LOG: where directions or the order of the
+    Step 0 is the vehicle file as given. Each step adds the effect that explains most, re-estimates it
+    together with the file's own effects and all that was added before, and measures the error on held-out
+    data. It ends when nothing more is found, or when a step raises that error.
+
+        hydro explain vehicle.toml raw.parquet --holdout other.parquet -o study
+        hydro explain vehicle.toml after.parquet --before before.parquet \
+          -o study
+
+    The second one adds what has changed since another recording. An interrupted study goes on where it
+    stopped.
+
+    Details:
+
+    The thrusters are audited first, as by hydro check VEHICLE LOG. If their directions or the order of the
     columns contradict the file, nothing is added.
 
-    Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
-    with the file's own effects and all that was added before, and compares the new file with the recording
-    and the held-out one. Where no statement comes first, and a suspect has a confidence of 20 % or more or no
-    model is near the noise, suspects are tried and, beside them, what else of the catalogue promises most:
-    the one joins that predicts best, five seconds ahead, stretches of the recording that its fit leaves out,
-    if it lowers their error by 2 % or more. Such a step predicts better; that its name is right it does not
-    say, and it is marked as not stated. It ends when nothing is significant and material and no trial
-    predicts better, when a step makes the predictions of the held-out recording worse, or after six steps.
-    Without --holdout, stretches that are left out take its place.
+    A finding that is stated makes a step. If none is stated, and a suspect has a confidence of 20 % or more
+    or no model comes near the noise, suspects are tried together with other candidates of the catalogue. The
+    one with the best predictions 5 s ahead, on data that its fit leaves out, is added if it lowers their
+    error by 2 % or more. Such a step is unconfirmed: it predicts better, but no significance test confirmed
+    its name. A study has six steps at most. Without --holdout, parts of the recording are left out of the fit
+    instead.
 
-    DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
-    vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
-    best step it gets replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
-    against velocity; of the best growth.parquet, the powers by which the force of the water grows with each
-    velocity, and bands.parquet, 95 % bands of its predictions; sessions.parquet lists what was recorded. The
-    same study in the same folder resumes where it stopped; another one replaces it.
+    DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and vehicle-K.covariance.parquet of
+    every step K, and ladder.parquet with the errors of all. For the first and the best step it gets
+    replay.parquet (measured and predicted motion) and leftover.parquet (unexplained force against velocity).
+    For the best step it gets growth.parquet (powers of velocity by which the water force grows) and
+    bands.parquet (95 % bands of predictions). sessions.parquet lists the recordings. Another study in the
+    same folder replaces it.
 
-    With --before it adds, step by step, what has changed since another recording, until nothing more has.
-    What the hull does beside the file is learnt from that one and held fixed, and so are the file's own
-    values: a step adds the change that is stated, or suspected with a confidence of 20 % or more, and refits
-    it together with earlier changes alone. What is left is told in units of what the model of the hull leaves
-    of stretches of that recording that it was not fitted to. So is what is left of --holdout, a recording of
-    the changed vehicle: it ends the study where a step makes that worse.
+    With --before a hull-force model is fitted to the recording before the change. The model and the file's
+    own values are held fixed. A step adds the change that is stated, or suspected with a confidence of 20 %
+    or more, and refits it together with earlier changes. Errors are in units of the error of the hull-force
+    model on parts of the first recording that it was not fitted to. --holdout is then a recording of the
+    changed vehicle.
 
-        hydro explain vehicle.toml after.parquet --before before.parquet -o study
-
-    With --discover, a step adds a formula of sparse terms where no effect of the catalogue is stated and one
-    removes error from regimes of motion that it was not fitted to; see hydro diagnose.
+    With --discover a step adds a formula of sparse terms if no effect is stated and the formula reduces the
+    error on regimes of motion that it was not fitted to; see hydro diagnose.
 
         hydro explain vehicle.toml raw.parquet --discover -o study
     """
@@ -110,17 +118,20 @@ def explain(
     from hydro.core.explanation.explain import ending
     from hydro.core.explanation.explain import explain as compute
     from hydro.core.explanation.ladder import best
+    from hydro.core.explanation.status import study_status
     from hydro.core.explanation.trials import Recordings
     from hydro.io.study import Study
+    from hydro.report.study import Outcome, answer
 
+    printing = Printing(str(folder), as_text, as_json)
     logs, name = Logs(map_, msg, vehicle), called(measured)
     source = logs.read(measured)
     start, text = vehicle_to_fit(vehicle, known, source)
     other = _held_out(holdout, logs, source, start, beside=bool(before)) if holdout else None
     with about(name):
         tell_not_shown(start, source.frame)
-        if not before:
-            tell_duration(start, source.frame, steps=True)
+        expected = None if before else expected_seconds(start, source.frame, steps=True)
+        tell_duration(source.frame, expected, steps=True)
     earlier = learnt(before, model, start, source, logs, discover=discover)
     frame, hull = None if other is None else other.frame, earlier.hull if earlier else None
     with about(name):
@@ -135,9 +146,9 @@ def explain(
     steps = study.done()
     if study.clear(steps) and not steps:
         typer.echo(f"hydro: {folder}: the files of another study there are replaced", err=True)
-    for step in steps:
-        _tell(step, "already done")
-    with about(name), progress("explain") as update:
+    for number in range(len(steps)):
+        _tell(steps[: number + 1], "already done")
+    with about(name), progress("explain", expected) as update:
 
         def advance(words: str, share: float) -> None:
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
@@ -153,17 +164,29 @@ def explain(
             beyond=discovered if discover else None,
             corrected=correct_thrusters,
             progress=advance,
+            provisional=tell_provisional(expected),
         )
-        for step in () if study.has_ended(steps) else found:
-            steps.append(step)
+        for found_step in () if study.has_ended(steps) else found:
+            steps.append(found_step)
             study.save_step(steps)
-            _tell(step)
-        study.end(steps, ending(steps))
+            _tell(steps)
+        headline = study_status(steps, best(steps), recordings.log.record.dt).headline
+        study.end(steps, ending(steps), headline)
+        update(0, 0, "files of the study")
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
         _save_bands(study, best(steps))
-    _print(study, steps, best(steps), ending(steps), recordings, person(as_json))
+    outcome = Outcome(
+        steps,
+        best(steps),
+        headline,
+        ending(steps),
+        folder,
+    )
+    print_lines(answer(outcome, printing.console.width), printing.console)
+    if details:
+        _print_details(study, outcome, recordings, printing.console)
     if as_json:
-        _print_json(study, steps, best(steps), ending(steps))
+        _print_json(outcome)
 
 
 def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed) -> None:
@@ -204,7 +227,7 @@ def _save_bands(study: Study, step: Step) -> None:
     try:
         frame = restarted_bands(step.vehicle, step.estimates, shown.frame)
     except DataError as error:
-        typer.echo(f"hydro: no bands: {error}", err=True)
+        message(f"hydro: no bands: {error}")
         return
     study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
@@ -225,80 +248,63 @@ def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, 
     return other
 
 
-def _tell(step: Step, remark: str = "") -> None:
-    """One line for a step, as soon as it is done."""
-    from hydro.report.ladder import headline
+def _tell(steps: Sequence[Step], remark: str = "") -> None:
+    """Print a line for the last of some steps, as soon as it is done."""
+    from hydro.core.explanation.status import added
+    from hydro.report.study import step_line
 
-    line = headline(step.ladder)
-    typer.echo(f"{line} ({remark})" if remark else line, err=True)
+    line = step_line(steps[-1], added(steps[-2:]))
+    message(f"step {line} ({remark})" if remark else f"step {line}")
 
 
-def _print(
-    study: Study, steps: Sequence[Step], chosen: Step, reason: str, recordings: Recordings, console: Console
-) -> None:
-    """The ladder, what was added, what the last diagnosis says, and where the files are."""
-    import polars as pl
-
+def _print_details(study: Study, outcome: Outcome, recordings: Recordings, console: Console) -> None:
+    """Print the errors of all steps, the values that they added, and the last diagnosis."""
     from hydro.core.explanation.ladder import DATASETS
-    from hydro.core.explanation.options import is_open, is_stated
     from hydro.report import change, ladder, yardsticks
-    from hydro.report.diagnosis import lines
 
-    every = pl.concat(step.ladder for step in steps)
+    rungs = outcome.rungs
     for dataset in DATASETS:
-        if not every.filter(dataset=dataset).is_empty():
-            print_table(ladder.errors(every, dataset), ladder.title(every, dataset), console)
-    simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
-    if told := yardsticks.sentence(simple):
-        console.print(
-            told, *yardsticks.explained(simple, recordings.yardstick, recordings.log.record), sep="\n"
-        )
+        if not rungs.filter(dataset=dataset).is_empty():
+            print_table(ladder.errors(rungs, dataset), ladder.title(rungs, dataset), console)
+    simple = yardsticks.of_ladder(rungs, outcome.chosen.number, yardsticks.judged_on(rungs))
+    for line in yardsticks.explained(simple, recordings.yardstick, recordings.log.record):
+        console.print(line)
     if change.PARAMETER in study.parameters:
-        console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
-    for last, step in pairwise(steps):
-        how = "" if is_stated(last, step) else NOT_STATED if is_open(last) else ONLY_SUSPECTED
-        console.print(f"\nStep {step.number}{how}", style="bold")
+        console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(rungs), sep="\n")
+    for step in outcome.steps[1:]:
+        console.print(f"\nStep {step.number}", style="bold")
         for table in step.tables:
             if table["name"] in step.added:
                 console.print(f"    {table['name']}", *ladder.values(table), sep="\n        ", soft_wrap=True)
         others = [table["name"] for table in step.tables if table["name"] not in step.added]
         if others:
             console.print(f"    re-estimated with it: {', '.join(others)}")
-    console.print(f"\nIt ends here: {reason}.", style="bold")
-    for line, advice in lines(chosen.diagnosis):
-        console.print(line)
-        console.print(f"    {advice}")
-    if beyond := _implausible(chosen):
-        console.print("\nBeyond belief, so that it stands for something else:", style="bold")
-        console.print(*(f"    {words}" for words in beyond), sep="\n")
-    console.print(
-        f"\nThe file to use is {study.folder / f'vehicle-{chosen.number}.toml'}; all others are beside it."
-    )
+    console.print(f"\nDiagnosis of step {outcome.chosen.number}", style="bold")
+    print_findings(outcome.chosen.diagnosis, console)
 
 
-def _implausible(step: Step) -> list[str]:
-    """Values that a study has fitted and that lie beyond what physics leaves to them, a sentence each."""
-    from hydro.core.effects.catalogue import implausible
+def _print_json(outcome: Outcome) -> None:
+    """Print the ladder, what each step fitted, and the file to use, for a program."""
+    from hydro.core.explanation.status import added
 
-    return implausible(step.vehicle, [table["name"] for table in step.tables])
-
-
-def _print_json(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> None:
-    """The ladder, what each step fitted, and the file to use, for a program."""
-    import polars as pl
-
-    from hydro.core.explanation.options import is_stated
-
-    every = pl.concat([step.ladder for step in steps], how="diagonal_relaxed")
-    stated = [False, *(is_stated(*both) for both in pairwise(steps))]
+    confirmed = added(outcome.steps)
     fitted = [
-        {"step": step.number, "added": step.added, "stated": sure, "effects": step.tables}
-        for step, sure in zip(steps, stated, strict=True)
+        {
+            "step": step.number,
+            "added": step.added,
+            "stated": bool(step.added) and all(confirmed[name] for name in step.added),
+            "effects": step.tables,
+        }
+        for step in outcome.steps
     ]
-    use = study.folder / f"vehicle-{chosen.number}.toml"
-    beyond = _implausible(chosen)
     print_json(
-        use=str(use), ending=reason, steps=fitted, ladder=every, findings=chosen.diagnosis, implausible=beyond
+        headline=outcome.headline,
+        use=str(outcome.file),
+        ending=outcome.reason,
+        steps=fitted,
+        ladder=outcome.rungs,
+        findings=outcome.chosen.diagnosis,
+        implausible=outcome.beyond,
     )
 
 

@@ -26,48 +26,51 @@ def export(
         typer.Argument(
             metavar="SOURCE",
             show_default=False,
-            help="Vehicle file, trained model or policy; - is a model or policy on stdin.",
+            help="Vehicle file, model or policy; - is stdin.",
         ),
     ] = STREAM,
     to: Annotated[
         str | None,
-        typer.Option(
-            metavar="TARGET", show_default=False, help="Format, see above; default: by the suffix of -o."
-        ),
+        typer.Option(metavar="TARGET", show_default=False, help="Target; default: by the suffix of -o."),
     ] = None,
     on: Annotated[
         str | None,
         typer.Option(
             "--on",
             metavar="RAW",
-            help="Recording on which errors are measured; default: manoeuvres that the vehicle itself flies.",
+            help="Recording for the errors; default: manoeuvres.",
         ),
     ] = None,
     cost: Annotated[
-        bool, typer.Option("--cost/--no-cost", help="Whether the errors of what is left out are computed.")
+        bool, typer.Option("--cost/--no-cost", help="Compute the errors of what is left out.")
     ] = True,
     output: Output = STREAM,
 ) -> None:
     """Export a vehicle file, a network or a policy to other programs.
 
-    \b
-    target  takes    writes
-    python  vehicle  .py      one file without dependencies, a class as in Fossen's simulator
-    casadi  vehicle  .casadi  f(x, u), its Jacobians and a Runge-Kutta step; needs the extra casadi
-    mujoco  vehicle  .xml     MJCF; hydro.load_student(path) makes it ready to step and to view
-    gz      vehicle  .sdf     a Gazebo world (SDF 1.11) with the vehicle in water
-    onnx    model    .onnx    a residual model or a policy; needs the extra onnx
+        target  takes    writes
+        python  vehicle  .py      a class without dependencies, as Fossen's
+        casadi  vehicle  .casadi  f(x, u), Jacobians, a step (extra casadi)
+        mujoco  vehicle  .xml     MJCF, for hydro.load_student(path)
+        gz      vehicle  .sdf     a Gazebo world (SDF 1.11) with water
+        onnx    model    .onnx    a residual model or a policy (extra onnx)
 
-    What a target cannot hold of a vehicle is listed on stderr, each with the error that leaving it out makes
-    in predictions 5 s ahead (root mean square of the velocity, axes weighed by inertia), beside the error of
-    the vehicle file itself.
+    Effects that a target cannot hold are listed on stderr, each with the error that this makes in predictions
+    5 s ahead.
+
+        hydro export vehicle.toml --to casadi -o vehicle.casadi
+
+    Details:
+
+    The error is the root mean square of the velocity, axes weighted by inertia; the error of the vehicle file
+    itself stands beside it.
 
     A model's graph takes states (N, 12), u v w p q r and their rates in the body frame (forward, right,
     down), and gives tau_res (N, 6) in N and N m; features and scalers are part of it. The vehicle feels
     -tau_res. A temporal model also takes past (N, 42), the velocities of the seven control steps before,
     newest first, which the caller keeps. A policy's graph (policy.parquet of a training) takes observations
     (N, 36) in SI units and gives actions (N, 6) in [-1, 1].
-    """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
+    """
     from hydro.export.targets import choose
     from hydro.io import vehicle as vehicles
     from hydro.io.files import write_bytes

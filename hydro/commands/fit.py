@@ -38,7 +38,7 @@ Shots = Annotated[
     int,
     typer.Option(
         min=8,
-        help="Shots of two seconds at most; they are spread evenly over a longer recording.",
+        help="Most shots of 2 s that are fitted.",
     ),
 ]
 
@@ -50,8 +50,7 @@ def fit(
         list[str] | None,
         typer.Option(
             metavar="EFFECT",
-            help="An effect to fit, by its name in `hydro effects`; with .matrix or the like where it has "
-            f"several forms; as '{examples.TO_FIT_FROM}' with values to begin from. Repeat for several.",
+            help=f"Effect to fit, also with initial values: '{examples.TO_FIT_FROM}'.",
         ),
     ] = None,
     known: Known = None,
@@ -63,17 +62,26 @@ def fit(
     max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
-    """Fit chosen effects to a recording and write the vehicle file.
+    r"""Fit chosen effects to a recording and write the vehicle file.
 
-    An effect that the file has is re-estimated from its values; another is added. Everything else in the
-    file stays, comments too. Beside the values are written their standard errors and the hash of the data
-    they came from. A parameter that the data do not determine stays near its initial value, and a warning
-    says which motion would determine it. A standard error that the file states beside a value makes it
-    another estimate, unless it comes from this very recording; what is `known` is not re-estimated. Values
-    that contradict the file's, or lie beyond what physics leaves to them, are told. A log whose columns are
-    not what they are called, reversed, exchanged or in degrees, is refused. Where a sensor's noise has heavy
-    tails, outliers count for less. Beside the file that -o names, such as vehicle.toml, the covariance of the
-    values is written, vehicle.covariance.parquet; later fits and hydro simulate --bands read it.
+    An effect of the file is re-estimated from its values; any other is added. The values get standard errors
+    and the hash of the recording. A warning names parameters that the recording does not determine, and the
+    motion that would. What is `known` is not re-estimated.
+
+        hydro fit vehicle.toml raw.parquet --effect quadratic_damping \
+          -o vehicle-1.toml
+
+    Details:
+
+    Name effects as `hydro effects` does, with .matrix or the like if they have several forms. Everything else
+    in the file stays, comments too. A parameter that the data do not determine stays near its initial value.
+    A standard error of a value in the file makes that value another estimate, unless it comes from this very
+    recording. A line on stderr names values that contradict the file or are not plausible. A log with
+    reversed or exchanged columns, or with degrees, is refused. Outliers count less if a sensor has heavy
+    tails.
+
+    The covariance is written next to the file that -o names: vehicle.covariance.parquet for vehicle.toml.
+    Later fits and hydro simulate --bands read it.
     """
     import numpy as np
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.help import ADVANCED
 from hydro.commands.places import FILE, Output
 from hydro.commands.recordings import Definitions, MaxExpanded, opened, reading
 from hydro.commands.shell import STREAM, message, refuse_terminal, write
@@ -22,8 +23,7 @@ def import_(
         typer.Argument(
             metavar="LOG...",
             show_default=False,
-            help="A log, or the files of one dive: ROS 1 or 2 bag (also its folder), MCAP, DataFlash .bin, "
-            "PX4 .ulg, MAVLink .tlog, CSV, Parquet, .npz or .mat; - is stdin.",
+            help="Log, or the files of one dive; - is stdin.",
         ),
     ],
     map_: Annotated[
@@ -31,12 +31,12 @@ def import_(
         typer.Option(
             "--map",
             metavar="FILE",
-            help="What the columns mean: units, frames, signs; by default guessed from their names.",
+            help="Map of the columns; default: guessed from their names.",
         ),
     ] = None,
     vehicle: Annotated[
         Path | None,
-        typer.Option("--vehicle", metavar="FILE", help="Vehicle file, to go into the table's footer."),
+        typer.Option("--vehicle", metavar="FILE", help="Vehicle file for the table's footer."),
     ] = None,
     rate: Annotated[
         float | None,
@@ -44,61 +44,65 @@ def import_(
             min=0.1,
             max=10_000.0,
             show_default=False,
-            help="Rows per second; by default the median of the channels' own rates, or the fastest of them "
-            "where it is plainly faster.",
+            help="Rows per second; default: from the channels.",
+            rich_help_panel=ADVANCED,
         ),
     ] = None,
     fill: Annotated[
         bool,
-        typer.Option("--fill", help="Values in every row: lines between the samples of a slow sensor."),
+        typer.Option("--fill", help="Interpolate slow sensors to every row.", rich_help_panel=ADVANCED),
     ] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse a log whose motion contradicts the map.")
+        bool,
+        typer.Option(
+            "--strict", help="Refuse a log whose motion contradicts the map.", rich_help_panel=ADVANCED
+        ),
     ] = False,
     write_map: Annotated[
         str | None,
-        typer.Option("--write-map", metavar="FILE", help="Only write a commented map to begin with."),
+        typer.Option("--write-map", metavar="FILE", help="Only draft a map, with comments."),
         FILE,
     ] = None,
     topics: Annotated[
         bool,
-        typer.Option("--topics", help="Only list what is in the log: topics, rates, numeric fields, spans."),
+        typer.Option("--topics", help="Only list topics, fields, rates and times of a log."),
     ] = False,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
     preset: Annotated[
         Preset | None,
-        typer.Option(
-            show_default=False, help="Whose names the columns have, for a guess; by default tried in turn."
-        ),
+        typer.Option(show_default=False, help="Whose names the columns have.", rich_help_panel=ADVANCED),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Let --write-map replace a map that is there and differs.")
+        bool, typer.Option("--force", help="Let --write-map replace another map.", rich_help_panel=ADVANCED)
     ] = False,
     output: Output = STREAM,
 ) -> None:
     """Convert a log to a raw table: one clock, NED and FRD, SI units.
 
+    Reads ROS 1 and 2 bags, MCAP, DataFlash .bin, PX4 .ulg, MAVLink .tlog, CSV, Parquet, .npz and .mat. A map
+    says what the columns mean. Frames, units, signs and delays of the map are checked by kinematics.
+
+        hydro import dive.mcap --topics
+        hydro import dive.bag --write-map map.toml
+        hydro import dive.bag --map map.toml -o raw.parquet
+        hydro import nav.bag commands.csv --map map.toml -o raw.parquet
+
+    Details:
+
     Commands are scaled to -1 to 1. Each channel is interpolated from its own samples, commands are held, and
-    no row is made within a gap. A sensor slower than the rows has a value in those nearest to its samples
-    alone: fits count each sample once, and labels are made of what they determine. replay needs values in
-    every row: give --fill.
+    no row is made within a gap. A sensor slower than the rows has a value only in the rows nearest to its
+    samples: fits count each sample once. replay needs values in every row: add --fill. The rate of the rows
+    is the median of the rates of the channels, or the fastest of them if it is much faster.
 
-    Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
-    velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
-    plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
-    instead. So it does where the stamps of a sensor are late, or those of the commands. With --vehicle the
-    thrusters are audited, as by hydro check VEHICLE LOG.
+    The check by kinematics: d(position)/dt must equal the velocity rotated into the world frame, and the
+    attitude must change at the measured rates. Every other plausible frame, unit and sign is tried. If the
+    data contradict the map, a warning says what to write instead. Late stamps of a sensor or of the commands
+    are found as well. With --vehicle the thrusters are audited, as by hydro check VEHICLE LOG.
 
-    The format is told by the first bytes. A log of messages has the columns topic.field, such as
-    /dvl/data.velocity.x or XKF1[0].PN, and time [s]; --topics lists them. Several files are merged by time;
-    those that do not overlap are sessions, named by their files.
-
-    hydro import dive.mcap --topics
-
-    hydro import dive.bag --map map.toml -o raw.parquet
-
-    hydro import nav.bag commands.csv --map map.toml -o raw.parquet
+    The first bytes tell the format. Columns of a log of messages are called topic.field, such as
+    /dvl/data.velocity.x or XKF1[0].PN, and time [s]. Several files are merged by time; files that do not
+    overlap become sessions with the names of the files.
     """
     from hydro.io import log_files, log_topics, recordings
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.as_json import Json, print_json, saves
+from hydro.commands.help import ADVANCED
 from hydro.commands.places import FOLDER, Output
 from hydro.commands.shell import (
     PREDICTION_TITLE,
@@ -46,18 +47,19 @@ LabelsOrSplit = Annotated[
 
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Passes over the data at most; default: 25,000 updates, 60 passes at most."),
+    typer.Option(min=1, help="Most passes over the data; default: 25,000 updates."),
 ]
 Minutes = Annotated[
     float | None,
-    typer.Option(metavar="MIN", help="Train on whole blocks of so many minutes of the data alone."),
+    typer.Option(metavar="MIN", help="Train on so many minutes of the data.", rich_help_panel=ADVANCED),
 ]
 Accelerations = Annotated[
     bool | None,
     typer.Option(
         "--accelerations/--no-accelerations",
         show_default=False,
-        help="Whether nu_dot is an input; default: where noise is below 1 % of it.",
+        help="Accelerations as inputs; default: if noise is below 1 %.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 
@@ -74,29 +76,35 @@ def train(
 ) -> None:
     """Train a residual network on the training part of labels.
 
-    Inputs and outputs are standardised on the rows fitted; Adam with a learning rate that falls to zero as a
-    half cosine, gradient clipping, early stopping on a tenth of the training blocks; one thread. Labels
-    without a split get the default one. The same data and seed give the same bytes on one machine.
+    The same data and seed give the same bytes on one machine. Labels without a split get the default one.
 
-    Noise of a log is in the acceleration and, through M nu_dot, in the label: a network that has both learns
-    the noise. From a noisy log networks are therefore trained without accelerations as inputs, and with a
-    weight decay that keeps them from learning the labels' noise; one line on stderr says so.
+        hydro train split.parquet --model physfeat -o model.parquet
 
-    gp is found without epochs: how drag grows with the speed, and how far port is like starboard, bow like
-    stern and top like bottom, is weighed by the error of blocks left out. It takes about a minute, whatever
-    the data, and no accelerations.
+        model       weights  architecture
+        mlp          68,358  MLP 12-128-256-128-6, the baseline of the paper
+        resmlp      129,542  four residual blocks with layer norms
+        multihead   114,390  a trunk and one head per axis
+        moe          76,892  four experts and a gate
+        physfeat     72,582  PhysicsFeature-MLP: an MLP on 45 features
+        structured   71,624  C(nu) nu + D(nu) nu, D >= 0: dissipative
+        temporal     73,734  an MLP with the velocities of the last 0.28 s
+        gp           60,520  Gaussian process, symmetric, for minutes of data
 
-    \b
-    model       weights  the paper's count and what it is
-    mlp          68,358  "42K"  Baseline MLP 12-128-256-128-6; these widths give 68,358
-    resmlp      129,542  "130K" four residual blocks with layer norms
-    multihead   114,390  "114K" a trunk and one head per axis
-    moe          76,892  "77K"  four experts and a gate
-    physfeat     72,582  "73K"  PhysicsFeature-MLP: an MLP on 45 features
-    structured   71,624  -      C(nu) nu + D(nu) nu, D >= 0: dissipative
-    temporal     73,734  -      an MLP that also has the velocities of the last 0.28 s
-    gp           60,520  -      a Gaussian process in the hull's mirrors, for minutes of data
-    """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
+    Details:
+
+    Inputs and outputs are standardised on the fitted rows. The optimiser is Adam with a learning rate that
+    falls to zero as a half cosine, gradient clipping, and early stopping on a tenth of the training blocks,
+    in one thread. The paper gives the numbers of weights as 42K (mlp), 130K, 114K, 77K and 73K (physfeat);
+    the widths that it states for mlp give 68,358.
+
+    The noise of a log is in the acceleration and, through M nu_dot, in the label: a network that has both
+    learns the noise. From a noisy log, networks are therefore trained without accelerations and with a weight
+    decay that keeps them from learning the noise of the labels. One line on stderr says so.
+
+    gp has no epochs and takes no accelerations. The error of left-out blocks decides how drag grows with the
+    speed, and how symmetric the hull is: port and starboard, bow and stern, top and bottom. It takes about a
+    minute, whatever the data.
+    """
     from dataclasses import replace
     from math import isnan
 

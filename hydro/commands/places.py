@@ -46,9 +46,7 @@ class Writes:
 FILE, FOLDER = Writes(), Writes(folder=True)
 Output = Annotated[
     str,
-    typer.Option(
-        "--output", "-o", metavar="FILE", show_default=False, help="Where to write; nothing or - is stdout."
-    ),
+    typer.Option("--output", "-o", metavar="FILE", show_default=False, help="Output file; - is stdout."),
     FILE,
 ]
 
@@ -60,7 +58,7 @@ SessionsOutput = Annotated[
         "-o",
         metavar="FILE",
         show_default=False,
-        help="Where to write; nothing or - is stdout. Of a folder of sessions, a folder of them.",
+        help="Output file, of a folder of sessions a folder; - is stdout.",
     ),
     Writes(like="raw"),
 ]
@@ -71,7 +69,7 @@ EachOutput = Annotated[
         "-o",
         metavar="FILE",
         show_default=False,
-        help="Where to write; nothing or - is stdout. With --each, a folder.",
+        help="Output file, with --each a folder; - is stdout.",
     ),
     Writes(like="measured", where="each"),
 ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.help import ADVANCED
 from hydro.commands.shell import STREAM, message, progress
 from hydro.core.errors import UsageError
 
@@ -23,8 +24,7 @@ Measured = Annotated[
     typer.Argument(
         metavar="MEASURED...",
         show_default=False,
-        help="Raw table, a folder of them by session (session=NAME/part.parquet), or with --map a log or the "
-        "files of one dive; nothing or - is stdin.",
+        help="Raw table, folder of sessions, or logs with --map; - is stdin.",
     ),
 ]
 MapFile = Annotated[
@@ -33,8 +33,7 @@ MapFile = Annotated[
         "--map",
         metavar="FILE",
         show_default=False,
-        help="What the columns of a log mean: recordings may then be logs, which are imported as by hydro "
-        "import. Raw tables that it wrote are read as they are.",
+        help="Map of the columns of a log, as hydro import writes it.",
     ),
 ]
 Definitions = Annotated[
@@ -43,7 +42,8 @@ Definitions = Annotated[
         "--msg",
         metavar="DIR",
         show_default=False,
-        help="Folder with the .msg files of ROS messages that the log does not describe.",
+        help="Folder with the .msg files of ROS messages.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 
@@ -63,8 +63,8 @@ MaxExpanded = Annotated[
         min=0.0,
         show_default=False,
         callback=_allow,
-        help="Refuse a file whose contents take more than this once decompressed; by default more than 100 "
-        "times its size, and more than 0.1 GB.",
+        help="Largest size of a file once decompressed.",
+        rich_help_panel=ADVANCED,
     ),
 ]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.help import ADVANCED
 from hydro.commands.places import FILE, FOLDER, Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
@@ -35,40 +36,35 @@ if TYPE_CHECKING:
     from hydro.io.model import Model
     from hydro.io.table import Artefact
 
-Models = Annotated[
-    list[str] | None, typer.Option(metavar="MODEL", help="A trained model; repeat for several.")
-]
+Models = Annotated[list[str] | None, typer.Option(metavar="MODEL", help="Trained model; may be repeated.")]
 Variants = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME", help="Only this variant, such as MJ0 or MJ4; repeat for several."),
+    typer.Option(metavar="NAME", help="Only this variant, such as MJ0; may be repeated."),
 ]
 Conditioning = Annotated[
     Literal[
         "off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band"
     ],
-    typer.Option(help="What is done to the learned wrench before it acts; see above."),
+    typer.Option(
+        metavar="NAME", help="Filters of the learned wrench, such as paper.", rich_help_panel=ADVANCED
+    ),
 ]
 Lead = Annotated[
     float,
-    typer.Option(
-        min=0.0, max=1.0, help="How far ahead networks are evaluated, in control steps; 0 as in the paper."
-    ),
+    typer.Option(min=0.0, max=1.0, help="Control steps that networks look ahead.", rich_help_panel=ADVANCED),
 ]
 Integrator = Annotated[
-    Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
+    Literal["euler", "implicitfast", "implicit", "rk4"],
+    typer.Option(metavar="NAME", help="MuJoCo's integrator.", rich_help_panel=ADVANCED),
 ]
-Timestep = Annotated[float, typer.Option(min=1e-5, help="Physics step [s].")]
+Timestep = Annotated[float, typer.Option(min=1e-5, help="Physics step [s].", rich_help_panel=ADVANCED)]
 Piece = Annotated[
     float | None,
-    typer.Option(
-        min=0.1, metavar="SECONDS", help="Also measure every segment of so many seconds of a sequence."
-    ),
+    typer.Option(min=0.1, metavar="SECONDS", help="Also errors of every segment of this length."),
 ]
-Figures = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors of all variants."), FOLDER
-]
+Figures = Annotated[Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors."), FOLDER]
 Metrics = Annotated[
-    str | None, typer.Option(metavar="FILE", help="Also write the errors, a metrics table."), FILE
+    str | None, typer.Option(metavar="FILE", help="Also write the errors as a metrics table."), FILE
 ]
 
 
@@ -91,23 +87,28 @@ def replay(
 ) -> None:
     """Replay recorded commands in MuJoCo and measure the errors.
 
-    The replay is open loop. MJ0 has no water forces, MJ0+M_A added mass alone, MJ0+ellipsoid MuJoCo's own
-    fluid model; every model adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat
-    MJ4). A model whose labels had all effects subtracted is replayed with them, as effects+MJ4, beside the
-    effects alone. On a terminal without -o the errors are printed; with -o, or into a pipe, the time series
-    of all variants and of the measured motion are written. --piece 10 also measures replay90 by its nine
-    segments. A log that --map reads gets values in every row, as from hydro import --fill.
+    The replay is open loop. MJ0 has no water forces, MJ0+M_A added mass, MJ0+ellipsoid MuJoCo's fluid model;
+    each --model adds a variant. Errors are printed on a terminal; -o or a pipe gets the time series of all
+    variants and of the measured motion.
 
-    A network's wrench is held from one control step to the next. The network is evaluated at the state
-    predicted for the middle of this time; with --lead 0, as in the paper, at the state at its beginning.
+        hydro replay replay90.parquet --model model.parquet --piece 10
 
-    --conditioning says what is done to a learned wrench at 25 Hz: off, nothing; or the paper's low-pass with
-    beta = 0.9, then clipping of each axis at twice what the thrusters can exert there, then a dead band that
-    fades the wrench out below 0.02 m/s and 0.02 rad/s. The paper leaves open what beta weighs. paper-old
-    weighs the old value, a lag of 0.38 s: with a network trained on the full Stonefish recordings the errors
-    of replay90 grow by a factor of 18 to 37. paper-new weighs the new value and changes next to nothing
-    there; paper is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one stage alone. The
-    metrics give how often clipping and dead band acted, as shares of the control steps.
+    Details:
+
+    Variants have the paper's names where it has one: mlp is MJ1, physfeat MJ4. A model whose labels had all
+    effects subtracted is replayed with them, as effects+MJ4, and the effects alone are a variant as well. A
+    log that --map reads gets values in every row, as from hydro import --fill.
+
+    A network's wrench is held from one control step to the next. The network is evaluated at the predicted
+    state in the middle of this time; with --lead 0, as in the paper, at the state at its beginning.
+
+    --conditioning filters a learned wrench at 25 Hz, as the paper does: a low-pass with beta = 0.9, then
+    clipping of each axis at twice what the thrusters can exert there, then a dead band that fades the wrench
+    out below 0.02 m/s and 0.02 rad/s. The paper leaves open what beta weighs. paper-old weighs the old value,
+    a lag of 0.38 s: with a network trained on the full Stonefish recordings the errors of replay90 grow by a
+    factor of 18 to 37. paper-new weighs the new value and changes next to nothing; paper is paper-new.
+    low-pass-old, low-pass-new, clipping and dead-band are one stage alone. The metrics have the share of
+    control steps in which clipping and dead band acted.
     """
     given = _Given(
         called(raw), tuple(model or ()), tuple(variant or ()), conditioning, lead, integrator, timestep, piece

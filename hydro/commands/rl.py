@@ -30,37 +30,35 @@ TrainingFolder = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), FOLDER
 ]
 ConditionName = Annotated[
-    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured, R_effects or R_identified.")
+    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured, R_effects, R_identified.")
 ]
 ResidualModel = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Residual model, for the conditions that fly with one."),
+    typer.Option(metavar="FILE", help="Residual model, for conditions with one."),
 ]
-Steps = Annotated[int, typer.Option(min=1, help="Control steps of all vehicles together at most.")]
+Steps = Annotated[int, typer.Option(min=1, help="Most control steps of all vehicles together.")]
 Start = Annotated[
     Path | None,
     typer.Option(
         metavar="RUN",
-        help="Begin with what another training has learnt, under whatever physics; not with its levels.",
+        help="Begin with the policy of another training.",
     ),
 ]
 Recipe = Annotated[
     Literal["paper", "demos"],
-    typer.Option(help="Choices that go together: as in the paper, or begun with what a pilot by hand does."),
+    typer.Option(help="As in the paper, or with imitation first."),
 ]
 TaskAlone = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME", help="Learn this task alone, see `hydro rl eval --help`, and no curriculum."
-    ),
+    typer.Option(metavar="NAME", help="Learn one task alone; see hydro rl eval."),
 ]
 Randomise = Annotated[
     list[str] | None,
-    typer.Option(metavar="WHAT", help="What each episode's vehicle draws anew, see below; repeat."),
+    typer.Option(metavar="WHAT", help="What to randomise per episode; may be repeated."),
 ]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256."),
 ]
 
 
@@ -80,27 +78,34 @@ def train(
 ) -> None:
     """Train a policy by SAC; --recipe demos starts with imitation.
 
-    Stage 1 is point to point in open water, stage 2 a slalom that must be weaved, of none to four baffles,
-    stage 3 a forest of pillars with a planned way to follow. Once 90 % of 150 episodes of training succeed
-    (curriculum.ready) as many are flown without exploration, of which 97 % pass a level (curriculum.share).
-    Training ends with the last level or with the steps.
+    Stage 1 is point to point, stage 2 a slalom, stage 3 a forest of pillars. DIR gets the policy, every
+    choice and the evaluations. The same command again goes on where it stopped. --randomise posterior draws
+    the vehicle of each episode from the covariance beside its file, --randomise 0.2 from 20 % about its
+    values.
 
-    With --recipe demos a pilot by hand, who has the map, flies first and the policy is made to do as he does;
-    then the policy flies, he tells what he would do where it comes to, and it is made to do that, until it
-    passes. What it still does not pass it learns by rewards, with his flights in half of every batch. All
-    levels are rehearsed, and the last policy passes the last level of every task. Stage 2 begins with all
-    four baffles.
+        hydro rl train vehicle.toml --recipe demos --randomise posterior -o run
 
-    DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
-    at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
-    bits as if it never had; with more --steps, --stages or another curriculum it goes on beyond. With --start
-    a policy that has learnt under one condition learns on under another, from the first level.
+    Details:
 
-    The real vehicle is not the file. With --randomise posterior the numbers of every episode's vehicle are
-    drawn from the covariance that `hydro fit`, `add` and `explain` write beside the file, with --randomise
-    0.2 from 20 % about them. --randomise current=0.3 draws a current of up to 0.3 m/s, load=0.1 a payload
-    of up to 10 % of the mass, thruster=1 the share of its thrust that one thruster has lost, bias=1 biases as
-    large as the sensors' noise, delay=0.1 and late=0.1 how late sensors and commands are [s].
+    The slalom has none to four baffles; the forest has a planned way to follow. Once 90 % of 150 episodes of
+    training succeed (curriculum.ready), as many are flown without exploration, of which 97 % pass a level
+    (curriculum.share). Training ends with the last level or with the steps.
+
+    With --recipe demos a scripted expert with a map flies first and the policy imitates it (behavioural
+    cloning). Then the policy flies, the expert labels the states that it visits (DAgger), and the policy
+    imitates these labels, until it passes. Levels that it still does not pass it learns by rewards, with
+    flights of the expert in half of every batch. All levels are rehearsed, and the last policy passes the
+    last level of every task. Stage 2 begins with all four baffles.
+
+    DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet at every
+    evaluation, and a checkpoint. A resumed training has the same bits as an uninterrupted one; with more
+    --steps, --stages or another curriculum it goes on beyond. With --start a policy of one condition is
+    trained further under another, from the first level.
+
+    --randomise current=0.3 draws a current of up to 0.3 m/s, load=0.1 a payload of up to 10 % of the mass,
+    thruster=1 the share of thrust that one thruster has lost, bias=1 biases as large as the noise of the
+    sensors, delay=0.1 and late=0.1 the delays of sensors and commands [s]. `hydro fit`, `add` and `explain`
+    write the covariance beside the file.
     """
     given = _Given(
         vehicle, output, condition, model, seed, stages, task or "", steps, start, recipe,

@@ -30,30 +30,26 @@ Flown = Annotated[
     typer.Argument(
         metavar="RUN",
         show_default=False,
-        help="Folder of a training, or a vehicle file for a pilot by hand.",
+        help="Folder of a training, or a vehicle file.",
     ),
 ]
 In = Annotated[
     Literal["student", "teacher", "stonefish"],
-    typer.Option("--in", help="Where to fly; Stonefish through the program hydro-stonefish."),
+    typer.Option("--in", help="Simulator."),
 ]
 TaskName = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Task to fly, see below; default: the one that training has come to."),
+    typer.Option(metavar="NAME", help="Task; default: the last of the training."),
 ]
-Stage = Annotated[
-    int | None, typer.Option(min=1, max=3, help="The task of a stage of the curriculum, in place of --task.")
-]
-Level = Annotated[
-    int | None, typer.Option(min=0, help="Baffles of the slalom, pillars of a forest or a row.")
-]
+Stage = Annotated[int | None, typer.Option(min=1, max=3, help="Task of a stage of the curriculum.")]
+Level = Annotated[int | None, typer.Option(min=0, help="Number of baffles or pillars.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--setting", metavar="NAME", help="What is other, see below; repeat, or all."),
+    typer.Option("--setting", metavar="NAME", help="Other settings; may be repeated."),
 ]
 Truth = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Vehicle file that is flown in place of the policy's own."),
+    typer.Option(metavar="FILE", help="Vehicle file to fly instead."),
 ]
 
 
@@ -148,9 +144,7 @@ def eval_(
     level: Level = None,
     setting: Settings = None,
     truth: Truth = None,
-    pilot: Annotated[
-        bool, typer.Option("--pilot/--no-pilot", help="Fly the same tasks with a pilot by hand, too.")
-    ] = True,
+    pilot: Annotated[bool, typer.Option("--pilot/--no-pilot", help="Also fly a scripted pilot.")] = True,
     details: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the episodes of the first row."), FILE
     ] = None,
@@ -158,32 +152,37 @@ def eval_(
 ) -> None:
     """Fly a policy in a simulator and count the successes.
 
-    The same seed gives the same tasks to every policy and in all simulators. Success with its 95 % interval
-    (Wilson), collisions, time to goal of those that arrived, energy, distance from what is to be followed,
-    and how far baffles or pillars are passed on alternating sides. A policy that wins in its own simulator
-    alone has not won, nor one that the helmsman beats: a pilot by hand of eight lines, who flies the same
-    tasks besides, and once more with a map where there is something to go round. Who taught the policy flies
-    them too, where he flies otherwise than that. With a vehicle file in the place of RUN the helmsman flies
-    alone. On a terminal without -o the result is printed.
+    The same seed gives the same tasks to every policy and in all simulators. The result has the success rate
+    with its 95 % interval, collisions, time to goal and energy, also of a scripted pilot that flies the same
+    tasks.
 
-    \b
-    task             what is asked
-    point_to_point   a place in open water                       (stage 1)
-    slalom           baffles from both walls, to be weaved       (stage 2)
-    forest           pillars at random, along a plan             (stage 3)
-    station_keeping  a place to be held in a current
-    circle, helix, lemniscate   a point to be followed
-    docking          a pose, slowly
-    pillar_row       pillars that may be gone round
+        task             what is asked
+        point_to_point   a place in open water               (stage 1)
+        slalom           baffles from both walls             (stage 2)
+        forest           pillars at random, along a plan     (stage 3)
+        station_keeping  a place to be held in a current
+        circle, helix, lemniscate   a moving point to follow
+        docking          a pose, slowly
+        pillar_row       pillars that may be passed around
 
-    With --stage or --task the policy flies that passed this task in training, where one has: what is learnt
-    for the next stage may undo it.
+    Settings: no_plan, current, load, dead_thruster, posterior, half_time or all.
 
-    With --setting the vehicle, the water or the task differ from what was trained: no_plan (the goal is shown
-    in place of a way), current (0.3 m/s), load (a payload of 10 % of the mass), dead_thruster, posterior
-    (numbers drawn from the covariance beside the vehicle file), half_time, or all; nominal is as the file
-    says. With --truth another vehicle flies than the one that the policy's demands are made for.
-    """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
+    Details:
+
+    The interval is Wilson's. The result also has the distance from the way to follow, and how far baffles or
+    pillars are passed on alternating sides. A good policy also wins in a simulator that it was not trained
+    in, and against the scripted pilot (the helmsman). The pilot flies once more with a map if there is
+    something to avoid. The expert of --recipe demos flies as well if it differs from that. With a vehicle
+    file as RUN the pilot flies alone. On a terminal without -o the result is printed. Stonefish runs in the
+    program hydro-stonefish.
+
+    With --stage or --task the policy that passed this task in training flies, if there is one: training for
+    the next stage may undo it.
+
+    Settings: no_plan shows the goal instead of a way, current is 0.3 m/s, load a payload of 10 % of the mass,
+    posterior draws values from the covariance beside the vehicle file; nominal is the file. With --truth
+    another vehicle flies than the one that the policy's demands are made for.
+    """
     import polars as pl
 
     from hydro.io import table

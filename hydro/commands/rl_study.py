@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
+from hydro.commands.help import CLUSTER
 from hydro.commands.places import FOLDER
 from hydro.commands.shell import ModelFile, message
 from hydro.commands.tables import print_table
@@ -15,21 +16,21 @@ from hydro.commands.tables import print_table
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."), FOLDER]
 Models = Annotated[
     list[Path] | None,
-    typer.Option(metavar="FILE", help="Residual model of a condition; repeat for several."),
+    typer.Option(metavar="FILE", help="Residual model of a condition; may be repeated."),
 ]
 Identified = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Vehicle file that `hydro explain` or `fit` wrote, of R_identified."),
+    typer.Option(metavar="FILE", help="Fitted vehicle file, of R_identified."),
 ]
 Conditions = Annotated[
-    list[str] | None, typer.Option(metavar="NAME", help="Only this condition; repeat for several.")
+    list[str] | None, typer.Option(metavar="NAME", help="Only this condition; may be repeated.")
 ]
 Recipe = Annotated[
-    Literal["paper", "demos"], typer.Option(help="Of every training, see `hydro rl train --help`.")
+    Literal["paper", "demos"], typer.Option(help="Recipe of every training; see hydro rl train.")
 ]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training; repeat."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training."),
 ]
 
 
@@ -44,7 +45,7 @@ def study(
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 3,
     steps: Annotated[int, typer.Option(min=1, help="Steps of each training at most.")] = 2_000_000,
     episodes: Annotated[int, typer.Option(min=1, help="Tasks of each test.")] = 200,
-    workers: Annotated[int, typer.Option(min=1, help="Steps side by side, each a process.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Steps at a time.", rich_help_panel=CLUSTER)] = 1,
     recipe: Recipe = "paper",
     choices: Choices = None,
     engine: EngineName = HERE,
@@ -53,17 +54,20 @@ def study(
 ) -> None:
     """Train all conditions with several seeds and compare the policies.
 
-    Conditions: R_0 without water forces, R_MLP, R_PhysFeat and R_structured with residual networks,
-    R_effects with the vehicle file's effects, R_identified with those of a file that was identified from the
-    teacher's data. Each training goes through the curriculum and is then flown through the task of every
-    stage in the student and in the teacher of VEHICLE, the same tasks everywhere, which pilots by hand fly
-    besides. Every step is an ordinary command, printed as it runs; seeds come before conditions, so that a
-    study that is stopped has something of each. One that was interrupted goes on where it stopped, inside a
-    training too. With --engine ray steps run on the nodes of a Ray cluster, as many as have room, and
+    Each training goes through the curriculum; its policy then flies the task of every stage in the student
+    and in the teacher of VEHICLE, as do scripted pilots. Each step is an ordinary command, printed as it
+    runs. An interrupted study goes on where it stopped, inside a training too.
+
+    Details:
+
+    Conditions: R_0 without water forces; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
+    with the effects of the vehicle file; R_identified with those of a file that was identified from data of
+    the teacher. The same tasks are flown everywhere. Seeds come before conditions, so that a stopped study
+    has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room, and
     --workers does not count.
 
-    DIR gets a folder per training, tests.parquet with all tests and curves.png. What is not run, for want of
-    a file, is said.
+    DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line says what is not run
+    because a file is missing.
     """
     from hydro.study import policies
 

@@ -19,6 +19,7 @@ from hydro.core.errors import DataError, UsageError
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.core.diagnosis.provisional import Provisional
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
     from hydro.core.vehicle.description import Vehicle
@@ -38,16 +39,13 @@ CONDITIONING_TITLE = (
 LONG = 30.0
 """Seconds from which on it is said how long something takes."""
 
-ModelFile = Annotated[
-    Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file: the model.")
-]
+ModelFile = Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")]
 NoiseSpec = Annotated[
     str | None,
     typer.Option(
         "--noise",
         metavar="SPEC",
-        help="Noise of the velocities: none, ordinary, dvl, or 1-sigma values such as "
-        "'{velocity=0.02, rate=0.003}' in m/s and rad/s; by default found from the data.",
+        help="Velocity noise: none, ordinary, dvl or '{velocity=0.02, rate=0.003}'; default: from the data.",
     ),
 ]
 Known = Annotated[
@@ -56,8 +54,7 @@ Known = Annotated[
         "--known",
         metavar="NAME",
         show_default=False,
-        help="An effect of the file, or EFFECT.PARAMETER, that is known: it is not re-estimated, as with "
-        "`known = true` in its table. Repeat for several.",
+        help="Effect, or EFFECT.PARAMETER, to keep at the file's value.",
     ),
 ]
 Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
@@ -70,7 +67,7 @@ def seed_option(of: str) -> Any:
 
 VehicleFile = Annotated[
     Path | None,
-    typer.Option("--vehicle", metavar="FILE", help="Vehicle file; default: the one in the data's footer."),
+    typer.Option("--vehicle", metavar="FILE", help="Vehicle file; default: the one in the data."),
 ]
 
 
@@ -220,7 +217,7 @@ def report_gaps(source: str, frame: pl.DataFrame) -> None:
 def report(source: str, words: str) -> None:
     """Say something of an input in one line on stderr; nothing where there is nothing to say."""
     if words:
-        typer.echo(f"hydro: {_name(source)}: {words}", err=True)
+        message(f"hydro: {_name(source)}: {words}")
 
 
 def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
@@ -272,8 +269,12 @@ def dataset_name(source: str) -> str:
 
 
 @contextmanager
-def progress(label: str) -> Iterator[Callable[..., None]]:
-    """A progress bar on stderr while the block runs; silent where stderr is no terminal.
+def progress(label: str, expected: float | None = None) -> Iterator[Callable[..., None]]:
+    """Show a progress bar with the remaining time on stderr; nothing where stderr is no terminal.
+
+    Args:
+        label: What is being done.
+        expected: How long it takes, about [s]; None where nothing is known beforehand.
 
     Yields:
         `update(done, total, text)`: how far the work is, and a few words beside the bar.
@@ -281,49 +282,78 @@ def progress(label: str) -> Iterator[Callable[..., None]]:
     if not sys.stderr.isatty():
         yield lambda done, total, text="": None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from hydro.commands.waiting import shown
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[text]}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=None, text="")
-        yield lambda done, total, text="": bar.update(task, completed=done, total=total, text=text)
+    with shown(label, expected) as update:
+        yield update
 
 
 def message(text: str) -> None:
-    """Say a line on stderr, where it does not disturb what is piped on."""
-    typer.echo(text, err=True)
+    """Print a line on stderr; a progress bar there moves below it, which Click would overwrite."""
+    print(text, file=sys.stderr, flush=True)
 
 
-def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> None:
-    """How long a diagnosis takes, about, where that is long and a person waits for it at a terminal.
+def expected_seconds(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> float:
+    """Return how long a diagnosis takes, about [s].
 
     Args:
         vehicle: What is diagnosed.
         frame: The recording.
         steps: Whether it is the first of several, as in `explain`.
     """
-    if not sys.stderr.isatty():
-        return
     from hydro.core.effects.catalogue import own_effects
     from hydro.core.prediction.parameters import free
     from hydro.core.recording import extent
     from hydro.core.threads import available
 
-    own, processors = own_effects(vehicle), available()
+    own = own_effects(vehicle)
     values = len(free(vehicle, own).entries) if own else 0
-    seconds = extent.diagnosis_seconds(frame.height, values, processors)
-    seconds *= extent.EXPLAINED if steps else 1.0
-    if seconds > LONG:
-        what = "a first step takes about" if steps else "about"
-        on = "one processor" if processors == 1 else f"{processors} processors"
-        spread = "half or twice that is possible" + (", later steps take less" if steps else "")
-        message(f"hydro: {frame.height:,} rows: {what} {extent.duration(seconds)} on {on}; {spread}")
+    seconds = extent.diagnosis_seconds(frame.height, values, available())
+    return seconds * (extent.EXPLAINED if steps else 1.0)
+
+
+def is_long(expected: float | None) -> bool:
+    """Whether a person waits at a terminal for something that takes long."""
+    return expected is not None and expected > LONG and sys.stderr.isatty()
+
+
+def tell_duration(frame: pl.DataFrame, expected: float | None, *, steps: bool = False) -> None:
+    """Print how long a long diagnosis takes, about.
+
+    Args:
+        frame: The recording.
+        expected: How long it takes, about [s]; None where nothing is known.
+        steps: Whether it is the first of several, as in `explain`.
+    """
+    if expected is None or not is_long(expected):
+        return
+    from hydro.core.recording import extent
+    from hydro.core.threads import available
+
+    what = "a first step takes about" if steps else "about"
+    processors = available()
+    on = "one processor" if processors == 1 else f"{processors} processors"
+    spread = "half or twice that is possible" + (", later steps take less" if steps else "")
+    message(f"hydro: {frame.height:,} rows: {what} {extent.duration(expected)} on {on}; {spread}")
+
+
+def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | None:
+    """Return what prints the best candidate of a long diagnosis after its first fits; None of a short one.
+
+    Args:
+        expected: How long the diagnosis takes, about [s].
+    """
+    if not is_long(expected):
+        return None
+
+    def tell(best: Provisional) -> None:
+        from hydro.core.diagnosis.status import in_words
+        from hydro.report import words
+
+        told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)} so far)"
+        message(f"hydro: provisional: {told} explains {best.share:.0%} of the explainable error")
+
+    return tell
 
 
 def here(root: Any) -> Callable[[Step], None]:

@@ -11,9 +11,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-import typer
-
-from hydro.core.errors import HydroWarning
+from hydro.core.errors import HydroNotice, HydroWarning
 
 _STREAMS = (("stdin", os.O_WRONLY, "r"), ("stdout", os.O_RDONLY, "w"), ("stderr", os.O_WRONLY, "w"))
 """Name, how the null device takes its place when it is closed, and how it is used."""
@@ -47,7 +45,8 @@ def warnings_in_one_line() -> Iterator[None]:
                 ordinary(message, category, *place, **more)
             elif (line := str(message)) not in printed:
                 printed.add(line)
-                typer.echo(f"hydro: warning: {line}", err=True)
+                kind = "" if issubclass(category, HydroNotice) else "warning: "
+                print(f"hydro: {kind}{line}", file=sys.stderr, flush=True)
 
         warnings.showwarning = show
         yield

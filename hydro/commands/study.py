@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
+from hydro.commands.help import CLUSTER
 from hydro.commands.places import FOLDER
 from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, Device, message, noise_for
 from hydro.commands.tables import print_table
@@ -26,45 +27,37 @@ MINUTES_TITLE = (
 
 
 Raw = Annotated[Path, typer.Argument(metavar="RAW", show_default=False, help="Recording to train on.")]
-Replayed = Annotated[
-    Path, typer.Option(metavar="RAW", help="Recording of a sequence to replay, such as replay90.")
-]
+Replayed = Annotated[Path, typer.Option(metavar="RAW", help="Recording to replay, such as replay90.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."), FOLDER]
 Tested = Annotated[
     Path | None,
-    typer.Option(
-        metavar="RAW", help="Recording of other sessions to test on; default: the split's test part."
-    ),
+    typer.Option(metavar="RAW", help="Test recording; default: the split's test part."),
 ]
 VehicleOption = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Vehicle file; default: the one in the recordings' footers."),
+    typer.Option(metavar="FILE", help="Vehicle file; default: the one in the data."),
 ]
 Models = Annotated[
-    list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model; repeat for several.")
+    list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model; may be repeated.")
 ]
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Passes over the training data at most; default: that of `hydro train`."),
+    typer.Option(min=1, help="Most passes over the data; see hydro train."),
 ]
 Minutes = Annotated[
     list[float] | None,
-    typer.Option(metavar="MIN", help="Also train on so many minutes alone; repeat for several."),
+    typer.Option(metavar="MIN", help="Also train on so many minutes; may be repeated."),
 ]
 Noise = Annotated[
     str,
-    typer.Option(metavar="SPEC", help="Noise added to the training data alone: none, ordinary, dvl, …."),
+    typer.Option(metavar="SPEC", help="Noise added to the training data: none, ordinary, dvl."),
 ]
 Fitted = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE", help="Vehicle file with fitted effects: replay them alone, and with a network."
-    ),
+    typer.Option(metavar="FILE", help="Vehicle file with fitted effects to replay."),
 ]
-Workers = Annotated[
-    int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
-]
-Quick = Annotated[bool, typer.Option("--quick", help="A trial run: three models, one seed, one epoch.")]
+Workers = Annotated[int, typer.Option(min=1, help="Steps at a time.", rich_help_panel=CLUSTER)]
+Quick = Annotated[bool, typer.Option("--quick", help="Three models, one seed, one epoch.")]
 
 
 def study(
@@ -90,17 +83,20 @@ def study(
 ) -> None:
     """Train all residual networks with several seeds and compare them.
 
-    From raw data: labels, split, training, errors of the predicted wrench by axis and regime of motion,
-    open-loop replay by segment without and with conditioning, and Kendall's tau between both errors: does the
-    model that predicts best also replay best? Every step is an ordinary command, printed as it runs. A step
-    whose inputs have not changed is not run again: a study that was interrupted resumes where it stopped.
-    With --engine ray steps run on the nodes of a Ray cluster, as many as have room, and --workers does not
-    count.
+    From raw data: labels, split, training, errors of the predicted wrench, open-loop replay, and Kendall's
+    tau between both errors. Each step is an ordinary command, printed as it runs. An interrupted study goes
+    on where it stopped. `hydro report DIR` shows the results, also while the study runs.
 
-    Networks are trained seed by seed, and after every seed DIR gets the results so far: evaluation.parquet,
-    errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, with the
-    smallest and largest), replay.parquet and figures/, beside models/ and the errors of every network. `hydro
-    report DIR` shows them on one page, also while the study runs.
+    Details:
+
+    Errors of the wrench are by axis and regime of motion; the replay is by segment, without and with
+    conditioning. Kendall's tau answers whether the model that predicts best also replays best. A step whose
+    inputs have not changed is not run again. With --engine ray steps run on the nodes of a Ray cluster, as
+    many as have room, and --workers does not count.
+
+    Networks are trained seed by seed. After every seed DIR gets the results so far: evaluation.parquet,
+    errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, smallest and
+    largest), replay.parquet and figures/, beside models/ and the errors of every network.
     """
     from hydro.study.models import MODELS, QUICK_MODELS, Recordings, Study, carry_out, disturb
     from hydro.study.summary import CONDITIONINGS

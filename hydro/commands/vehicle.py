@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.help import ADVANCED
 from hydro.commands.places import FILE, Output
 from hydro.commands.shell import STREAM
 from hydro.core.errors import DataError, UsageError, shown
@@ -69,7 +70,7 @@ class Asked:
 
 
 def new(
-    name: Annotated[Text, typer.Option(help="Name of the vehicle; default: that of the file.")] = None,
+    name: Annotated[Text, typer.Option(help="Name; default: that of the file.")] = None,
     mass: Annotated[Number, typer.Option(metavar="KG", help="Dry mass [kg].")] = None,
     length: Annotated[Number, typer.Option(metavar="M", help="Length of the hull's box [m].")] = None,
     width: Annotated[Number, typer.Option(metavar="M", help="Width of the hull's box [m].")] = None,
@@ -78,89 +79,101 @@ def new(
         Path | None,
         typer.Option(
             metavar="OBJ",
-            help="Closed hull as a Wavefront OBJ mesh [m], x forward, y right, z down; it gives the box.",
+            help="Hull as a closed mesh [m], instead of a box.",
         ),
     ] = None,
-    shape: Annotated[
-        Shape | None, typer.Option(help="What the hull is like; default: by its proportions.")
-    ] = None,
-    fins: Annotated[bool, typer.Option("--fins/--no-fins", help="Whether a torpedo has tail fins.")] = True,
+    shape: Annotated[Shape | None, typer.Option(help="Shape of the hull; default: by proportions.")] = None,
+    fins: Annotated[
+        bool, typer.Option("--fins/--no-fins", help="Tail fins of a torpedo.", rich_help_panel=ADVANCED)
+    ] = True,
     thruster: Annotated[
         list[str] | None,
         typer.Option(
             metavar="X,Y,Z,DX,DY,DZ,MAX",
-            help="A thruster: position [m], direction of its thrust, greatest thrust [N], and as an eighth "
-            "number that astern, where it differs. Repeat, in the order of the log's commands.",
+            help="Position [m], direction, largest thrust [N]; repeat.",
         ),
     ] = None,
     layout: Annotated[
         Layout | None,
-        typer.Option(
-            help="Instead of --thruster, a usual layout: one propeller, that and four tunnels, four at 45 "
-            "degrees and two or four vertical ones, none; bluerov2 and bluerov2_heavy have the numbers and "
-            "directions of ArduSub's vectored frames of six and eight thrusters."
-        ),
+        typer.Option(help="Usual layout, instead of --thruster."),
     ] = None,
     thrust: Annotated[
-        Number, typer.Option(metavar="N", help="Greatest thrust of each thruster of --layout [N].")
+        Number, typer.Option(metavar="N", help="Largest thrust of each thruster of --layout [N].")
     ] = None,
     curve: Annotated[
         Curve | None,
-        typer.Option(
-            help="Thrust by command; default: linear, a guess. t200 is the maker's table, with thrust by "
-            "supply voltage, and needs no --thrust."
-        ),
+        typer.Option(help="Thrust by command; t200: by its maker's table."),
     ] = None,
     voltage: Annotated[
         Number,
-        typer.Option(metavar="V", help="Nominal supply voltage for --curve t200 [V]; default: 16."),
+        typer.Option(
+            metavar="V", help="Supply voltage of --curve t200 [V]; default: 16.", rich_help_panel=ADVANCED
+        ),
     ] = None,
     time_constant: Annotated[
-        Number, typer.Option(metavar="S", help="Of the thrusters' lag [s]; default: 0.1, a guess.")
+        Number,
+        typer.Option(metavar="S", help="Lag of the thrusters [s]; default: 0.1.", rich_help_panel=ADVANCED),
     ] = None,
     buoyancy: Annotated[
-        Text, typer.Option(metavar="N|neutral", help="Buoyant force [N]; default: neutral, as the weight.")
+        Text,
+        typer.Option(
+            metavar="N|neutral", help="Buoyant force [N]; default: neutral.", rich_help_panel=ADVANCED
+        ),
     ] = None,
     metacentric_height: Annotated[
         Number,
         typer.Option(
-            metavar="M", help="Centre of buoyancy over that of gravity [m]; default: 5 % of the height."
+            metavar="M",
+            help="Centre of buoyancy over that of gravity [m].",
+            rich_help_panel=ADVANCED,
         ),
     ] = None,
-    cg: Annotated[Text, typer.Option(metavar="X,Y,Z", help="Centre of gravity [m].")] = None,
+    cg: Annotated[
+        Text, typer.Option(metavar="X,Y,Z", help="Centre of gravity [m].", rich_help_panel=ADVANCED)
+    ] = None,
     cb: Annotated[
         Text,
-        typer.Option(metavar="X,Y,Z", help="Centre of buoyancy [m]; default: that of the box or the mesh."),
+        typer.Option(metavar="X,Y,Z", help="Centre of buoyancy [m].", rich_help_panel=ADVANCED),
     ] = None,
     inertia: Annotated[
         Text,
-        typer.Option(
-            metavar="IX,IY,IZ", help="Moments of inertia [kg m^2]; default: those of a uniform body."
-        ),
+        typer.Option(metavar="IX,IY,IZ", help="Moments of inertia [kg m^2].", rich_help_panel=ADVANCED),
     ] = None,
-    water_density: Annotated[float, typer.Option(metavar="KG/M3", help="Water density [kg/m^3].")] = 1025.0,
-    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+    water_density: Annotated[
+        float, typer.Option(metavar="KG/M3", help="Water density [kg/m^3].", rich_help_panel=ADVANCED)
+    ] = 1025.0,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     output: Annotated[
         Text,
         typer.Option(
             "--output",
             "-o",
             metavar="FILE",
-            help="The vehicle file; - or, off a terminal, nothing is stdout.",
+            help="Vehicle file; - is stdout.",
         ),
         FILE,
     ] = None,
 ) -> None:
     """Write a vehicle file from mass, dimensions and thrusters.
 
-    Inertia, added mass and damping are estimated from the hull's box, or its mesh, and its shape: Lamb's
-    ellipsoids, boxes and plates of DNV-RP-C205, streamlined bodies of Hoerner. What the water does has
-    standard errors, so that fit and diagnose take it for a beginning; a comment in the file says where it
-    comes from.
-    Body axes are x forward, y right, z down, from the middle of the box, or from the mesh's origin.
+    Estimates inertia, added mass and damping from the hull's box or mesh. On a terminal, it asks for what is
+    missing. Axes: x forward, y right, z down.
 
-    What is missing is asked for on a terminal; elsewhere a line says which options are. With the extra `mesh`
-    (pip install 'deep-hydro-sim[mesh]') the added mass of a mesh is computed by boundary elements.
+    Details:
+
+    The estimates use Lamb's ellipsoids, boxes and plates of DNV-RP-C205, and streamlined bodies of Hoerner.
+    Water forces have standard errors, so that fit and diagnose start from them; a comment in the file gives
+    their source. The origin is the middle of the box, or the origin of the mesh (Wavefront OBJ). With the
+    extra `mesh` (pip install 'deep-hydro-sim[mesh]') boundary elements give the added mass of a mesh.
+
+    Give --thruster once for each thruster, in the order of the log's commands; an eighth number is the
+    largest thrust astern, if it differs. Layouts: one propeller; that and four tunnels; four at 45 degrees
+    and two or four vertical ones; none. bluerov2 and bluerov2_heavy have the numbers and directions of
+    ArduSub's vectored frames.
+
+    Defaults: a linear thrust curve, 5 % of the height between the centres of buoyancy and gravity, the centre
+    of the box or the mesh as centre of buoyancy, and the inertia of a uniform body. --curve t200 is the
+    maker's table of thrust by command and supply voltage, and needs no --thrust.
     """
     asked = Asked(
         *(name, mass, [length, width, height], buoyancy, metacentric_height, thruster or [], layout, thrust),

@@ -16,6 +16,10 @@ class HydroWarning(UserWarning):
     """Something in the data that is possible and yet likely wrong: one line, which the shell prints once."""
 
 
+class HydroNotice(HydroWarning):
+    """Something that the user should know and need not act on: one line, which the shell prints once."""
+
+
 class DataError(HydroError):
     """The data or the file is at fault (exit code 1)."""
 

@@ -22,8 +22,10 @@ from typing import Any
 import numba
 from numba.core import caching
 
-from hydro.core.errors import HydroWarning
+from hydro.core.errors import HydroNotice, HydroWarning
 
+COLD = "compiling kernels for this machine, about 40 s, only once"
+"""What is said before the first kernels are compiled."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
 _MARK = b"hydro-kernel/1 "
 _HEAD = len(_MARK) + 4
@@ -161,6 +163,13 @@ def _tell_damage(place: str) -> None:
     _warn(f"{place}: damaged or foreign compiled kernels are compiled again; remove the folder if this stays")
 
 
+@functools.cache
+def _tell_cold(place: str) -> None:
+    """Say once for each folder that it is empty, so that kernels are compiled."""
+    if not any(Path(place).rglob("*.nbi")):
+        warnings.warn(COLD, HydroNotice, stacklevel=2)
+
+
 class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
     """Numba's index and data files with a checksum, read only where nobody else could have written them."""
 
@@ -253,6 +262,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         try:
             if _fault_in_existing(self._cache_path):
                 return None
+            _tell_cold(str(Path(self._cache_path).parent))
             return super().load_overload(sig, target_context)
         except Exception:  # whatever numba makes of a file that it did not write
             _tell_damage(str(Path(self._cache_path).parent))

@@ -14,6 +14,7 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.diagnosis.findings import HEADLINE
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import Step
 from hydro.io import covariance, table
@@ -58,7 +59,8 @@ class Study:
             ladder = table.read(self.folder / LADDER, "ladder")
         except DataError:
             return []
-        ended = {name: why for name, why in ladder.provenance.parameters.items() if name == ENDED}
+        parameters = ladder.provenance.parameters
+        ended = {name: parameters[name] for name in (ENDED, HEADLINE) if name in parameters}
         ours = self._made("ladder", ladder.frame, self.vehicle_text, **ended).provenance
         if ladder.provenance != ours:
             return []
@@ -102,9 +104,9 @@ class Study:
             covariance.write(step.estimates, vehicle, stage=STAGE, inputs=[self.measured], vehicle_text=text)
         self._save_ladder(steps)
 
-    def end(self, steps: Sequence[Step], why: str) -> None:
-        """Write down that no step follows the last of these, and why."""
-        self._save_ladder(steps, **{ENDED: why})
+    def end(self, steps: Sequence[Step], why: str, headline: str) -> None:
+        """Write down that no step follows the last of these, why, and the answer in one line."""
+        self._save_ladder(steps, **{ENDED: why, HEADLINE: headline})
 
     def _save_ladder(self, steps: Sequence[Step], **parameters: str) -> None:
         """Write the ladder of all steps."""

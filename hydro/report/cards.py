@@ -9,10 +9,12 @@ import polars as pl
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import listed
 from hydro.core.experiment.advice import separating
-from hydro.report import plots, words
+from hydro.io import vehicle as vehicles
+from hydro.report import diagnosis, plots, recorded, words
 from hydro.report.change import of_change
 from hydro.report.charts import Charts
-from hydro.report.sources import Sources
+from hydro.report.diagnosis import Context
+from hydro.report.sources import Named, Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import Value
 
@@ -34,9 +36,9 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
     if not sources.diagnoses or chosen is None:
         return None
     last = min(chosen, len(sources.diagnoses) - 1)
-    groups = []
+    groups, dt = [], recorded.sample_time(sources)
     for step, one in enumerate(sources.diagnoses[: last + 1]):
-        rows = one.frame.sort("rank")
+        rows, about = one.frame.sort("rank"), _context(one, dt)
         shown = rows.filter(pl.col("verdict") != "not_excited")
         taken = [] if step == last else _taken(sources, step + 1)
         others = shown.head(0)
@@ -48,7 +50,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
             {
                 "title": _group_title(step, last, taken),
                 "cards": [
-                    _card(row, f"{step}-{row['rank']}", charts, added=bool(taken), changed=of_change(one))
+                    _card(row, f"{step}-{row['rank']}", charts, about, added=bool(taken))
                     for row in shown.iter_rows(named=True)
                 ],
                 "others": [words.in_short(row) for row in others.iter_rows(named=True)],
@@ -104,7 +106,7 @@ def _taken(sources: Sources, step: int) -> list[str]:
 def _group_title(step: int, last: int, taken: list[str]) -> str:
     """Above the cards of one diagnosis; a lone one needs no title."""
     if step == last:
-        return f"What is left after step {step}" if step else ""
+        return f"After step {step}" if step else ""
     named = listed([words.effect_name(name) for name in taken])
     return f"Step {step + 1} added {named}" if named else f"Found at step {step}"
 
@@ -114,26 +116,42 @@ def _unseen(rows: pl.DataFrame) -> str:
     return listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
 
 
-def _card(row: dict[str, Any], name: str, charts: Charts, *, added: bool, changed: bool) -> dict[str, Any]:
-    """One finding; of one that was added already, without the advice to add it."""
-    label, sentence = words.verdict(row, changed)
+def _context(one: Named, dt: float) -> Context | None:
+    """Return the vehicle file and the log of a diagnosis, which its sentences need; None without the file."""
+    text = one.artefact.provenance.vehicle
+    return Context(vehicles.parse(text), dt, changed=of_change(one)) if text else None
+
+
+def _told(row: dict[str, Any], about: Context | None) -> tuple[str, str, str]:
+    """Return the label, the title and the sentence of a finding."""
+    label, sentence = words.verdict(row, about is not None and about.changed)
+    if about is None or row["verdict"] not in diagnosis.TITLES:
+        return label, words.effect_name(row["effect"]), sentence
+    return label, diagnosis.title(row, about), diagnosis.said(row, about) or sentence
+
+
+def _card(
+    row: dict[str, Any], name: str, charts: Charts, about: Context | None, *, added: bool
+) -> dict[str, Any]:
+    """Return one finding; of one that was added already, without the advice to add it."""
+    label, title, sentence = _told(row, about)
     values = words.values(row["effect"], row["parameters"], row["standard_errors"])
     drawn = [
         charts.add(f"values-{name}-{number}", plots.parameters(group))
         for number, group in enumerate(words.by_unit(_drawn(values)))
     ]
-    rivals = [words.effect_name(one) for one in row["members"] if row["effect"] not in ("", one)]
     return {
         "verdict": row["verdict"],
         "label": label,
         "effect": words.effect_name(row["effect"]),
+        "title": title,
+        "sure": diagnosis.sureness(row),
         "sentence": sentence,
+        "facts": diagnosis.facts(row),
         "meaning": words.meaning(row["effect"]),
         "share": row["share_of_error_explained"],
         "interval": None if row["share_low"] is None else (row["share_low"], row["share_high"]),
-        "confidence": row["confidence"],
         "p_value": row["p_value"],
-        "rivals": listed(rivals, "or"),
         "values": [(one.name, words.with_error(one), one.unit) for one in values],
         "long": len(values) > MOST_VALUES,
         "charts": drawn,

@@ -10,6 +10,7 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.explanation.with_hull import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
 from hydro.report import words
+from hydro.report.screen import Text, table
 from hydro.report.sources import Named, Sources
 
 PARAMETER = "before"
@@ -49,12 +50,12 @@ def learnt(before: Mapping[str, Any]) -> str:
     Args:
         before: Its entry of a table's parameters.
     """
-    model = "with the model of the hull, on stretches that it was not fitted to"
+    model = "with the hull-force model, on data that it was not fitted to"
     if "network" in before:
-        learns = "has" if before.get("learnt") else "has not"
-        model = f"with the network {before['network']}, which {learns} learnt from it"
+        learns = "was" if before.get("learnt") else "was not"
+        model = f"with the network {before['network']}, which {learns} trained on it"
     return (
-        f"Recording before, {before['recording']}: mean squared residual (1: noise alone) "
+        f"Recording before, {before['recording']}: reduced chi-square (1: noise alone) "
         f"{before['given']:.3g} of the file, {before['left']:.3g} {model}."
     )
 
@@ -65,8 +66,8 @@ def left(chi2: tuple[float, ...]) -> str:
     Args:
         chi2: Mean squared residuals of the diagnosis, in units of what the model of the hull leaves.
     """
-    found = f", {chi2[-1]:.3g} with what was found" if chi2[-1] != chi2[0] else ""
-    return f"After, in units of what that leaves (1: nothing has changed): {chi2[0]:.3g}{found}."
+    found = f", {chi2[-1]:.3g} with the findings added" if chi2[-1] != chi2[0] else ""
+    return f"Recording after, in units of that (1: nothing has changed): {chi2[0]:.3g}{found}."
 
 
 def errors(comparison: pl.DataFrame) -> pl.DataFrame:
@@ -93,6 +94,21 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
     times = pl.col("after") / pl.col("floor")
     order = pl.col("axis").replace_strict({name: i for i, name in enumerate((*POSE, *VELOCITY))}, default=99)
     return table.sort(order).select("axis", *columns, times.alias("times"), "unit")
+
+
+def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
+    """Yield the same as a table of a terminal, an axis in a row."""
+    shown = errors(comparison)
+    seconds = comparison.filter(level=LEVEL)["horizon"][0]
+    columns = ("file before", "file after", "floor", "after", "times")
+    yield from table(
+        [f"Error {seconds:.2g} s ahead", *columns],
+        (
+            [f"  {row['axis']} [{row['unit']}]", *(words.figure(row[name]) for name in columns)]
+            for row in shown.iter_rows(named=True)
+        ),
+    )
+    yield Text("floor and after: with the hull-force model; times: after / floor.")
 
 
 def fall(ladder: pl.DataFrame) -> Iterator[str]:
@@ -130,9 +146,9 @@ def summary(comparison: pl.DataFrame) -> str:
     whole, low, high = rows.select("rmse", "low", "high").row(0)
     most = table.sort("times", descending=True).row(0, named=True)
     told = (
-        f"All channels together: {whole:.2f} times what the model of the hull leaves of the recording before "
+        f"The error after is {whole:.2f} times the error before, both with the hull-force model "
         f"(95 %: {low:.2f} to {high:.2f})"
     )
     if whole <= 1.0:
-        return f"{told}: nothing has changed beyond that."
+        return f"{told}: nothing has changed."
     return f"{told}; most in {most['axis']}, {most['times']:.1f} times."

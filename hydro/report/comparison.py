@@ -2,12 +2,108 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import polars as pl
 
-from hydro.core.columns import DOF, WRENCH
+from hydro.core.columns import DOF, POSE, VELOCITY, WRENCH
+from hydro.core.evaluation.yardsticks import JUDGED, LEAST_SQUARES, LEVEL, ZERO
+from hydro.report import change, words, yardsticks
+from hydro.report.following import Call
+from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 MOTIONS = dict(zip(WRENCH, DOF, strict=True)) | {"all": "all axes"}
 """What a pilot calls the axes of a wrench."""
+WORST = 3
+"""Regimes of motion that an answer names."""
+MISSING, CHANGED = "Find what is missing:", "Find what has changed:"
+DIAGNOSED = ("--against",)
+"""Options of `hydro compare` that `hydro diagnose` does not have."""
+
+
+def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") -> list[Text]:
+    """Return a comparison as lines of a terminal.
+
+    Args:
+        comparison: Comparison table.
+        call: The command.
+        width: Columns.
+        learned: What a recording before a change has taught, in words; empty without one.
+    """
+    changed = not change.errors(comparison).is_empty()
+    lines = [Text(headline(comparison), bold=True), EMPTY]
+    if changed:
+        lines += [*change.table_of(comparison), Text(learned)]
+    else:
+        lines += ahead(comparison)
+        lines += [
+            Text(one) for one in filter(None, [yardsticks.sentence(yardsticks.of_comparison(comparison))])
+        ]
+        lines += worst(comparison)
+    if changed or not failures(comparison).is_empty():
+        again = call.again("diagnose", "-o", "diagnosis.parquet", without=DIAGNOSED)
+        lines += [EMPTY, *Following(CHANGED if changed else MISSING, again).lines(width)]
+    return laid(lines, width)
+
+
+def judged(comparison: pl.DataFrame) -> pl.DataFrame:
+    """Return the errors of predictions JUDGED ahead, or as far ahead as the sessions allow, an axis in a row.
+
+    Args:
+        comparison: Comparison table.
+
+    Returns:
+        `axis`, `unit`, `horizon` [s] (null: whole sessions), `error`, `noise floor`, of an earlier comparison
+        `before`, and the errors of `least squares` and `zero velocity`, where they are known. Axes are u v w
+        p q r and all; without velocities x y z phi theta psi and pose.
+    """
+    replayed = comparison.filter(level="replay", by="all")
+    axes = (*VELOCITY, "all") if "all" in replayed["axis"] else (*POSE, "pose")
+    replayed = replayed.filter(pl.col("axis").is_in(axes))
+    horizons = replayed["horizon"].unique().to_list()
+    known = [one for one in horizons if one is not None and one <= JUDGED]
+    horizon = max(known, default=None)
+    shown = replayed.filter(pl.col("horizon").eq_missing(horizon)).select(
+        "axis",
+        "unit",
+        "horizon",
+        *([pl.col("before")] if "before" in replayed.columns else []),
+        pl.col("rmse").alias("error"),
+        pl.col("noise_floor").alias("noise floor"),
+    )
+    for name in (LEAST_SQUARES, ZERO):
+        simple = comparison.filter(pl.col("horizon").eq_missing(horizon), level=LEVEL, by=name)
+        if not simple.is_empty():
+            columns = simple.select("axis", pl.col("rmse").alias(name))
+            shown = shown.join(columns, on="axis", how="left", maintain_order="left")
+    return shown
+
+
+def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
+    """Yield the table of these errors."""
+    shown = judged(comparison)
+    if shown.is_empty():
+        return
+    columns = [name for name in shown.columns if name not in ("axis", "unit", "horizon")]
+    header = [f"Error {words.horizon(shown['horizon'][0])}", *columns]
+    yield from table(
+        header,
+        (
+            [f"  {row['axis']} [{row['unit']}]", *(words.figure(row[name]) for name in columns)]
+            for row in shown.iter_rows(named=True)
+        ),
+    )
+
+
+def worst(comparison: pl.DataFrame) -> Iterator[Text]:
+    """Yield the regimes of motion with most of the error above the noise floor."""
+    ranked = failures(comparison).head(WORST)
+    if ranked.is_empty():
+        return
+    yield EMPTY
+    yield Text("Where it fails most (share of the force error above the noise floor):", bold=True)
+    for place, share, time in ranked.select("place", "error", "time").iter_rows():
+        yield Text(f"{place[:1].upper()}{place[1:]}: {share} in {time} of the time.", indent=2)
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
@@ -55,11 +151,28 @@ def former_failures(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def headline(comparison: pl.DataFrame) -> str:
-    """The whole comparison in one sentence."""
-    ranked = failures(comparison)
-    if ranked.is_empty():
-        return "Noise explains all of the error."
-    place, share, time = ranked.select("place", "error", "time").row(0)
+    """Return the error of predictions and its noise floor, and whether noise explains it, in a sentence."""
+    if told := change.summary(comparison):
+        return told
+    shown = judged(comparison)
+    exact = failures(comparison).is_empty()
+    if shown.is_empty():
+        return "The model predicts this log to within its noise." if exact else worst_place(comparison)
+    row = shown.row(-1, named=True)
+    far = "Over whole sessions" if row["horizon"] is None else _capital(words.horizon(row["horizon"]))
+    error, floor = (f"{words.figure(row[name])} {row['unit']}" for name in ("error", "noise floor"))
+    told = f"{far} the model errs by {error}; noise alone would leave {floor}."
+    return f"The model predicts this log to within its noise. {told}" if exact else told
+
+
+def _capital(text: str) -> str:
+    """Return a text with a capital first."""
+    return text[:1].upper() + text[1:]
+
+
+def worst_place(comparison: pl.DataFrame) -> str:
+    """Return where the model fails most, in a sentence."""
+    place, share, time = failures(comparison).select("place", "error", "time").row(0)
     return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained error in {time} of the time."
 
 

@@ -1,60 +1,300 @@
-"""A diagnosis in lines that an engineer reads."""
+"""A diagnosis in words: headline, errors of predictions, a block for each finding, and what to do next."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
 
-EXPLAINS = {
-    "log_fault": "fault in the log: {columns}",
-    "missing": "missing: {effect}, {share} of the unexplained error",
-    "suspect": "suspected: {effect}, {share} of the unexplained error",
-    "retune": "other values: {effect}, {share} of the error of the file as given",
-    "cannot_tell_apart": "one of {members}: {share} of the unexplained error",
-    "not_separable": "told by no recording: {effect}",
-    "not_excited": "not shown by this recording: {effect}",
-    "none_of_the_known": "none of the known effects: {share} of the unexplained error remains",
-    "far_from_noise": "far from the noise, and no effect earns it: {share} of the unexplained error remains",
-    "closed_loop": "recorded under feedback",
-    "nothing_missing": "nothing is missing",
+from hydro.core import toml_text
+from hydro.core.columns import UNITS
+from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Diagnosis, Prediction
+from hydro.core.diagnosis.status import in_words
+from hydro.core.effects import CATALOGUE
+from hydro.core.effects.sentences import sentence
+from hydro.core.errors import listed
+from hydro.core.vehicle.description import Vehicle
+from hydro.report import words
+from hydro.report.following import Call
+from hydro.report.screen import EMPTY, Following, Text, fitted, table
+
+TITLES = {
+    "log_fault": "The log has a fault",
+    "missing": "{Effect} is missing",
+    "suspect": "{Effect} may be missing",
+    "retune": "{Effect} has other values than the file",
+    "cannot_tell_apart": "{Members} is missing",
+    "not_separable": "No log can separate {effect} from what the file has",
+    "none_of_the_known": "An error remains that no effect explains",
+    "far_from_noise": "An error remains that no effect explains",
+    "closed_loop": "The log was recorded under feedback: a controller may hide a disturbance",
 }
+"""Title of a finding by its verdict."""
+CHANGED = {"missing": "{Effect} has changed", "suspect": "{Effect} may have changed"}
+"""The same of what has changed since a recording before."""
+SILENT = ("nothing_missing", "not_excited", "not_separable")
+"""Verdicts without a block: the headline or the line on what is not visible says it."""
+MOST_UNSEEN = 4
+"""Effects that the line on what is not visible names."""
+MORE = "{count} more findings: add --details."
+DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
+"""Options of `hydro diagnose` that `hydro compare` does not have."""
+NOTHING_NEXT = Following()
 
 
-def lines(frame: pl.DataFrame) -> Iterator[tuple[str, str]]:
-    """A line and its advice for each finding; what the recording could not show, in one line together.
+@dataclass(frozen=True)
+class Context:
+    """What an answer needs beside the table of findings.
+
+    Attributes:
+        vehicle: The vehicle file.
+        dt: Sample time of the recording [s].
+        headline: The status in one line.
+        prediction: Errors before and after; None where they are not known.
+        changed: Whether findings are changes since a recording before.
+        open: Whether a next flight can be designed.
+        call: The command; None where no command is to follow.
+    """
+
+    vehicle: Vehicle
+    dt: float = math.nan
+    headline: str = ""
+    prediction: Prediction | None = None
+    changed: bool = False
+    open: bool = False
+    call: Call | None = None
+
+    @classmethod
+    def of(cls, found: Diagnosis, vehicle: Vehicle, dt: float, call: Call, *, changed: bool) -> Context:
+        """Return the context of a diagnosis that was just made."""
+        return cls(vehicle, dt, found.headline, found.prediction, changed, found.question is not None, call)
+
+    @property
+    def refused(self) -> bool:
+        """Whether `hydro add` refuses what is stated: it does not lower the error."""
+        known = self.prediction
+        return known is not None and known.added != known.given and not known.falls
+
+
+def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = False) -> list[Text]:
+    """Return a diagnosis as lines of a terminal.
+
+    Args:
+        frame: Diagnosis table.
+        about: The rest.
+        width: Columns.
+        whole: Whether all findings are shown, however many lines they take.
+    """
+    head = [Text(about.headline, bold=True)] if about.headline else []
+    if about.prediction is not None:
+        head += [EMPTY, *errors(about.prediction)]
+    rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
+    tail = list(unseen(frame, about, width))
+    if not rows:
+        tail += _without_findings(about, width)
+    blocks = list(_blocks(rows, about, width))
+    return fitted(head, blocks, tail, width, "" if whole else MORE)
+
+
+def _has_block(row: Mapping[str, Any]) -> bool:
+    """Whether a finding has a block: of a fault of the log the headline says all but the next command."""
+    return row["verdict"] not in SILENT and (row["verdict"] != "log_fault" or is_of_thrusters(row))
+
+
+def errors(known: Prediction) -> Iterator[Text]:
+    """Yield the errors of predictions, an axis in a row: before, after findings are added, by noise alone."""
+    after, floor = known.added != known.given, known.floor is not None
+    names = ["before", "after"] if after else ["error"]
+    rows = [(axis, UNITS[axis], each) for axis, each in known.axes.items()]
+    rows.append(("all", "m/s", [known.given, known.added, known.floor]))
+    header = [f"Error {known.horizon:g} s ahead", *names, *(["noise floor"] if floor else [])]
+    yield from table(
+        header,
+        (
+            [f"  {axis} [{unit}]", *(words.figure(each[i]) for i in _columns(after, floor))]
+            for axis, unit, each in rows
+        ),
+    )
+    if after:
+        helps = "" if known.falls else " This does not lower the error, so hydro add refuses it."
+        yield Text(f"after: findings added to the file, on data that they were not fitted to.{helps}")
+
+
+def _columns(after: bool, floor: bool) -> list[int]:
+    """Return which of the errors given, added and floor are shown."""
+    return [0, *([1] if after else []), *([2] if floor else [])]
+
+
+def _blocks(rows: Sequence[dict[str, Any]], about: Context, width: int) -> Iterator[list[Text]]:
+    """Yield a block for each finding: stated ones first, with the command that adds all of them."""
+    stated = [row for row in rows if row["verdict"] in STATED]
+    others = [row for row in rows if row["verdict"] not in STATED]
+    for place, row in enumerate([*stated, *others]):
+        following = NOTHING_NEXT
+        if place >= len(stated):
+            following = _following(row, about)
+        elif place == len(stated) - 1:
+            following = _adding(about, len(stated))
+        number = place + 1 if len(rows) > 1 else 0
+        yield [EMPTY, *finding(row, about, number), *following.lines(width)]
+
+
+def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
+    """Yield a finding: its title, its sentence where the headline has it not, and how sure it is.
+
+    Args:
+        row: Row of the diagnosis table.
+        about: The rest.
+        number: Its number; 0 where it is the only one.
+    """
+    place = f"{number}. " if number else ""
+    sure = sureness(row)
+    yield Text(f"{place}{title(row, about)}{f': {sure}' if sure else ''}.", bold=True)
+    told = said(row, about)
+    if told and told.rstrip(".") not in about.headline:
+        yield Text(told, len(place))
+    if known := facts(row):
+        yield Text(known, len(place))
+
+
+def title(row: Mapping[str, Any], about: Context) -> str:
+    """Return the title of a finding."""
+    names = TITLES | (CHANGED if about.changed else {})
+    effect = words.effect_name(row["effect"])
+    members = listed([words.effect_name(name) for name in row["members"]], "or")
+    template = names[row["verdict"]]
+    if row["verdict"] == "suspect" and about.vehicle.effects(row["effect"]):
+        template = "{Effect} may have other values than the file"
+    return template.format(Effect=_capital(effect), effect=effect, Members=_capital(members))
+
+
+def said(row: Mapping[str, Any], about: Context) -> str:
+    """Return the sentence on the values of a finding; empty where it has none."""
+    if not row["parameters"] or row["effect"] not in CATALOGUE:
+        return ""
+    values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))
+    return sentence(about.vehicle, row["effect"], values, errors, about.dt)
+
+
+def sureness(row: Mapping[str, Any]) -> str:
+    """Return the confidence in a finding; of other values in the file, which may have none, its test."""
+    if not row["parameters"]:
+        return ""
+    if row["confidence"] is not None:
+        return in_words(row["confidence"])
+    if row["verdict"] not in STATED:
+        return in_words(math.nan)
+    return "" if row["p_value"] is None else f"significant, {words.p_value(row['p_value'])}"
+
+
+def facts(row: Mapping[str, Any]) -> str:
+    """Return the share of the explainable error and the rivals of a finding, in a sentence."""
+    share = row["share_of_error_explained"]
+    if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
+        return ""
+    if row["verdict"] in UNEXPLAINED:
+        return f"{words.percent(share)} of the explainable error remains."
+    low, high = row["share_low"], row["share_high"]
+    interval = "" if low is None or high is None else f" ({words.between(low, high)})"
+    told = f"Explains {words.percent(share)}{interval} of the explainable error"
+    rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
+    if rivals:
+        return f"{told}; {listed(rivals)} {'fits' if len(rivals) == 1 else 'fit'} as well."
+    return f"{told}; no rival fits as well." if row["verdict"] == "missing" else f"{told}."
+
+
+def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
+    """Yield what the recording cannot show, with the manoeuvre that would show the first of it."""
+    names = frame.filter(verdict="not_excited").sort("rank")["effect"].unique(maintain_order=True).to_list()
+    if not names:
+        return
+    shown = [words.effect_name(name) for name in names[:MOST_UNSEEN]]
+    if more := len(names) - len(shown):
+        shown.append(f"{more} more")
+    yield EMPTY
+    motion, what = _capital(CATALOGUE[names[0]].excitation), "it" if len(names) == 1 else shown[0]
+    yield Text(f"Not visible in this log: {listed(shown)}. {motion} would show {what}.")
+    if about.open and about.call is not None:
+        flight = about.call.again("diagnose", "--fly", "next.parquet", "-o", "diagnosis.parquet")
+        yield from Following("Design that flight:", flight).lines(width)
+
+
+def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
+    """Yield the values of each finding: its title, a table of them, and the test and the advice in words.
 
     Args:
         frame: Diagnosis table.
     """
-    rows = frame.sort("rank")
-    for row in rows.filter(pl.col("verdict") != "not_excited").iter_rows(named=True):
-        yield _line(row), row["advice"]
-    unseen = rows.filter(verdict="not_excited")["effect"].to_list()
-    if unseen:
-        yield (
-            f"not shown by this recording: {', '.join(unseen)}",
-            "this motion does not excite them; `hydro effects NAME` says which motion would",
+    for row in frame.sort("rank").iter_rows(named=True):
+        effect = words.effect_name(row["effect"]) or listed(row["members"])
+        values = words.values(row["effect"], row["parameters"], row["standard_errors"])
+        shown = pl.DataFrame(
+            [(one.name, one.value, one.error, one.unit) for one in values],
+            ["parameter", "value", "standard error", "unit"],
+            orient="row",
         )
+        test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}. "
+        yield f"{effect}: {row['verdict'].replace('_', ' ')}", shown, f"{test}{words.sentence(row['advice'])}"
 
 
-def _line(row: dict[str, Any]) -> str:
-    """What is the matter, how much, how sure, and with which values."""
-    told = EXPLAINS[row["verdict"]].format(
-        effect=row["effect"],
-        share=_percent(row["share_of_error_explained"], row["share_low"], row["share_high"]),
-        members=" or ".join(row["members"]),
-        columns=", ".join(row["members"]),
+def fits(chi2: Sequence[float]) -> str:
+    """Return the reduced chi-squares of a diagnosis in a sentence."""
+    given, own, found = chi2
+    return (
+        f"Reduced chi-square (1: noise alone): {given:.3g} of the file, {own:.3g} with its own effects "
+        f"re-estimated, {found:.3g} with the findings added."
     )
-    if row["confidence"] is not None:
-        told += f", confidence {row['confidence']:.0%}"
-    return f"{told}: {row['parameters']}" if row["parameters"] else told
 
 
-def _percent(share: float | None, low: float | None, high: float | None) -> str:
-    if share is None:
-        return "part"
-    if low is None or high is None:
-        return f"{share:.0%}"
-    return f"{share:.0%} ({low:.0%} to {high:.0%})"
+def _without_findings(about: Context, width: int) -> Iterator[Text]:
+    """Yield the next command where nothing was found."""
+    if about.call is not None:
+        yield EMPTY
+        again = about.call.again("compare", without=DIAGNOSE_ONLY)
+        yield from Following("Errors of other horizons and by regime:", again).lines(width)
+
+
+def _adding(about: Context, count: int) -> Following:
+    """Return the next command of what is stated: add it, or try it step by step where that does not help."""
+    if about.call is None:
+        return NOTHING_NEXT
+    if about.refused:
+        return Following(
+            "Try steps, and keep those that lower the error:", about.call.again("explain", "-o", "study")
+        )
+    what = "it" if count == 1 else f"all {count}"
+    return Following(f"Add {what} to the vehicle file:", about.call.adding())
+
+
+def _following(row: Mapping[str, Any], about: Context) -> Following:
+    """Return the next command of a finding that is not stated."""
+    call, known = about.call, about.prediction
+    if call is None:
+        return NOTHING_NEXT
+    if row["verdict"] == "suspect":
+        if known is None or row["error_added"] is None or row["error_added"] < known.given:
+            return Following("Add it to the vehicle file by its name:", call.adding(row["effect"]))
+        return Following(
+            "Alone it does not lower the error. Try steps, and keep those that do:",
+            call.again("explain", "-o", "study"),
+        )
+    if is_of_thrusters(row) and not call.options.get("--correct-thrusters"):
+        return Following(
+            "Go on with the thrusters as this log shows them:", call.again("diagnose", "--correct-thrusters")
+        )
+    if row["verdict"] in UNEXPLAINED:
+        return Following("Find the regimes of motion:", call.again("compare", without=DIAGNOSE_ONLY))
+    return NOTHING_NEXT
+
+
+def is_of_thrusters(row: Mapping[str, Any]) -> bool:
+    """Whether a fault of the log is that directions or order of its thrusters contradict the file."""
+    return row["verdict"] == "log_fault" and row["confidence"] is not None
+
+
+def _capital(text: str) -> str:
+    """Return a text with a capital first."""
+    return text[:1].upper() + text[1:]

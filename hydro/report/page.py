@@ -30,8 +30,8 @@ from hydro.report.words import DATASETS
 
 Section = dict[str, Any] | None
 
-FIRST_PLACES = 6
-"""Places that are shown at once; the others unfold."""
+FIRST_PLACES = 3
+"""Number of places that are shown at once; the others unfold."""
 MOST_SESSIONS = 12
 """Sessions of a replay that can be chosen on the page."""
 BEHIND = {"raw": "recording", "vehicle": "vehicle file"}
@@ -59,8 +59,11 @@ def render(sources: Sources) -> str:
     charts = Charts()
     context = {
         "title": _title(sources),
+        "answer": standing.answer(sources),
         "headline": standing.headline(sources),
+        "errors": bool(standing.standings(sources)),
         "noise": standing.noise_line(sources),
+        "folded": bool(sources.comparisons or sources.diagnoses or sources.ladder),
         "model": _model(sources),
         "recorded": recorded.section(sources),
         "places": _places(sources, charts),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -36,6 +37,12 @@ def section(sources: Sources) -> dict[str, Any] | None:
         for row in listed.iter_rows(named=True)
     ]
     return {"groups": groups, "sessions": sessions, "noise": noise}
+
+
+def sample_time(sources: Sources) -> float:
+    """Return the sample time of the recording [s]; NaN where nothing says."""
+    listed = _listed(sources)
+    return math.nan if listed.is_empty() else float(listed["sample_time"][0])
 
 
 def _of_recording(sources: Sources) -> pl.DataFrame:

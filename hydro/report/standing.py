@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.diagnosis.findings import HEADLINE
 from hydro.core.errors import listed
 from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
@@ -123,8 +124,15 @@ def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
             }
 
 
+def answer(sources: Sources) -> str:
+    """Return the answer of the study, or of the last diagnosis, in one line; empty where there is none."""
+    last = (sources.ladder, *sources.diagnoses[::-1])
+    told = (one.artefact.provenance.parameters.get(HEADLINE, "") for one in last if one is not None)
+    return next((str(line) for line in told if line), "")
+
+
 def headline(sources: Sources) -> str:
-    """The story in a sentence, with figures."""
+    """Return the errors before and after in a sentence; what was found, where nothing was compared."""
     found = standings(sources)
     if not found:
         return _first_finding(sources) or _what_it_is(sources)
@@ -172,7 +180,7 @@ def _first_finding(sources: Sources) -> str:
 
 def _worst_place(sources: Sources) -> str:
     """Where most of the unexplained error lies."""
-    return comparison.headline(sources.comparisons[-1].frame) if sources.comparisons else ""
+    return comparison.worst_place(sources.comparisons[-1].frame) if sources.comparisons else ""
 
 
 def _what_it_is(sources: Sources) -> str:

@@ -210,6 +210,17 @@ def percent(share: float | None) -> str:
     return f"{100 * share:.0f} %" if share >= 0.0095 or share == 0.0 else f"{100 * share:.1g} %"
 
 
+def between(low: float, high: float) -> str:
+    """Return an interval of shares: `63 to 71 %`."""
+    return f"{percent(low).removesuffix(' %')} to {percent(high)}"
+
+
+def p_value(value: float) -> str:
+    """Return a p-value with its sign: `p = 0.0005`, `p < 0.00001`."""
+    text = probability(value)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
 def probability(value: float | None) -> str:
     """`0.0005`; what is less than a thousandth of a percent as a bound."""
     if value is None:

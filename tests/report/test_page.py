@@ -68,14 +68,14 @@ def alone(kind: str, frame: pl.DataFrame) -> Sources:
 def test_the_story_is_told_in_order(page: dict[str, str]) -> None:
     order = [
         "model",
-        "recorded",
-        "places",
-        "leftover",
-        "findings",
         "ladder",
+        "findings",
+        "places",
+        "next",
+        "recorded",
+        "leftover",
         "replay-0",
         "confusions",
-        "next",
     ]
     assert list(page) == ["head", *order, "provenance"]
 
@@ -155,8 +155,9 @@ def test_a_simulated_path_is_broken_where_it_begins_anew() -> None:
 
 def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
     told = page["findings"]
-    assert "explains 41 % of the error, 33 % to 52 %" in told
-    assert "confidence 93 % p-value 0.0005 could also be tether" in told
+    assert "Explains 41 % (33 to 52 %) of the explainable error; tether fits as well." in told
+    assert "(certain, 93 %)" in told
+    assert "Probability of as much by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
     assert "Nothing missing Noise explains the error that is left." in told
     assert "thruster gain or quadratic damping (20 % of the error)" in told
@@ -219,7 +220,7 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     ("kind", "frame", "sections", "told"),
     [
         ("comparison", studies.comparison(), ["model", "places"], "The model errs by 2.00 m/s 5 s ahead."),
-        ("diagnosis", studies.found(), ["findings", "confusions", "next"], "The model lacks ocean current."),
+        ("diagnosis", studies.found(), ["findings", "next", "confusions"], "The model lacks ocean current."),
         ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the error that is left."),
         ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
         ("leftover", studies.leftover(), ["leftover"], "The force of the water on a vehicle"),

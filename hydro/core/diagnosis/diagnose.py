@@ -55,6 +55,7 @@ from hydro.core.diagnosis.model import (
     as_it_is,
     gone_on,
 )
+from hydro.core.diagnosis.provisional import ReportingSearch, Told
 from hydro.core.diagnosis.relative_thrust import beside_inertia
 from hydro.core.diagnosis.search import Search, candidates
 from hydro.core.diagnosis.status import status
@@ -136,17 +137,19 @@ def diagnose_log(
     file: Vehicle | None = None,
     in_vain: bool = False,
     progress: Progress | None = None,
+    provisional: Told | None = None,
 ) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings.
 
-    With `further` the vehicle has changes since the hull's recording already: more is asked of the next.
-    What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
-    With `in_vain` a search beside a part of what the vehicle has came nowhere near the noise: where LOUD
-    times the noise is left, what transfers is asked at once.
-    Where the thruster audit contradicts the file, no effect is named: that is the only finding. The search
-    goes on with a log `as_audited`, and with a hull, which was learnt from a recording in order.
+    With `further` the vehicle has changes since the hull's recording already: more is asked of the next. What
+    the vehicle has beyond its `file` was fitted to this very recording: that holds nothing. With `in_vain` a
+    search beside a part of what the vehicle has came nowhere near the noise: where LOUD times the noise is
+    left, what transfers is asked at once. Where the thruster audit contradicts the file, no effect is named:
+    that is the only finding. The search goes on with a log `as_audited`, and with a hull, which was learnt
+    from a recording in order. `provisional` receives the best candidate after the first fits, see
+    `diagnosis.provisional`; not with a hull.
     """
-    found = _found_in(vehicle, log, hull, further, file, in_vain, progress or silent)
+    found = _found_in(vehicle, log, hull, further, file, in_vain, progress or silent, provisional)
     return found if file is not None else answered(found, vehicle, log, hull=hull)
 
 
@@ -173,6 +176,7 @@ def _found_in(
     file: Vehicle | None,
     in_vain: bool,
     progress: Progress,
+    provisional: Told | None,
 ) -> Diagnosis:
     """Return the findings; see `diagnose_log`."""
     require_ready(log.observed)
@@ -185,7 +189,7 @@ def _found_in(
     progress("the file's own effects", 0.05)
     calm = replace(refit(vehicle, log, problem, start), file=file)
     baseline = allowing_for_waves(calm)
-    found = _searched_for(baseline, progress, in_vain)
+    found = _searched_for(baseline, progress, in_vain, provisional)
     if _waves_explained(baseline, found):
         found = _searched_for(calm, progress, in_vain)
     else:
@@ -214,13 +218,15 @@ def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:
     return shown(found.vehicle, baseline.log.record) is None
 
 
-def _searched_for(baseline: Baseline, progress: Progress, in_vain: bool) -> Diagnosis:
+def _searched_for(
+    baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
+) -> Diagnosis:
     """What is missing beside a baseline; see `diagnose_log` for where no search is made."""
     vehicle, log, some = baseline.vehicle, baseline.log, baseline.thinned()
     if in_vain and baseline.refitted.normal.chi2 > LOUD:
         last = Search(some).screen(some.refitted, ())
         return named_by_transfer(some, Outcome(some.refitted, (), last), progress)
-    search, outcome = searched(some, progress)
+    search, outcome = searched(some, progress, provisional)
     if search.baseline is not baseline and outcome.model.normal.chi2 <= LOUD:
         search, outcome = searched(baseline, progress)
     baseline = search.baseline
@@ -266,14 +272,16 @@ def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:
     return replace(diagnosis, findings=(*faults, waves, *rest))
 
 
-def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
+def searched(
+    baseline: Baseline, progress: Progress, provisional: Told | None = None
+) -> tuple[Search, Outcome]:
     """What a search finds, and the search: one from the file's values where it fits and the first does not.
 
     Fitted without what is missing the file's own effects may run away to where no step leads back from.
     Where the first effect that joins them leaves LOUD times the noise, the file's values are tried before
     any other joins.
     """
-    first = Search(baseline)
+    first = ReportingSearch(baseline, told=provisional)
     again = replace(first, from_file=True)
     found = first.grow(part(progress, 0.0, 0.65), far=LOUD)
     if found.model.normal.chi2 <= RIGHT:

@@ -117,6 +117,7 @@ class Prediction:
         added: The same with all stated findings added, of stretches that their values were not fitted to.
         spread: Standard error of the difference, by stretches weighed at random [m/s].
         floor: What noise alone leaves [m/s]; None where a velocity is judged by the way that is gone.
+        axes: The errors of each measured axis, given, added and floor, by its name [m/s, rad/s].
     """
 
     horizon: float
@@ -124,6 +125,7 @@ class Prediction:
     added: float
     spread: float
     floor: float | None
+    axes: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
 
     @property
     def falls(self) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hydro.core.columns import Array
+from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -63,10 +63,34 @@ def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diag
     else:
         after = check.squares([findings[i] for i in stated]) if stated else check.given
     difference = check.errors(after) - check.errors(check.given)
+    noise = check.noise()
+    floor = None if noise is None else float(np.sqrt(noise @ check.weight))
     prediction = Prediction(
-        JUDGED, check.error(check.given), check.error(after), float(difference.std()), check.floor()
+        JUDGED,
+        check.error(check.given),
+        check.error(after),
+        float(difference.std()),
+        floor,
+        by_axis(check.given, after, noise),
     )
     return replace(diagnosis, findings=findings, prediction=prediction)
+
+
+def by_axis(given: Squares, added: Squares, noise: Array | None) -> dict[str, list[float | None]]:
+    """Return the errors of each axis with samples: given, added, and by noise alone where that is known.
+
+    Args:
+        given: Squared errors of the file.
+        added: The same with findings added.
+        noise: Mean squared errors by noise alone, (6,).
+    """
+    seen = given.counts.sum(axis=0) > 0.0
+    errors = [np.sqrt(given.mean), np.sqrt(added.mean), None if noise is None else np.sqrt(noise)]
+    return {
+        axis: [None if one is None else float(one[i]) for one in errors]
+        for i, axis in enumerate(VELOCITY)
+        if seen[i]
+    }
 
 
 def can_be_added(finding: Finding) -> bool:
@@ -119,8 +143,8 @@ class _Check:
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))
 
-    def floor(self) -> float | None:
-        """Return the error by noise alone [m/s]; None where a velocity is judged by the way that is gone."""
+    def noise(self) -> Array | None:
+        """Return mean squared errors by noise alone, (6,); None for a velocity judged by the way gone."""
         record = self.log.record
         if by_way(record).size:
             return None
@@ -129,4 +153,5 @@ class _Check:
         if both is None:
             return None
         noise, numbers = both[0].noise.sum(axis=0), both[0].numbers.sum(axis=0)
-        return float(np.sqrt((noise / np.maximum(numbers, 1.0)) @ self.weight))
+        mean: Array = noise / np.maximum(numbers, 1.0)
+        return mean

@@ -18,6 +18,7 @@ from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
+from hydro.core.diagnosis.provisional import Told
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
@@ -46,6 +47,7 @@ def explain(
     recordings: Recordings | None = None,
     corrected: bool = False,
     progress: Progress | None = None,
+    provisional: Told | None = None,
 ) -> Iterator[Step]:
     """Add what is missing until nothing more is found.
 
@@ -60,6 +62,7 @@ def explain(
         beyond: Looks further where a diagnosis names nothing, see `core.discovery`.
         corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
         progress: Called with a few words and the share of the present step that is done.
+        provisional: Receives the best candidate of the first diagnosis after its first fits.
 
     Yields:
         Each step that was not done, once it is; `ending` says why the last is the last.
@@ -81,7 +84,7 @@ def explain(
     elif hull is None:
         recordings.log.require_directions()
     while not (steps and over(steps)):
-        step = _next(steps, vehicle, recordings, progress, beyond)
+        step = _next(steps, vehicle, recordings, progress, beyond, None if steps else provisional)
         if step is None:
             return
         steps.append(step)
@@ -133,7 +136,12 @@ def _with_suspects(words: str, last: Step) -> str:
 
 
 def _next(
-    steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress, beyond: Beyond | None
+    steps: Sequence[Step],
+    file: Vehicle,
+    recordings: Recordings,
+    progress: Progress,
+    beyond: Beyond | None,
+    provisional: Told | None,
 ) -> Step | None:
     """The step after these; None where nothing that may be added predicts better."""
     number, log, hull = len(steps), recordings.log, recordings.hull
@@ -153,7 +161,14 @@ def _next(
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
     diagnosis = diagnose_log(
-        plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, progress=rest
+        plain,
+        log,
+        hull=hull,
+        further=number > 0,
+        file=file,
+        in_vain=in_vain,
+        progress=rest,
+        provisional=provisional,
     )
     if beyond is not None:
         diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))

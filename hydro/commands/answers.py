@@ -1,0 +1,97 @@
+"""`--text`, `--details` and `--json`: where an answer is printed, and whether its table is written."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hydro.commands.shell import STREAM
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from hydro.report.following import Call
+    from hydro.report.screen import Text
+
+AsText = Annotated[
+    bool, typer.Option("--text", help="Print the answer to stdout, also into a pipe or a file.")
+]
+Details = Annotated[bool, typer.Option("--details", help="Print all tables: values, tests, every horizon.")]
+
+
+@dataclass(frozen=True)
+class Printing:
+    """How a command prints its answer.
+
+    Attributes:
+        output: Where the table goes; `-` is stdout.
+        text: Whether the answer goes to stdout in any case.
+        json: Whether JSON goes to stdout.
+        folder: Whether the output is a folder, so that nothing else is written to stdout.
+
+    Raises:
+        UsageError: Text and JSON are asked for at once.
+    """
+
+    output: str
+    text: bool = False
+    json: bool = False
+    folder: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse two answers on one stream."""
+        if self.text and self.json:
+            raise UsageError("--text and --json both write to stdout: choose one")
+
+    @property
+    def saves(self) -> bool:
+        """Whether the table is written: to a file, or to a pipe that takes neither text nor JSON."""
+        return self.output != STREAM or not (self.text or self.json or sys.stdout.isatty())
+
+    @property
+    def brief(self) -> bool:
+        """Whether only the headline is printed, on stderr: the table goes into a pipe."""
+        return self.saves and self.output == STREAM
+
+    @property
+    def console(self) -> Console:
+        """Return stdout for text and on a terminal, else stderr."""
+        from rich.console import Console
+
+        aside = not self.text and (self.json or not sys.stdout.isatty())
+        return Console(stderr=aside, highlight=False, markup=False)
+
+    def headline(self, text: str) -> None:
+        """Print the headline alone, on stderr."""
+        typer.echo(text, err=True)
+
+
+def print_lines(lines: Iterable[Text], console: Console) -> None:
+    """Print the lines of an answer as they are."""
+    for line in lines:
+        console.print(line.text, style="bold" if line.bold else None, soft_wrap=True)
+
+
+def called_with(vehicle: Path, measured: Sequence[str] | None, output: str = STREAM, **options: Any) -> Call:
+    """Return what a command was called with, for the commands that follow it.
+
+    Args:
+        vehicle: Vehicle file.
+        measured: Recordings.
+        output: Where the answer is written.
+        options: Options by their Python name, such as `correct_thrusters`; `map_` is `--map`.
+    """
+    from hydro.report.following import Call
+
+    named: Mapping[str, Any] = {
+        f"--{name.strip('_').replace('_', '-')}": value for name, value in options.items()
+    }
+    return Call(vehicle, tuple(measured or ()), named, output)

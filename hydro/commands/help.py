@@ -1,0 +1,95 @@
+"""Help of a command on one screen: examples as they are pasted, and options in named groups.
+
+A docstring has a summary, a paragraph and examples, which are indented.  What follows a line `Details:`
+stands on the page of the documentation alone.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from typer.core import TyperCommand
+
+from hydro.report.following import pasted
+
+WIDTH = 78
+"""Columns of an example: the help is indented by two."""
+DETAILS = "Details:"
+"""Paragraph after which the text is for the page of the documentation."""
+KEPT = "\b\n"
+"""What Click takes before a paragraph whose lines it keeps."""
+PLAIN_NUMBER = re.compile(r"<(int|float)( range)?>")
+"""What Typer calls the value of an option that is a number."""
+ADVANCED, CLUSTER, FLIGHT = "Advanced", "Cluster", "Flight design"
+"""Groups of options that are rarely used."""
+
+
+def paragraphs(text: str) -> list[str]:
+    """Return the paragraphs of a docstring without the marker of Click; those of examples are indented."""
+    return [one.removeprefix(KEPT) for one in text.split("\n\n")]
+
+
+def short(text: str) -> str:
+    """Return what the help shows of a docstring, the lines of its examples kept.
+
+    Args:
+        text: The docstring, its common indentation removed.
+    """
+    shown = text.partition(f"\n\n{DETAILS}\n")[0]
+    kept = [f"{KEPT}{one}" if one.startswith("    ") else one for one in shown.split("\n\n")]
+    return "\n\n".join(kept)
+
+
+class Screen(TyperCommand):
+    """Command whose help fits one screen."""
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        """Write the summary, the paragraph and the examples.
+
+        Args:
+            ctx: Context of the parser.
+            formatter: Formatter of the help text; receives them.
+        """
+        formatter.write_paragraph()
+        with formatter.indentation():
+            formatter.write_text(short(self.help or ""))
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the words of the usage line: required arguments as they are, others in brackets.
+
+        Args:
+            ctx: Context of the parser.
+        """
+        arguments = [one for one in self.get_params(ctx) if one.param_type_name == "argument"]
+        names = [one.metavar or (one.name or "").upper() for one in arguments]
+        return [
+            self.options_metavar or "",
+            *(name if one.required else f"[{name}]" for name, one in zip(names, arguments, strict=True)),
+        ]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options, and then the groups of rarely used options.
+
+        Args:
+            ctx: Context of the parser.
+            formatter: Formatter of the help text; receives the sections.
+        """
+        sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for one in self.get_params(ctx):
+            if (record := one.get_help_record(ctx)) is None:
+                continue
+            if one.param_type_name == "argument":
+                sections["Arguments"].append((one.metavar or record[0], getattr(one, "help", "") or ""))
+            else:
+                panel = getattr(one, "rich_help_panel", None) or "Options"
+                sections.setdefault(panel, []).append((PLAIN_NUMBER.sub("N", record[0]), record[1]))
+        for title, rows in sections.items():
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
+def example(line: str) -> str:
+    """Return the example at the end of a help: lines of a screen that a shell reads as one command."""
+    return "\n".join([KEPT + "Example:", *pasted(re.split(r"\s+", line), WIDTH, indent="  ")])

@@ -1,0 +1,139 @@
+"""A progress bar that moves between reports, with an estimate of the remaining time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.progress_bar import ProgressBar
+from rich.table import Column
+from rich.text import Text
+
+from hydro.core.recording.extent import duration
+
+BAR = 16
+"""Columns of the bar: it leaves half of a terminal of 80 columns for the words beside it."""
+
+
+@dataclass
+class Remaining:
+    """Estimate of the remaining time, from an estimate beforehand and the share that is done.
+
+    The estimate beforehand counts for the share that is left, the pace so far for the share that is done.
+    Between two reports it counts down; a report that is overdue makes it longer again.
+
+    Attributes:
+        expected: Duration of all the work, about [s]; None where nothing is known.
+        now: Clock [s].
+    """
+
+    expected: float | None = None
+    now: Callable[[], float] = time.monotonic
+    begin: float = field(init=False)
+    share: float = field(init=False, default=0.0)
+    reported: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start the clock."""
+        self.begin = self.reported = self.now()
+
+    def update(self, share: float | None) -> None:
+        """Take note of the share that is done; a smaller one than before begins the next part of the work.
+
+        Args:
+            share: From 0 to 1; None of work whose length is not known.
+        """
+        if share is None:
+            self.expected, self.begin, share = None, self.now(), 0.0
+        elif share < self.share:
+            self.expected, self.begin = self.now() - self.begin, self.now()
+        if share != self.share:
+            self.share, self.reported = share, self.now()
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the work began [s]."""
+        return self.now() - self.begin
+
+    @property
+    def seconds(self) -> float | None:
+        """Remaining time [s]; None where nothing is known yet."""
+        left, spent = 1.0 - self.share, self.reported - self.begin
+        if left <= 0.0:
+            return None
+        if self.expected is not None:
+            then = left * (left * max(self.expected, spent) + spent)
+        elif self.share > 0.0:
+            then = left * spent / self.share
+        else:
+            return None
+        since = self.now() - self.reported
+        return max(then - since, left * since)
+
+    @property
+    def done(self) -> float:
+        """Share of the time that is over, from 0 to 1."""
+        seconds = self.seconds
+        return 0.0 if seconds is None else self.elapsed / max(self.elapsed + seconds, 1e-9)
+
+
+class _Bar(BarColumn):
+    """Bar that goes on between two reports, and never back within one part of the work."""
+
+    def __init__(self, remaining: Remaining) -> None:
+        super().__init__()
+        self.remaining, self.most, self.begin = remaining, 0.0, remaining.begin
+
+    def render(self, task: Task) -> ProgressBar:
+        """Return the bar."""
+        if self.begin != self.remaining.begin:
+            self.most, self.begin = 0.0, self.remaining.begin
+        self.most = max(self.most, self.remaining.done)
+        known = self.remaining.seconds is not None
+        return ProgressBar(total=1.0 if known else None, completed=self.most, width=BAR, pulse=not known)
+
+
+class _Left(ProgressColumn):
+    """The remaining time in words."""
+
+    def __init__(self, remaining: Remaining) -> None:
+        super().__init__(Column(no_wrap=True))
+        self.remaining = remaining
+
+    def render(self, task: Task) -> Text:
+        """Return the time so far and what is left."""
+        seconds = self.remaining.seconds
+        left = "" if seconds is None else f", about {duration(max(seconds, 1.0))} left"
+        return Text(f"{duration(self.remaining.elapsed)}{left}")
+
+
+@contextmanager
+def shown(label: str, expected: float | None) -> Iterator[Callable[..., None]]:
+    """Show a bar on stderr while the block runs.
+
+    Args:
+        label: What is being done.
+        expected: How long it takes, about [s]; None where nothing is known beforehand.
+
+    Yields:
+        `update(done, total, text)`: how far the work is, and a few words beside the bar.
+    """
+    remaining = Remaining(expected)
+    columns = (
+        TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+        _Bar(remaining),
+        _Left(remaining),
+        TextColumn("{task.fields[text]}", table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1)),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
+        task = bar.add_task(label, total=None, text="")
+
+        def update(done: float, total: float, text: str = "") -> None:
+            remaining.update(done / total if total else None)
+            bar.update(task, text=text)
+
+        yield update

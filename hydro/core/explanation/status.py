@@ -1,0 +1,89 @@
+"""The answer of a study in one headline: what its steps added, and which of that a test confirmed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import polars as pl
+
+from hydro.core import toml_text
+from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
+from hydro.core.diagnosis.status import status
+from hydro.core.effects.sentences import sentence
+from hydro.core.explanation.ladder import Step
+from hydro.core.explanation.options import of_change, states
+
+UNCONFIRMED = "unconfirmed"
+"""What a step is called that no significance test confirmed."""
+
+
+def added(steps: Sequence[Step]) -> dict[str, bool]:
+    """Return every effect that the steps added, and whether the diagnosis before its step confirmed it."""
+    return {name: states(last, name) for last, step in pairwise(steps) for name in step.added}
+
+
+def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
+    """Return the answer that the steps of a study amount to.
+
+    Args:
+        steps: All steps.
+        chosen: The one to use.
+        dt: Sample time of the recording [s].
+    """
+    file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
+    left = chosen.chi2[-1] if of_change(chosen) else None
+    rest = [one for one in findings(chosen.diagnosis) if one.verdict in (*UNEXPLAINED, "log_fault")]
+    if not tables:
+        unproven = [_unproven(one) for one in findings(chosen.diagnosis)] if len(steps) > 1 else None
+        return status(unproven or findings(chosen.diagnosis), file, dt, left)
+    known = {name: sure for name, sure in added(steps[: chosen.number + 1]).items() if name in tables}
+    confirmed = [_finding(tables[name], bool(file.effects(name))) for name, sure in known.items() if sure]
+    told = [
+        f"{sentence(file, name, *_values(tables[name]), dt).rstrip('.')} ({UNCONFIRMED})."
+        for name, sure in known.items()
+        if not sure
+    ]
+    if not confirmed:
+        remains = ["No effect explains all of the error."] if any(one.effect == "" for one in rest) else []
+        return Status("uncertain", "Not certain", (*told, *remains))
+    found = status([*confirmed, *rest], file, dt, left)
+    return replace(
+        found, sentences=(*found.sentences[: len(confirmed)], *told, *found.sentences[len(confirmed) :])
+    )
+
+
+def findings(diagnosis: pl.DataFrame) -> list[Finding]:
+    """Return the findings of a diagnosis table, as far as its headline needs them."""
+    return [
+        Finding(
+            row["verdict"],
+            row["effect"],
+            tuple(row["members"]),
+            confidence=float("nan") if row["confidence"] is None else row["confidence"],
+            parameters=toml_text.value(row["parameters"] or "{}"),
+            standard_errors=toml_text.value(row["standard_errors"] or "{}"),
+            advice=row["advice"],
+        )
+        for row in diagnosis.sort("rank").iter_rows(named=True)
+    ]
+
+
+def _unproven(one: Finding) -> Finding:
+    """Return a finding that did not lower the error as a suspect."""
+    return replace(one, verdict="suspect") if one.verdict in STATED else one
+
+
+def _finding(table: dict[str, Any], known: bool) -> Finding:
+    """Return an effect that was added as a finding."""
+    values, errors = _values(table)
+    name = table["name"]
+    return Finding("retune" if known else "missing", name, (name,), parameters=values, standard_errors=errors)
+
+
+def _values(table: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the values of an effect's table, and their standard errors."""
+    values = {key: value for key, value in table.items() if key not in ("name", "standard_error", "fit")}
+    return values, dict(table.get("standard_error", {}))

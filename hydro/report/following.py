@@ -1,0 +1,121 @@
+"""Commands that follow an answer, ready to be pasted: the same files and options as the command before."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from hydro.core.errors import in_shell
+
+STREAM = "-"
+PIPE = "|"
+INDENT = "    "
+"""Indentation of a printed command: it is not part of the sentence before."""
+CONTINUED = 2
+"""Columns that a continued line needs for ` \\`."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """What a command was called with, as far as the next command needs it.
+
+    Attributes:
+        vehicle: Vehicle file.
+        measured: Recording, or the logs of one dive; none is stdin.
+        options: Values of the options that say how recordings are read, by their name; lists are repeated,
+            `True` is a flag.
+        output: Where the answer was written; `-` where it was not saved.
+    """
+
+    vehicle: Path
+    measured: Sequence[str]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    output: str = STREAM
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether the inputs are still there: stdin is read once."""
+        return bool(self.measured) and STREAM not in self.measured
+
+    def command(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str]:
+        """Return the words of a command on the same inputs.
+
+        Args:
+            name: Name of the command.
+            more: Words at the end.
+            without: Options that the command does not have.
+        """
+        words = ["hydro", name, str(self.vehicle), *self.measured]
+        for option, value in self.options.items():
+            if option in without or value in (None, False) or value == []:
+                continue
+            for one in value if isinstance(value, list | tuple) else [value]:
+                words += [option] if one is True else [option, str(one)]
+        return [*words, *more]
+
+    def adding(self, *effects: str) -> list[str] | None:
+        """Return the words of `hydro add`, for all that is stated or for some effects.
+
+        Returns:
+            The words; None where the diagnosis was not saved and its inputs are gone.
+        """
+        named = [word for effect in effects for word in ("--effect", effect)]
+        target = ["-o", next_file(self.vehicle)]
+        if self.output != STREAM:
+            return ["hydro", "add", str(self.vehicle), self.output, *named, *target]
+        if not self.repeatable:
+            return None
+        return [*self.command("diagnose"), PIPE, "hydro", "add", str(self.vehicle), *named, *target]
+
+    def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
+        """Return a command on the same inputs; None where they are gone."""
+        return self.command(name, *more, without=without) if self.repeatable else None
+
+    def of(self, vehicle: Path) -> Call:
+        """Return the same call with another vehicle file."""
+        return replace(self, vehicle=vehicle)
+
+
+def next_file(vehicle: Path) -> str:
+    """Return a free name in the working folder: `vehicle-1.toml` after `vehicle.toml`."""
+    stem, number = vehicle.stem, 0
+    if found := re.fullmatch(r"(.*)-(\d+)", stem):
+        stem, number = found[1], int(found[2])
+    while Path(name := f"{stem}-{number + 1}.toml").exists():
+        number += 1
+    return name
+
+
+def quoted(words: Sequence[str]) -> list[str]:
+    """Return the words of a command as a shell reads them; `|` joins two commands."""
+    return [one if one == PIPE else in_shell(one) for one in words]
+
+
+def pasted(words: Sequence[str], width: int, indent: str = INDENT) -> Iterator[str]:
+    """Yield the lines of a command that a shell reads as one, no wider than a terminal where words allow.
+
+    Args:
+        words: Its words as a shell reads them. An option and its value stay on one line.
+        width: Columns.
+        indent: What each line begins with.
+    """
+    units: list[str] = []
+    for word in words:
+        if units and units[-1].startswith("-") and " " not in units[-1] and word[0] not in f"-{PIPE}":
+            units[-1] += f" {word}"
+        else:
+            units.append(word)
+    line = ""
+    for unit in units:
+        begin = f"{line} " if line else indent
+        if line.endswith(f" {PIPE}"):  # a shell reads on after a pipe
+            yield line
+            begin = indent
+        elif line and len(begin) + len(unit) + CONTINUED > width:
+            yield f"{line} \\"
+            begin = f"{indent}  "
+        line = begin + unit
+    yield line

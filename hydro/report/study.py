@@ -1,0 +1,141 @@
+"""A study in words: its headline, errors before and after, its steps, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from hydro.core.columns import UNITS
+from hydro.core.effects.catalogue import implausible
+from hydro.core.evaluation.yardsticks import LEAST_SQUARES, column
+from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step
+from hydro.core.explanation.status import UNCONFIRMED, added
+from hydro.core.explanation.with_hull import FLOOR
+from hydro.report import ladder, words, yardsticks
+from hydro.report.screen import EMPTY, Following, Text, laid, table
+
+WHERE = {"fit": "on the recording", "holdout": "on held-out data"}
+"""What errors are measured on."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A study that has ended.
+
+    Attributes:
+        steps: Its steps.
+        chosen: The one to use.
+        headline: Its status in one line.
+        reason: Why it ended.
+        folder: Where its files are.
+    """
+
+    steps: Sequence[Step]
+    chosen: Step
+    headline: str
+    reason: str
+    folder: Path
+
+    @property
+    def file(self) -> Path:
+        """Return the vehicle file to use."""
+        return self.folder / f"vehicle-{self.chosen.number}.toml"
+
+    @property
+    def rungs(self) -> pl.DataFrame:
+        """Return the ladder of all steps."""
+        return pl.concat([step.ladder for step in self.steps], how="diagonal_relaxed")
+
+    @property
+    def beyond(self) -> list[str]:
+        """Return fitted values that are not plausible, a sentence each."""
+        return implausible(self.chosen.vehicle, [table["name"] for table in self.chosen.tables])
+
+
+def answer(study: Outcome, width: int) -> list[Text]:
+    """Return a study as lines of a terminal.
+
+    Args:
+        study: The study.
+        width: Columns.
+    """
+    lines = [Text(study.headline, bold=True), EMPTY, *errors(study)]
+    rungs = study.rungs
+    simple = yardsticks.of_ladder(rungs, study.chosen.number, yardsticks.judged_on(rungs))
+    if told := yardsticks.sentence(simple):
+        lines.append(Text(told))
+    lines += [EMPTY, Text("Steps:", bold=True), *_steps(study)]
+    lines += [Text(f"It ends here: {study.reason}."), EMPTY]
+    if beyond := study.beyond:
+        lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond]
+    lines.append(Text(f"The file to use is {study.file}."))
+    page = ["hydro", "report", str(study.folder), "-o", "report.html"]
+    lines += Following("All figures on one page:", page).lines(width)
+    return laid(lines, width)
+
+
+def errors(study: Outcome) -> Iterator[Text]:
+    """Yield the errors of the first and the chosen step, an axis in a row."""
+    rungs = study.rungs
+    dataset = yardsticks.judged_on(rungs)
+    rows = rungs.filter(pl.col("horizon") == HORIZON, dataset=dataset)
+    axes = ladder.measured(rows)
+    first, last = (
+        {row["axis"]: row for row in rows.filter(step=number).iter_rows(named=True)}
+        for number in (0, study.chosen.number)
+    )
+    both = study.chosen.number > 0
+    simple = column(LEAST_SQUARES)
+    names = [*(["before", "after"] if both else ["error"]), "noise floor"]
+    has_simple = simple in rows.columns and rows[simple].count() > 0
+    header = [f"Error {HORIZON:g} s ahead", *names, *([LEAST_SQUARES] if has_simple else [])]
+    body = []
+    for axis in axes:
+        values = [first[axis]["rmse"], *([last[axis]["rmse"]] if both else []), last[axis]["noise_floor"]]
+        values += [last[axis][simple]] if has_simple else []
+        unit = UNITS.get(axis, "m" if axis == "pose" else "m/s")
+        body.append([f"  {axis} [{unit}]", *(words.figure(one) for one in values)])
+    yield from table(header, body)
+    if both:
+        yield Text(f"{WHERE[dataset]}; before: the file as given, after: step {study.chosen.number}.")
+
+
+def _steps(study: Outcome) -> Iterator[Text]:
+    """Yield a line for each step: what it added, whether that is confirmed, and the error that decides."""
+    confirmed = added(study.steps)
+    for step in study.steps:
+        use = ", the one to use" if step is study.chosen and len(study.steps) > 1 else ""
+        yield Text(f"{step_line(step, confirmed)}{use}", indent=2)
+
+
+def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
+    """Return a step in a line: its number, what it added, and the error that decides.
+
+    Args:
+        step: The step.
+        confirmed: Whether a test confirmed each effect that it added.
+    """
+    names = [
+        words.effect_name(name) + ("" if confirmed[name] else f" ({UNCONFIRMED})") for name in step.added
+    ]
+    return f"{step.number}, {', '.join(names) or 'the file as given'}: {deciding(step)}"
+
+
+def deciding(step: Step) -> str:
+    """Return the error by which a step is compared with the others, in words."""
+    rows = step.ladder
+    if not (held := rows.filter(dataset="holdout")).is_empty():
+        place, rows = WHERE["holdout"], held
+    else:
+        place = "on left-out data"
+        if not (left := rows.filter(axis=LEFT_OUT)).is_empty():
+            return f"error {words.figure(left['rmse'][0])} m/s {place}"
+        place = WHERE["fit"]
+    if not (times := rows.filter(axis=FLOOR)).is_empty():
+        return f"error {times['rmse'][0]:.2f} times the floor {place}"
+    ahead = rows.filter(horizon=HORIZON)
+    whole = ahead.filter(axis=ladder.measured(ahead)[-1])
+    return f"error {words.figure(whole['rmse'][0])} {whole['unit'][0]} {place}"
