@@ -45,7 +45,7 @@ Network = Annotated[
     ),
 ]
 
-ASIDE = "best name another recording of the unchanged vehicle"
+ASIDE = "name another recording of the unchanged vehicle"
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def learnt(
             law = Learnt.of(trained, vehicle)
         told |= {"network": dataset_name(model), "learnt": _learnt_from(artefact, earlier)}
         if told["learnt"]:
-            report(model, f"has learnt from {name}, and leaves less of it than of other motion; {ASIDE}")
+            report(model, f"was trained on {name}, so that its error there is too small: {ASIDE}")
         inputs.append(artefact)
     with about(name):
         hull = hull_of(vehicle, earlier.frame, law)

@@ -282,7 +282,7 @@ def progress(label: str, expected: float | None = None) -> Iterator[Callable[...
     if not sys.stderr.isatty():
         yield lambda done, total, text="": None
         return
-    from hydro.commands.waiting import shown
+    from hydro.report.waiting import shown
 
     with shown(label, expected) as update:
         yield update
