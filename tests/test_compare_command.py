@@ -149,6 +149,7 @@ def test_a_headline_where_nothing_is_left() -> None:
         {
             "level": ["force"], "by": ["all"], "axis": ["Z"], "place": ["all"], "rows": [10], "rmse": [1.0],
             "share": [0.0], "rank": [None], "unit": ["N"], "horizon": [None],
+            "noise_floor": [0.5],
         },
         schema_overrides={"rank": pl.Int64, "horizon": pl.Float64},
     )  # fmt: skip

@@ -246,10 +246,10 @@ def _searched_for(
     baseline = search.baseline
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, part(progress, 0.4, 1.0))
-    outcome = search.settle(outcome, part(progress, 0.55, 0.75))
-    progress("all findings, fitted together", 0.75)
+    outcome = search.settle(outcome, part(progress, 0.45, 0.8))
+    progress("all findings, fitted together", 0.8)
     outcome = refine(baseline, outcome)
-    progress("verdicts", 0.85)
+    progress("verdicts", 0.88)
     findings = verdicts(baseline, outcome)
     progress("what to fly next", 0.95)
     models = (baseline.given, baseline.refitted, outcome.model)
@@ -297,14 +297,14 @@ def searched(
     """
     first = ReportingSearch(baseline, told=provisional)
     again = replace(first, from_file=True)
-    found = first.grow(part(progress, 0.0, 0.5), far=LOUD)
+    found = first.grow(part(progress, 0.0, 0.4), far=LOUD)
     if found.model.normal.chi2 <= RIGHT:
         return first, found
-    other = again.grow(part(progress, 0.25, 0.55), other=found)
+    other = again.grow(part(progress, 0.2, 0.45), other=found)
     if other.model.normal.chi2 <= RIGHT:
         return again, other
     if first.waits(found.model, found.found, LOUD):
-        found = first.grow(part(progress, 0.4, 0.55), found)
+        found = first.grow(part(progress, 0.3, 0.45), found)
     return first, found
 
 
