@@ -69,7 +69,7 @@ class Remaining:
             return None
         if self.share > 0.0 and spent > 0.0:
             pace, weight = spent / self.share, 0.0 if self.expected is None else left**2
-            total = pace ** (1.0 - weight) * max(self.expected or pace, pace) ** weight
+            total: float = pace ** (1.0 - weight) * max(self.expected or pace, pace) ** weight
         elif self.expected is not None:
             total = self.expected
         else:

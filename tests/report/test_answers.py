@@ -39,7 +39,7 @@ def answer(
     vehicle = damped()
     told = status(findings, vehicle, 0.02)
     found = Diagnosis(tuple(findings), vehicle, (9.0, 5.0, 1.0), prediction=known, status=told)
-    context = Context.of(found, vehicle, 0.02, call, changed=False)
+    context = Context.of(found, vehicle, 0.02, call)
     return "\n".join(line.text for line in diagnosis.answer(found.frame(), context, width))
 
 

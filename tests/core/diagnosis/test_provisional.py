@@ -1,4 +1,4 @@
-"""The best candidate after the first fits: told once, long before the end, and without a change of the result."""
+"""The best candidate after the first fits: told once, early, and without a change of the result."""
 
 from __future__ import annotations
 
