@@ -189,7 +189,7 @@ def test_a_long_diagnosis_says_first_how_long(name, terminal, unsure, tmp_path, 
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
     line = ["diagnose", STONEFISH / "vehicle.toml", STONEFISH / f"{name}.parquet", "-o", tmp_path / "d"]
     assert cli.main([*map(str, line)]) == 0
-    told = "hydro: 59,914 rows: about 64 s on 2 processors; half or twice that is possible\n"
+    told = "hydro: 59,914 rows: about 64 s on 2 processors, half to twice that\n"
     assert capsys.readouterr().err.startswith(told) == (terminal and name == "sample")
 
 
@@ -200,8 +200,7 @@ def test_a_study_says_it_of_its_first_step(capsys, monkeypatch) -> None:
     known, frame = vehicles.read(VEHICLE)[0], table.read(STONEFISH / "replay90.parquet").frame
     shell.tell_duration(frame, shell.expected_seconds(known, frame, steps=True), steps=True)
     assert capsys.readouterr().err == (
-        "hydro: 4,500 rows: a first step takes about 34 s on one processor; half or twice that is possible, "
-        "later steps take less\n"
+        "hydro: 4,500 rows: first step about 34 s on one processor, half to twice that\n"
     )
 
 

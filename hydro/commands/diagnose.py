@@ -69,7 +69,7 @@ CorrectThrusters = Annotated[
     bool,
     typer.Option(
         "--correct-thrusters",
-        help="Go on with thrusters as their audit states them.",
+        help="Continue with thrusters as their audit states them.",
         rich_help_panel=ADVANCED,
     ),
 ]
@@ -412,7 +412,7 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
 
 
 def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
-    """Write the covariance of what was added beside the file; of no other values than the file's.
+    """Write the covariance of the added values next to the file; of no other values.
 
     Raises:
         DataError: it is of another diagnosis than the one that was read.
@@ -421,7 +421,7 @@ def _write_covariance(estimates: Estimates, output: str, source: Artefact, text:
     from hydro.io import vehicle as vehicles
 
     if other := estimates.disagreement(vehicles.parse(text)):
-        raise DataError(f"the covariance beside the diagnosis is not of its values: {other}; diagnose again")
+        raise DataError(f"the covariance of the diagnosis is not of its values: {other}; diagnose again")
     covariance.write(estimates, output, stage="add", inputs=[source], vehicle_text=text)
 
 
@@ -497,7 +497,7 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
 
 
 def _print_flight(flight: Flight, path: Path, console: Console) -> None:
-    """What to fly next and what it is expected to tell."""
+    """Print the next flight and its expected results."""
     console.print(f"\nTo fly next ({path}):", style="bold")
     for line in flight.lines():
         console.print(line, soft_wrap=True)
