@@ -202,8 +202,9 @@ def facts(row: Mapping[str, Any]) -> str:
     if row["verdict"] in UNEXPLAINED:
         return f"{words.percent(share)} of the explainable error remains."
     low, high = row["share_low"], row["share_high"]
-    interval = "" if low is None or high is None else f" ({words.between(low, high)})"
-    told = f"Explains {words.percent(share)}{interval} of the explainable error"
+    told = words.percent(share)
+    interval = told if low is None or high is None else words.between(low, high)
+    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error"
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
         sure = "" if row["confidence"] is None else f" ({words.percent(row['confidence'])} for the first)"
