@@ -1,7 +1,7 @@
 """Run the commands of docs/tutorial.md and docs/dive.md and put what they print there; a test compares.
 
 An indented block of a page is a shell command line, run in one temporary folder beside `datasets`. A
-```text block after it is what it prints: messages first, then what a terminal of 170 columns shows. In such a
+```text block after it is what it prints: messages first, then what a terminal of 80 columns shows. In such a
 block a line `…` stands for lines left out: as many as stand before the first one are kept from the beginning,
 as many as follow the last one from the end; what stands between two is found by its
 first word.
@@ -25,7 +25,7 @@ PAGES = tuple(Path(__file__).with_name(f"{name}.md") for name in ("tutorial", "d
 
 COMMANDS_AND_OUTPUT = re.compile(r"((?:^ {4}\S.*\n)+)(?:\n```text\n((?:.*\n)*?)```\n)?", re.MULTILINE)
 ELISION = "…\n"
-ROWS, COLUMNS = 50, 170
+ROWS, COLUMNS = 40, 80
 
 
 def page(text: str, program: str = f'"{sys.executable}" -m hydro.cli') -> str:

@@ -7,7 +7,10 @@ from pathlib import Path
 import msgspec
 import polars as pl
 import pytest
+from command_lines import pasted_from
 from recordings import WEAK, damped, flown
+from streams_here import on_terminal
+from terminal import fits
 
 import hydro
 from hydro import cli
@@ -52,7 +55,7 @@ def test_errors_stand_beside_the_floor_axis_by_axis(capsys) -> None:
         assert run(*line, "-o", f"{name}-compared.parquet") == 0
         found[name] = table.read(f"{name}-compared.parquet", "comparison")
     told = capsys.readouterr().err
-    assert "Recording before, earlier: mean squared residual" in told
+    assert "Recording before, earlier: reduced chi-square" in told
     unchanged, changed = times(found["same"].frame), times(found["after"].frame)
     assert max(unchanged.values()) < 1.5, "a hull alike in both recordings leaves what it left"
     most = max(changed, key=lambda axis: changed[axis])
@@ -69,6 +72,19 @@ def test_errors_stand_beside_the_floor_axis_by_axis(capsys) -> None:
         hydro.vehicle("vehicle.toml"), hydro.read("same.parquet"), before=hydro.read("earlier.parquet")
     )
     assert python.equals(found["same"].frame)
+
+
+def test_a_changed_vehicle_fits_one_screen() -> None:
+    line = ["compare", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
+    code, printed = on_terminal(*line, columns=80)
+    assert code == 0
+    assert fits(printed.replace("\r", "").strip())
+    assert len(printed.splitlines()) <= 40
+    assert printed.strip().startswith("The error after is ")
+    (following,) = pasted_from(printed)
+    assert following == (
+        "hydro diagnose vehicle.toml after.parquet --before earlier.parquet -o diagnosis.parquet"
+    )
 
 
 def test_exchanged_commands_are_said_where_errors_are_compared(capsys) -> None:
@@ -151,7 +167,7 @@ def test_a_network_in_the_place_of_the_regression_names_the_change(network: Path
     line += ["--model", "net.parquet"]
     assert run(*line, "-o", "diagnosis.parquet") == 0
     told = capsys.readouterr().err
-    assert "with the network net, which has not learnt from it" in told
+    assert "with the network net, which was not trained on it" in told
     made = table.read("diagnosis.parquet", "diagnosis")
     first = made.frame.row(0, named=True)
     assert (first["verdict"], first["effect"]) == ("missing", "thruster_gain")
@@ -166,8 +182,8 @@ def test_a_network_that_has_learnt_from_the_recording_before_is_told(network: Pa
     line = ["compare", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
     assert run(*line, "--model", "net.parquet", "-o", "compared.parquet") == 0
     told = capsys.readouterr().err
-    assert "hydro: net.parquet: has learnt from earlier.parquet" in told
-    assert "with the network net, which has learnt from it" in told
+    assert "hydro: net.parquet: was trained on earlier.parquet" in told
+    assert "with the network net, which was trained on it" in told
 
 
 @pytest.mark.slow

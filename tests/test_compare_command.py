@@ -9,6 +9,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from command_lines import parse, pasted_from
 from streams_here import on_terminal, piped
 
 from hydro import cli
@@ -52,7 +53,8 @@ def test_the_artefact_is_sound_and_knows_where_it_comes_from(work: Path) -> None
 
 def test_a_pipe_gives_the_bytes_of_files(work: Path) -> None:
     done = piped("compare", VEHICLE, stdin=(work / "raw.parquet").read_bytes())
-    assert b"Where it fails" in done.stderr  # for a person, beside the pipe
+    (told,) = done.stderr.decode().splitlines()  # the headline, beside the pipe
+    assert re.fullmatch(r"5 s ahead the model errs by \S+ m/s; noise alone would leave \S+ m/s\.", told)
     assert done.stdout == (work / "before.parquet").read_bytes()
 
 
@@ -68,18 +70,47 @@ def test_an_earlier_comparison_stands_beside(work: Path) -> None:
     assert (after.filter(axis="all")["rmse"] < after.filter(axis="all")["before"]).all()
 
 
-def test_a_terminal_gets_tables_and_no_file(work: Path) -> None:
-    code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet", columns=100)
+def test_a_terminal_gets_one_screen_and_no_file(work: Path) -> None:
+    """Headline, seven rows of errors, three regimes and the next command; all else with --details."""
+    code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet", columns=80)
+    assert code == 0
+    lines = printed.strip().splitlines()
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith("5 s ahead the model errs by")
+    (header,) = (line for line in lines if line.startswith("Error 5 s ahead"))
+    assert header.split()[-7:] == ["error", "noise", "floor", "least", "squares", "zero", "velocity"]
+    rows = [line.split() for line in lines if re.match(r"  (?:[uvwpqr]|all) \[", line)]
+    assert [row[0] for row in rows] == [*"uvwpqr", "all"]
+    assert all(float(row[2]) > float(row[3]) for row in rows), "errors are above the noise floor"
+    assert len(re.findall(r"\d+ % in \d+ % of the time\.", printed)) == 3
+    (following,) = pasted_from(printed)
+    assert following == f"hydro diagnose {VEHICLE} {work / 'raw.parquet'} -o diagnosis.parquet"
+    parse(following)
+
+
+def test_details_have_every_horizon_and_the_forces(work: Path) -> None:
+    code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet", "--details", columns=100)
     assert code == 0
     assert "PAR1" not in printed
-    for words in ("Force that the model leaves out", "1 s", "20 s", "whole run", "Where it fails", "surge"):
+    for words in ("Unexplained force", "1 s", "20 s", "whole run", "Regimes", "surge"):
         assert words in printed
-    assert re.search(r"\d+ % of the unexplained error in \d+ % of the time", printed)
     line = ["compare", work / "damped.toml", work / "raw.parquet", "--against", work / "before.parquet"]
-    code, printed = on_terminal(*line, columns=100)
+    code, printed = on_terminal(*line, "--details", columns=100)
     assert code == 0
     assert " -> " in printed
-    assert "Where it failed before" in printed
+    assert "Regimes of the earlier comparison" in printed
+    assert re.search(r"^Error 5 s ahead +before +error", printed, re.MULTILINE)
+
+
+def test_text_goes_to_a_pipe_in_the_place_of_the_table(work: Path) -> None:
+    done = piped("compare", VEHICLE, work / "raw.parquet", "--text")
+    assert done.stdout.decode().startswith("5 s ahead the model errs by")
+    assert b"hydro diagnose" in done.stdout
+    assert done.stderr == b""
+    code, out, error = run("compare", VEHICLE, work / "raw.parquet", "--text", "--json")
+    assert (code, out) == (2, "")
+    assert "--text and --json both write to stdout: choose one" in error
 
 
 @pytest.mark.parametrize(
@@ -117,13 +148,14 @@ def test_a_headline_where_nothing_is_left() -> None:
     frame = pl.DataFrame(
         {
             "level": ["force"], "by": ["all"], "axis": ["Z"], "place": ["all"], "rows": [10], "rmse": [1.0],
-            "share": [0.0], "rank": [None], "unit": ["N"],
+            "share": [0.0], "rank": [None], "unit": ["N"], "horizon": [None],
+            "noise_floor": [0.5],
         },
-        schema_overrides={"rank": pl.Int64},
+        schema_overrides={"rank": pl.Int64, "horizon": pl.Float64},
     )  # fmt: skip
-    assert comparison.headline(frame) == "Noise explains all of the error."
+    assert comparison.headline(frame) == "The model predicts this log to within its noise."
     ranked = frame.with_columns(by=pl.lit("place"), place=pl.lit("while diving"), share=0.416, rank=1, rows=1)
-    told = comparison.headline(pl.concat([frame, ranked.cast({"rank": pl.Int64, "rows": pl.Int64})]))
+    told = comparison.worst_place(pl.concat([frame, ranked.cast({"rank": pl.Int64, "rows": pl.Int64})]))
     assert told == "Heave while diving: 42 % of the unexplained error in 10 % of the time."
 
 

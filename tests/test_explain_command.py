@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
+import shlex
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
 import pytest
+from command_lines import pasted_from
+from streams_here import piped
 from terminal import fits, on_terminal
 
 import hydro
@@ -71,7 +77,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
             COMPARED[key] = true(vehicle, raw, record=record, yardstick=yardstick)
         return COMPARED[key]
 
-    def diagnose(vehicle, log, progress, hull, further, file, in_vain):
+    def diagnose(vehicle, log, progress, hull, further, file, in_vain, provisional):
         calls.append("diagnose")
         there = vehicle.effects("ocean_current")
         one = Finding(
@@ -102,7 +108,7 @@ def contents() -> dict[str, bytes]:
 
 
 def test_the_files_of_a_study(counted, capsys):
-    assert run() == 0
+    assert run("--details") == 0
     assert sorted(contents()) == sorted(FILES)
     for name in FILES:
         assert cli.main(["check", f"study/{name}"]) == 0
@@ -115,9 +121,9 @@ def test_the_files_of_a_study(counted, capsys):
     assert replay["variant"].unique(maintain_order=True).to_list() == ["measured", "step-0", "step-1"]
     told = capsys.readouterr().err
     for words in (
-        "step 0, as given",
-        "1 ocean_current",
-        "noise alone",
+        "step 0, the file as given",
+        "step 1, ocean current",
+        "noise floor",
         "v_N: 0.20 ± 0.01 [m/s]",
         "vehicle-1.toml",
     ):
@@ -125,10 +131,56 @@ def test_the_files_of_a_study(counted, capsys):
     assert told.index("held-out") < told.index("It ends here: nothing more is found.")
 
 
-def test_its_tables_keep_to_a_terminal_of_80_columns(counted, capsys, monkeypatch):
+def test_its_answer_is_one_screen(counted, capsys, monkeypatch):
+    """With the headline of a diagnosis, errors before and after, the steps and the next command."""
     text = on_terminal([*LINE], 80, monkeypatch)
-    assert "1 ocean_current" in text
     assert fits(text), text
+    lines = text.splitlines()
+    assert len(lines) <= 40
+    assert lines[0].startswith("1 effect is missing: A current of 0.22 m/s")
+    rows = [line.split() for line in lines if re.match(r"  (?:[uvwpqr]|all) \[", line)]
+    assert [row[0] for row in rows] == [*"uvwpqr", "all"]
+    before, after, floor = (float(one) for one in rows[-1][2:5])
+    assert floor <= after < before
+    assert "1, ocean current: error" in text
+    (following,) = pasted_from(text)
+    assert cli.main(shlex.split(following)[1:]) == 0
+    assert Path("report.html").exists()
+
+
+def test_text_and_tables_on_request(counted, monkeypatch):
+    done = piped(*LINE, "--text")
+    assert done.stdout.decode().startswith("1 effect is missing")
+    assert b"step 1, ocean current" in done.stderr, "steps are told as they are done"
+    details = piped(*LINE, "--text", "--details").stdout.decode()
+    assert "v_N: 0.20 ± 0.01 [m/s]" in details
+
+
+def test_a_step_that_no_test_confirmed_is_called_unconfirmed(counted, monkeypatch, capsys):
+    """The current is suspected alone, and a trial adds it."""
+    once = loop.diagnose_log
+
+    def suspected(*given, **more):
+        found = once(*given, **more)
+        return replace(found, findings=tuple(_doubted(one) for one in found.findings))
+
+    monkeypatch.setattr(loop, "diagnose_log", suspected)
+    tables = ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
+    trial = loop.Trial(("ocean_current",), tables, extended(vehicles.read(VEHICLE)[0], list(tables)))
+    monkeypatch.setattr(loop, "best_trial", lambda last, *_: None if last.tables else trial)
+    assert run() == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "Not certain: A current of 0.22 m/s" in told
+    assert "step 1, ocean current (unconfirmed)" in told
+    assert "effect is missing" not in told
+    assert run("--json") == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["headline"].endswith("(unconfirmed).")
+    assert [step["stated"] for step in made["steps"]] == [False, False]
+
+
+def _doubted(one: Finding) -> Finding:
+    return replace(one, verdict="suspect", confidence=0.5) if one.verdict == "missing" else one
 
 
 def test_a_study_has_the_bands_of_its_best_step(counted):
@@ -199,13 +251,13 @@ def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):
 def test_values_beyond_belief_are_told(counted, capsys, monkeypatch):
     """Of what a study has fitted; a current of 0.2 m/s is nothing to tell."""
     assert cli.main(list(LINE)) == 0
-    assert "Beyond belief" not in capsys.readouterr().err
+    assert "Not plausible" not in capsys.readouterr().err
     narrow = between(-0.1, 0.1, "m/s", "a pond")
     (known,) = (one for one in CATALOGUE["ocean_current"].parameters if one.name == "v_N")
     monkeypatch.setitem(known.__dict__, "plausible", narrow)
     assert cli.main(list(LINE)) == 0
     told = " ".join(capsys.readouterr().err.split())
-    assert "Beyond belief, so that it stands for something else: ocean_current.v_N = 0.2 m/s is" in told
+    assert "Not plausible, so it may stand for something else: ocean_current.v_N = 0.2 m/s is" in told
 
 
 def test_python_says_the_same(counted):

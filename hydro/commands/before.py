@@ -45,17 +45,17 @@ Network = Annotated[
     ),
 ]
 
-ASIDE = "best name another recording of the unchanged vehicle"
+ASIDE = "name another recording of the unchanged vehicle"
 
 
 @dataclass(frozen=True)
 class Earlier:
-    """What a recording from before has taught.
+    """The hull-force model from a recording before a change.
 
     Attributes:
-        hull: What the hull does beside the file.
-        inputs: The recording, and the network where one is asked.
-        parameters: What a table that rests on it says in its footer, see `report.change`.
+        hull: The model.
+        inputs: The recording, and the network if there is one.
+        parameters: Entry in the footer of a table that was made with it, see `report.change`.
     """
 
     hull: Hull
@@ -72,20 +72,20 @@ def learnt(
     *,
     discover: bool = False,
 ) -> Earlier | None:
-    """Learn a hull from --before, or ask --model for it; None without a recording before.
+    """Fit a hull-force model to --before, or take --model for it; None without a recording before.
 
     Args:
-        before: Where the recording is.
-        model: Where the network is.
-        vehicle: The file that the hull's model stands beside.
-        source: The recording after.
+        before: Recording before the change.
+        model: Network.
+        vehicle: Vehicle file.
+        source: Recording after the change.
         logs: How the recording is read.
-        discover: Whether --discover was asked for, which is for one recording.
+        discover: Whether --discover was given, which is for one recording.
 
     Raises:
-        DataError: It is the recording after itself, does not fit the vehicle or is too short; or the network
-            cannot stand beside the file.
-        UsageError: There is a network alone, or something to discover beside a hull whose law is known.
+        DataError: Both recordings are the same, or the first does not fit the vehicle or is too short; or the
+            network does not fit the vehicle file.
+        UsageError: --model is given without --before, or --discover with it.
     """
     from hydro.core.diagnosis.diagnose import hull_of
     from hydro.core.residual.learnt import Learnt
@@ -107,7 +107,7 @@ def learnt(
             law = Learnt.of(trained, vehicle)
         told |= {"network": dataset_name(model), "learnt": _learnt_from(artefact, earlier)}
         if told["learnt"]:
-            report(model, f"has learnt from {name}, and leaves less of it than of other motion; {ASIDE}")
+            report(model, f"was trained on {name}, so that its error there is too small: {ASIDE}")
         inputs.append(artefact)
     with about(name):
         hull = hull_of(vehicle, earlier.frame, law)

@@ -36,37 +36,27 @@ SHARE = 0.01
 
 TeacherKind = Annotated[
     Literal["panel", "stonefish"],
-    typer.Option(
-        help="Who computes hydrodynamic forces: panels on the hull, or Stonefish through the program "
-        "hydro-stonefish, which is built from bridge/stonefish."
-    ),
+    typer.Option(help="Source of the hydrodynamic forces."),
 ]
 Rows = Annotated[
     int | None,
-    typer.Option(
-        min=1, show_default=False, help=f"Rows at 50 Hz; by default the paper's {ROWS:,}, or one replay."
-    ),
+    typer.Option(min=1, show_default=False, help=f"Rows at 50 Hz; default: {ROWS:,}, or one replay."),
 ]
 Excitation = Annotated[
     Literal["hybrid", "sweeps", "coupled", "walks", "replay90"],
-    typer.Option(help="The paper's mixture, one part of it, or its 90 s replay sequence."),
+    typer.Option(help="Mixture, one part of it, or a 90 s replay."),
 ]
 Noise = Annotated[
     str,
     typer.Option(
         metavar="SPEC",
-        help="none, ordinary, dvl, or 1-sigma values: '{velocity=0.02, rate=0.003, position=0.05, "
-        "attitude=0.002}' in m/s, rad/s, m, rad.",
+        help="none, ordinary, dvl, or 1-sigma values: '{velocity=0.02, rate=0.003}'.",
     ),
 ]
-Truth = Annotated[
-    str | None, typer.Option(metavar="FILE", help="Where to write the hidden effects, as TOML."), FILE
-]
-Depth = Annotated[
-    float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks drift some 20 m.")
-]
+Truth = Annotated[str | None, typer.Option(metavar="FILE", help="TOML file for the hidden effects."), FILE]
+Depth = Annotated[float, typer.Option(min=0.0, help="Depth of the start and of the hold [m].")]
 Threads = Annotated[
-    int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default one per core.")
+    int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; default: one per core.")
 ]
 
 
@@ -81,8 +71,7 @@ def collect(
         list[str] | None,
         typer.Option(
             metavar="EFFECT",
-            help="An effect that acts but is not in the vehicle file, such as "
-            f"'{examples.TO_HIDE}'; repeat for several.",
+            help=f"Effect that is not in the file, such as '{examples.TO_HIDE}'.",
         ),
     ] = None,
     truth: Truth = None,
@@ -92,14 +81,18 @@ def collect(
 ) -> None:
     """Record training data of a vehicle in a reference simulator.
 
-    Mass, buoyancy, thrusters and environment are those of the vehicle file. The hydrodynamic forces are not:
-    they are computed from panels on the hull and the added mass of its ellipsoid, and the file's own added
-    mass and damping are ignored. What --hide adds is written to the file of --truth alone, never into the
-    recording.
+    Mass, buoyancy, thrusters and environment are those of the vehicle file. Hydrodynamic forces are computed
+    from panels on the hull, or by Stonefish; added mass and damping of the file are ignored. Effects of
+    --hide are written to the file of --truth alone, never into the recording.
 
-    With --teacher stonefish they are those of Stonefish 1.4 or later, which gets hull, mass, buoyancy,
-    thrusters and a uniform current of the vehicle file. It runs in the program hydro-stonefish, looked for on
-    the PATH or where the environment variable HYDRO_STONEFISH says (docs/stonefish.md).
+        hydro collect --vehicle vehicle.toml --rows 9000 -o raw.parquet
+
+    Details:
+
+    With panels, the added mass is that of the hull's ellipsoid. Stonefish 1.4 or later gets hull, mass,
+    buoyancy, thrusters and a uniform current of the vehicle file. It runs in the program hydro-stonefish,
+    which is built from bridge/stonefish, and is searched on the PATH or at the environment variable
+    HYDRO_STONEFISH (docs/stonefish.md).
     """
     refuse_terminal(output)
     given = _Given(vehicle, teacher, rows, excitation, seed, noise, depth, threads)

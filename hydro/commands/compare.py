@@ -135,7 +135,7 @@ def _former(against: str, source: Artefact) -> Artefact:
         DataError: it is of another recording.
     """
     earlier = read(against, "comparison")
-    # The first recording is the one that the vehicle was held against, another the one from before.
+    # The first recording is the one that was compared with, another the one of --before.
     recordings = [one.content for one in earlier.provenance.inputs if one.kind == "raw"]
     if source.provenance.content not in recordings[:1]:
         raise DataError(

@@ -55,7 +55,6 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
-    from hydro.commands.before import Earlier
     from hydro.core.diagnosis.findings import Diagnosis, Prediction
     from hydro.core.experiment.flight import Flight
     from hydro.core.simulation.estimates import Estimates
@@ -70,7 +69,7 @@ CorrectThrusters = Annotated[
     bool,
     typer.Option(
         "--correct-thrusters",
-        help="Go on with thrusters as their audit states them.",
+        help="Continue with thrusters as their audit states them.",
         rich_help_panel=ADVANCED,
     ),
 ]
@@ -202,6 +201,7 @@ def diagnose(
     from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
+    from hydro.report import change
     from hydro.report.diagnosis import Context
 
     printing = Printing(output, as_text, as_json)
@@ -246,8 +246,9 @@ def diagnose(
         discover=discover,
         correct_thrusters=correct_thrusters,
     )
-    context = Context.of(found, start, log.record.dt, call, changed=bool(before))
-    _print(found, earlier, context, printing, details)
+    learned = "" if earlier is None else change.told(earlier.parameters, found.chi2)
+    context = Context.of(found, start, log.record.dt, call, learned)
+    _print(found, context, printing, details)
     if as_json:
         errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
         print_json(
@@ -411,7 +412,7 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
 
 
 def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
-    """Write the covariance of what was added beside the file; of no other values than the file's.
+    """Write the covariance of the added values next to the file; of no other values.
 
     Raises:
         DataError: it is of another diagnosis than the one that was read.
@@ -420,7 +421,7 @@ def _write_covariance(estimates: Estimates, output: str, source: Artefact, text:
     from hydro.io import vehicle as vehicles
 
     if other := estimates.disagreement(vehicles.parse(text)):
-        raise DataError(f"the covariance beside the diagnosis is not of its values: {other}; diagnose again")
+        raise DataError(f"the covariance of the diagnosis is not of its values: {other}; diagnose again")
     covariance.write(estimates, output, stage="add", inputs=[source], vehicle_text=text)
 
 
@@ -468,11 +469,8 @@ def _no_better(names: str, error: float, known: Prediction) -> str:
     )
 
 
-def _print(
-    found: Diagnosis, earlier: Earlier | None, context: Context, printing: Printing, details: bool
-) -> None:
+def _print(found: Diagnosis, context: Context, printing: Printing, details: bool) -> None:
     """Print the answer, or its headline where the table goes into a pipe."""
-    from hydro.report import change
     from hydro.report.diagnosis import answer, fits
 
     if printing.brief:
@@ -480,12 +478,9 @@ def _print(
         return
     console, frame = printing.console, found.frame()
     print_lines(answer(frame, context, console.width, whole=details), console)
-    if earlier is not None:
-        told = f"{change.learnt(earlier.parameters[change.PARAMETER])} {change.left(found.chi2)}"
-        console.print(f"\n{told}")
     if details:
         print_findings(frame, console)
-        if earlier is None:
+        if not context.learned:
             console.print(f"\n{fits(found.chi2)}")
 
 
@@ -502,7 +497,7 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
 
 
 def _print_flight(flight: Flight, path: Path, console: Console) -> None:
-    """What to fly next and what it is expected to tell."""
+    """Print the next flight and its expected results."""
     console.print(f"\nTo fly next ({path}):", style="bold")
     for line in flight.lines():
         console.print(line, soft_wrap=True)

@@ -16,24 +16,29 @@ def diff(
     first: Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")],
     second: Annotated[
         Path,
-        typer.Argument(metavar="VEHICLE2", show_default=False, help="The vehicle file to hold beside it."),
+        typer.Argument(metavar="VEHICLE2", show_default=False, help="Vehicle file to compare it with."),
     ],
     on: Annotated[
         str | None,
         typer.Option(
             "--on",
             metavar="RAW",
-            help="Recording on which errors are measured; default: manoeuvres that VEHICLE2 itself flies.",
+            help="Recording for the errors; default: manoeuvres.",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Compare two vehicle files and what they predict.
 
-    Part by part: what it was, what it is, and the error 5 s ahead of VEHICLE2 with that part as it was (root
-    mean square of the velocity, axes weighed by inertia, as in hydro compare). The first row is VEHICLE2
-    itself, the last VEHICLE. Without --on, VEHICLE2 is the truth: it flies twenty manoeuvres, and an error is
-    what the difference alone makes. Standard errors, and what is held as known, are no difference.
+    Each row is a part that differs: both values, and the error 5 s ahead of VEHICLE2 with the value of
+    VEHICLE. Without --on, VEHICLE2 flies twenty manoeuvres and counts as the truth.
+
+        hydro diff vehicle.toml vehicle-1.toml --on raw.parquet
+
+    Details:
+
+    The first row is VEHICLE2 itself, the last VEHICLE. The error is the root mean square of the velocity,
+    axes weighted by inertia, as in hydro compare. Standard errors and `known` make no difference.
     """
     from hydro.core.difference.changes import table
     from hydro.io import vehicle as vehicles

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hydro.commands.answers import AsText
 from hydro.commands.diagnose import print_findings
 from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded
 from hydro.commands.shell import STREAM, read
@@ -37,26 +38,33 @@ WHOLE = ("metrics", "ladder", "evaluations")
 
 
 def check(
-    files: Files, map_: MapFile = None, msg: Definitions = None, max_expanded: MaxExpanded = None
+    files: Files,
+    map_: MapFile = None,
+    msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
+    as_text: AsText = False,
 ) -> None:
     """Check files against their schemas, and audit the thrusters.
 
-    Exit code 0, and one line for each file on a terminal, when every file conforms to its schema: columns,
-    types, finite values, bounds, order in time, and a content that matches the hash in its footer. Otherwise
-    one line for each file that does not. Of a recording with nulls, a line says how many samples each such
-    column has; of a vehicle file, which values lie beyond what physics leaves to them, and which are likely
-    in another unit. Of a folder of sessions each is checked by itself.
-
-    With one vehicle file and recordings, the thrusters are audited: the thrust of each as a multiple of the
-    file's with its 95 % interval, negative where it pushes opposite to the file; which directions are wrong
-    and which columns are swapped; a factor common to all thrusters; and thrusters that the recording cannot
-    tell apart. The exit code is 1 where directions or order contradict the file. With --map, recordings may
-    be logs.
+    With one vehicle file and recordings, the thrusters are audited: their thrust as a multiple of the file's,
+    wrong directions, swapped columns, and thrusters that the recording cannot separate. The exit code is 1 if
+    a file does not conform to its schema, or if directions or order contradict the vehicle file.
 
         hydro check vehicle.toml raw.parquet
         hydro check vehicle.toml dive.bag --map map.toml
+
+    Details:
+
+    A schema has columns, types, finite values, bounds, the order in time, and a content that matches the hash
+    in the footer. A file that does not conform is one line on stderr; on a terminal, or with --text, a sound
+    file is one line on stdout. For a recording with nulls a line says how many samples each such column has.
+    For a vehicle file it says which values are not plausible, and which are likely in another unit. Each
+    session of a folder is checked by itself.
+
+    The audit gives each thrust with its 95 % interval, negative if the thruster pushes opposite to the file,
+    and a factor common to all thrusters.
     """
-    unsound = 0
+    unsound, shown = 0, as_text or sys.stdout.isatty()
     vehicles = [file for file in files if _is_vehicle(file)]
     for file in files:
         artefact: Artefact | None
@@ -66,10 +74,10 @@ def check(
                 told = _told(file, artefact)
             else:
                 told, artefact = _check(file)
-            if sys.stdout.isatty():
+            if shown:
                 typer.echo(f"{file}: sound: {told}")
             if artefact is not None and artefact.kind == "raw" and len(vehicles) == 1:
-                unsound += _audit(vehicles[0], file, artefact)
+                unsound += _audit(vehicles[0], file, artefact, shown)
         except DataError as error:
             typer.echo(f"hydro: {error}", err=True)
             unsound += 1
@@ -84,8 +92,15 @@ def _is_vehicle(file: str) -> bool:
     return Path(file).suffix == ".toml" and not logmap.is_map(file)
 
 
-def _audit(vehicle: str, file: str, artefact: Artefact) -> bool:
-    """Print the audit of a vehicle's thrusters by a recording; return whether it contradicts the file."""
+def _audit(vehicle: str, file: str, artefact: Artefact, shown: bool) -> bool:
+    """Print the audit of a vehicle's thrusters by a recording; return whether it contradicts the file.
+
+    Args:
+        vehicle: Vehicle file.
+        file: Name of the recording.
+        artefact: The recording.
+        shown: Whether the audit goes to stdout, with its table.
+    """
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.io import vehicle as vehicles
 
@@ -97,10 +112,10 @@ def _audit(vehicle: str, file: str, artefact: Artefact) -> bool:
     if found is None:
         typer.echo(f"{file}: too short, or no thrusters: the thrusters are not audited", err=True)
         return False
-    if sys.stdout.isatty():
+    if shown:
         print_table(found.table(), f"thrust as a multiple of {vehicle}")
     for line in found.lines(vehicle):
-        typer.echo(f"{file}: {line}", err=not sys.stdout.isatty())
+        typer.echo(f"{file}: {line}", err=not shown)
     return found.wrong
 
 
@@ -160,8 +175,8 @@ def _rare(artefact: Artefact) -> str:
 def show(file: File = STREAM) -> None:
     """Print the contents and the origin of a file.
 
-    On a terminal: kind, stage and parameters, lineage, and every column with unit and range; small tables
-    such as metrics whole, findings in words. Into a pipe the same as JSON.
+    On a terminal: kind, stage and parameters, lineage, and every column with unit and range. Small tables
+    such as metrics are shown whole, findings in words. In a pipe the same as JSON.
     """
     artefact = read(file)
     if sys.stdout.isatty():
@@ -206,6 +221,8 @@ def _print_page(artefact: Artefact) -> None:
         console.print(line)
     console.print(_lineage(artefact))
     if artefact.kind == "diagnosis":
+        if headline := artefact.provenance.parameters.get("headline"):
+            console.print(headline, style="bold")
         print_findings(artefact.frame, console)
     else:
         print_table(artefact.frame if artefact.kind in WHOLE else columns(artefact).drop("description"))

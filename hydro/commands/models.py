@@ -181,17 +181,15 @@ def evaluate(
         str, typer.Option(metavar="FILE", help="Labels or split table to predict; - is stdin.")
     ],
     part: Annotated[
-        Literal["test", "train", "all"], typer.Option(help="Which side of the split; labels have only all.")
+        Literal["test", "train", "all"], typer.Option(help="Part of the split; labels have only all.")
     ] = "test",
     by: Annotated[
         list[str] | None,
-        typer.Option(metavar="WAY", help="Also by speed, drift or reach; repeat for several."),
+        typer.Option(metavar="WAY", help="Also by speed, drift or reach; may be repeated."),
     ] = None,
     figures: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="Also draw errors by axis and regime, and predictions against labels."
-        ),
+        typer.Option(metavar="DIR", help="Also draw errors and predictions."),
         FOLDER,
     ] = None,
     as_json: Json = False,
@@ -199,13 +197,17 @@ def evaluate(
 ) -> None:
     """Measure how well residual networks predict the force.
 
-    Root mean square and mean absolute errors and R2 per axis, with 95 % intervals from a bootstrap over
-    blocks, and the paper's single figures over all rows and six axes in their own units (its Table II). On a
-    terminal without -o they are printed.
+    The result has root mean square and mean absolute errors and R2 of each axis, with 95 % intervals. --by
+    also measures subsets of the rows by speed, drift angle or reach. On a terminal without -o it is printed.
 
-    --by also measures subsets of the rows: by speed; by drift angle, between the velocity and the bow; and by
-    reach, how many standard deviations of the training data the furthest velocity is from their mean: above
-    3 a network extrapolates.
+        hydro evaluate mlp.parquet gp.parquet --labels split.parquet --by speed
+
+    Details:
+
+    Intervals are from a bootstrap over blocks. The paper's single figures (its Table II) are over all rows
+    and six axes in their own units. Drift is the angle between the velocity and the bow. Reach is the number
+    of standard deviations of the training data between the furthest velocity and their mean: above 3 a
+    network extrapolates.
     """
     from hydro.io.table import make
     from hydro.learn.evaluate import evaluate as measure

@@ -37,13 +37,12 @@ def simulate(
         typer.Argument(
             metavar="COMMANDS...",
             show_default=False,
-            help="Commands or raw table, or with --map a log, or the files of one dive; nothing or - is "
-            "stdin.",
+            help="Commands or raw table, or logs with --map; - is stdin.",
         ),
     ] = None,
     bands: Annotated[
         bool,
-        typer.Option("--bands", help="Write 95 % prediction bands, from the covariance beside VEHICLE."),
+        typer.Option("--bands", help="Write 95 % bands of the prediction."),
     ] = False,
     draws: Annotated[int, typer.Option(min=40, help="Vehicles drawn for the bands.")] = 100,
     seed: Annotated[int, seed_option("Seed of the draws.")] = 0,
@@ -53,7 +52,7 @@ def simulate(
             min=0,
             max=seeds.LARGEST,
             show_default=False,
-            help="Draw the waves of VEHICLE from this seed, for each session anew; without, the sea is calm.",
+            help="Draw waves from this seed; default: calm sea.",
         ),
     ] = None,
     map_: MapFile = None,
@@ -63,16 +62,22 @@ def simulate(
 ) -> None:
     """Simulate a vehicle under given thruster commands.
 
-    Every effect of the file acts. Integrated by Runge-Kutta steps at 500 Hz. A commands table starts each
-    session at rest at the origin; a raw table starts each session, and restarts after each gap, from the
-    state of its own row. The recording is free of noise and carries the vehicle file, so that no later stage
-    needs --vehicle. Waves have no place in a prediction: with --sea they are drawn, as one of the seas that
-    the file stands for.
+    A commands table starts each session at rest at the origin. A raw table starts each session, and restarts
+    after each gap, from the state of its row. The result is a raw table without noise. --bands adds 95 %
+    bands of the prediction from the covariance of the vehicle file.
 
-    With --bands, parameters are drawn from the covariance beside the vehicle file, which hydro fit, add and
-    explain write (vehicle.toml: vehicle.covariance.parquet), and every draw is simulated: the table then has
-    the predicted motion and the 95 % band of every pose and velocity. A band holds what the parameters leave
-    open, neither sensor noise nor what the model lacks.
+        hydro simulate vehicle.toml commands.parquet --bands -o bands.parquet
+
+    Details:
+
+    Every effect of the file acts; Runge-Kutta steps at 500 Hz integrate the motion. The recording carries the
+    vehicle file, so that no later command needs --vehicle. Predictions have a calm sea; --sea draws waves
+    from the spectrum of the file, for each session again.
+
+    For --bands, parameters are drawn from vehicle.covariance.parquet, which hydro fit, add and explain write
+    next to vehicle.toml, and every draw is simulated. The table then has the predicted motion and the band of
+    every pose and velocity. A band contains the uncertainty of the parameters, but neither sensor noise nor
+    model error.
     """
     from hydro.core.recording.extent import above_surface
     from hydro.core.simulation.simulate import simulate as move
@@ -97,10 +102,10 @@ def simulate(
 
 
 def _bands(vehicle: Path, source: Artefact, name: str, draws: int, seed: int) -> Artefact:
-    """Prediction bands of a vehicle file under commands.
+    """Return 95 % bands of the prediction of a vehicle file.
 
     Raises:
-        DataError: No covariance of the file's values lies beside it.
+        DataError: The file has no covariance.
     """
     from hydro.core.simulation.bands import bands
     from hydro.io import covariance, table

@@ -1,4 +1,4 @@
-"""`report`: a study told on one page."""
+"""`report`: a study on one page."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ def report(
         typer.Argument(
             metavar="DIR|FILE...",
             show_default=False,
-            help="Folder of a study, or comparison, leftover, growth, diagnosis, ladder, replay, sessions "
-            "and metrics tables; nothing or - is stdin.",
+            help="Folder of a study, or its tables; - is stdin.",
         ),
     ] = None,
     pictures: Annotated[
@@ -32,11 +31,16 @@ def report(
 ) -> None:
     """Write a study as one HTML page.
 
-    What was recorded, how good the model is, where it fails, what force is left over at which velocity, what
-    is missing and how sure that is, what happened when it was added, commands and measured against simulated
-    motion, and what to fly next: as far as the given tables contain it. Of tables made with --before it tells
-    which recording taught the hull, and what has changed since. The page is one HTML file of some 6 MB that
-    needs no network; a table beside each figure has its numbers.
+    The page has the recordings, the errors, the regimes where the model fails, the findings with their
+    confidence, and the next flight, as far as the given tables contain it. It is one file of 6 MB that needs
+    no network.
+
+        hydro report study -o report.html
+
+    Details:
+
+    A table next to each figure has its numbers. For tables made with --before the page names the recording
+    that the hull-force model was fitted to, and what has changed since.
     """
     from hydro.io.files import write_bytes
     from hydro.report.page import render

@@ -270,19 +270,19 @@ def dataset_name(source: str) -> str:
 
 @contextmanager
 def progress(label: str, expected: float | None = None) -> Iterator[Callable[..., None]]:
-    """Show a progress bar with the remaining time on stderr; nothing where stderr is no terminal.
+    """Show a progress bar with the remaining time on stderr; nothing elsewhere.
 
     Args:
         label: What is being done.
         expected: How long it takes, about [s]; None where nothing is known beforehand.
 
     Yields:
-        `update(done, total, text)`: how far the work is, and a few words beside the bar.
+        `update(done, total, text)`: how far the work is, and a few words next to the bar.
     """
     if not sys.stderr.isatty():
         yield lambda done, total, text="": None
         return
-    from hydro.commands.waiting import shown
+    from hydro.report.waiting import shown
 
     with shown(label, expected) as update:
         yield update
@@ -330,11 +330,10 @@ def tell_duration(frame: pl.DataFrame, expected: float | None, *, steps: bool = 
     from hydro.core.recording import extent
     from hydro.core.threads import available
 
-    what = "a first step takes about" if steps else "about"
+    what = "first step about" if steps else "about"
     processors = available()
     on = "one processor" if processors == 1 else f"{processors} processors"
-    spread = "half or twice that is possible" + (", later steps take less" if steps else "")
-    message(f"hydro: {frame.height:,} rows: {what} {extent.duration(expected)} on {on}; {spread}")
+    message(f"hydro: {frame.height:,} rows: {what} {extent.duration(expected)} on {on}, half to twice that")
 
 
 def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | None:
@@ -350,8 +349,8 @@ def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | 
         from hydro.core.diagnosis.status import in_words
         from hydro.report import words
 
-        told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)} so far)"
-        message(f"hydro: provisional: {told} explains {best.share:.0%} of the explainable error")
+        told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)})"
+        message(f"hydro: provisional: {told}, {words.percent(best.share)} of the explainable error")
 
     return tell
 

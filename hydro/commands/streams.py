@@ -34,7 +34,7 @@ def replace_closed() -> None:
 
 @contextlib.contextmanager
 def warnings_in_one_line() -> Iterator[None]:
-    """Print what is warned of the data on stderr, each line once; other warnings as ever."""
+    """Print warnings on the data on stderr, each line once; notices where stderr is a terminal."""
     printed: set[str] = set()
     with warnings.catch_warnings():
         warnings.simplefilter("always", HydroWarning)
@@ -45,8 +45,9 @@ def warnings_in_one_line() -> Iterator[None]:
                 ordinary(message, category, *place, **more)
             elif (line := str(message)) not in printed:
                 printed.add(line)
-                kind = "" if issubclass(category, HydroNotice) else "warning: "
-                print(f"hydro: {kind}{line}", file=sys.stderr, flush=True)
+                notice = issubclass(category, HydroNotice)
+                if not notice or sys.stderr.isatty():
+                    print(f"hydro: {'' if notice else 'warning: '}{line}", file=sys.stderr, flush=True)
 
         warnings.showwarning = show
         yield

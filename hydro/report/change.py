@@ -60,6 +60,16 @@ def learnt(before: Mapping[str, Any]) -> str:
     )
 
 
+def told(parameters: Mapping[str, Any], chi2: tuple[float, ...]) -> str:
+    """Return what a recording before has taught, and what a diagnosis leaves after, in sentences.
+
+    Args:
+        parameters: Of the diagnosis.
+        chi2: See `left`.
+    """
+    return f"{learnt(parameters[PARAMETER])} {left(chi2)}"
+
+
 def left(chi2: tuple[float, ...]) -> str:
     """What a diagnosis of a change leaves, in a sentence.
 

@@ -40,7 +40,7 @@ def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") 
             Text(one) for one in filter(None, [yardsticks.sentence(yardsticks.of_comparison(comparison))])
         ]
         lines += worst(comparison)
-    if changed or not failures(comparison).is_empty():
+    if changed or not within_noise(comparison):
         again = call.again("diagnose", "-o", "diagnosis.parquet", without=DIAGNOSED)
         lines += [EMPTY, *Following(CHANGED if changed else MISSING, again).lines(width)]
     return laid(lines, width)
@@ -97,9 +97,9 @@ def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
 
 def worst(comparison: pl.DataFrame) -> Iterator[Text]:
     """Yield the regimes of motion with most of the error above the noise floor."""
-    ranked = failures(comparison).head(WORST)
-    if ranked.is_empty():
+    if within_noise(comparison):
         return
+    ranked = failures(comparison).head(WORST)
     yield EMPTY
     yield Text("Where it fails most (share of the force error above the noise floor):", bold=True)
     for place, share, time in ranked.select("place", "error", "time").iter_rows():
@@ -150,12 +150,18 @@ def former_failures(comparison: pl.DataFrame) -> pl.DataFrame:
     return _placed(comparison, pl.col("rank").is_null() & (pl.col("by") == "place")).drop("rank")
 
 
+def within_noise(comparison: pl.DataFrame) -> bool:
+    """Whether noise explains the error: no regime stands out, or the error of all axes is below the floor."""
+    shown = judged(comparison)
+    below = not shown.is_empty() and shown["error"][-1] <= shown["noise floor"][-1]
+    return below or failures(comparison).is_empty()
+
+
 def headline(comparison: pl.DataFrame) -> str:
     """Return the error of predictions and its noise floor, and whether noise explains it, in a sentence."""
     if told := change.summary(comparison):
         return told
-    shown = judged(comparison)
-    exact = failures(comparison).is_empty()
+    shown, exact = judged(comparison), within_noise(comparison)
     if shown.is_empty():
         return "The model predicts this log to within its noise." if exact else worst_place(comparison)
     row = shown.row(-1, named=True)

@@ -19,7 +19,7 @@ from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 from hydro.report.following import Call
-from hydro.report.screen import EMPTY, Following, Text, fitted, table
+from hydro.report.screen import EMPTY, Block, Following, Text, fitted, table
 
 TITLES = {
     "log_fault": "The log has a fault",
@@ -39,7 +39,7 @@ SILENT = ("nothing_missing", "not_excited", "not_separable")
 """Verdicts without a block: the headline or the line on what is not visible says it."""
 MOST_UNSEEN = 4
 """Effects that the line on what is not visible names."""
-MORE = "{count} more findings: add --details."
+MORE = "{count}: add --details."
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
 """Options of `hydro diagnose` that `hydro compare` does not have."""
 NOTHING_NEXT = Following()
@@ -57,6 +57,7 @@ class Context:
         changed: Whether findings are changes since a recording before.
         open: Whether a next flight can be designed.
         call: The command; None where no command is to follow.
+        learned: What a recording before a change has taught, in words; empty without one.
     """
 
     vehicle: Vehicle
@@ -66,11 +67,13 @@ class Context:
     changed: bool = False
     open: bool = False
     call: Call | None = None
+    learned: str = ""
 
     @classmethod
-    def of(cls, found: Diagnosis, vehicle: Vehicle, dt: float, call: Call, *, changed: bool) -> Context:
+    def of(cls, found: Diagnosis, vehicle: Vehicle, dt: float, call: Call, learned: str = "") -> Context:
         """Return the context of a diagnosis that was just made."""
-        return cls(vehicle, dt, found.headline, found.prediction, changed, found.question is not None, call)
+        changed, asked = bool(learned), found.question is not None
+        return cls(vehicle, dt, found.headline, found.prediction, changed, asked, call, learned)
 
     @property
     def refused(self) -> bool:
@@ -92,10 +95,11 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    tail = list(unseen(frame, about, width))
+    tail = [EMPTY, Text(about.learned)] if about.learned else []
+    tail += unseen(frame, about, width)
     if not rows:
         tail += _without_findings(about, width)
-    blocks = list(_blocks(rows, about, width))
+    blocks = list(_blocks(rows, about))
     return fitted(head, blocks, tail, width, "" if whole else MORE)
 
 
@@ -128,7 +132,7 @@ def _columns(after: bool, floor: bool) -> list[int]:
     return [0, *([1] if after else []), *([2] if floor else [])]
 
 
-def _blocks(rows: Sequence[dict[str, Any]], about: Context, width: int) -> Iterator[list[Text]]:
+def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
     """Yield a block for each finding: stated ones first, with the command that adds all of them."""
     stated = [row for row in rows if row["verdict"] in STATED]
     others = [row for row in rows if row["verdict"] not in STATED]
@@ -139,7 +143,7 @@ def _blocks(rows: Sequence[dict[str, Any]], about: Context, width: int) -> Itera
         elif place == len(stated) - 1:
             following = _adding(about, len(stated))
         number = place + 1 if len(rows) > 1 else 0
-        yield [EMPTY, *finding(row, about, number), *following.lines(width)]
+        yield Block([EMPTY, *finding(row, about, number)], following)
 
 
 def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
@@ -181,7 +185,7 @@ def said(row: Mapping[str, Any], about: Context) -> str:
 
 def sureness(row: Mapping[str, Any]) -> str:
     """Return the confidence in a finding; of other values in the file, which may have none, its test."""
-    if not row["parameters"]:
+    if not row["parameters"] or row["verdict"] == "cannot_tell_apart":
         return ""
     if row["confidence"] is not None:
         return in_words(row["confidence"])
@@ -198,9 +202,13 @@ def facts(row: Mapping[str, Any]) -> str:
     if row["verdict"] in UNEXPLAINED:
         return f"{words.percent(share)} of the explainable error remains."
     low, high = row["share_low"], row["share_high"]
-    interval = "" if low is None or high is None else f" ({words.between(low, high)})"
-    told = f"Explains {words.percent(share)}{interval} of the explainable error"
+    told = words.percent(share)
+    interval = told if low is None or high is None else words.between(low, high)
+    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error"
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
+    if row["verdict"] == "cannot_tell_apart":
+        sure = "" if row["confidence"] is None else f" ({words.percent(row['confidence'])} for the first)"
+        return f"{told}; this log does not tell which{sure}."
     if rivals:
         return f"{told}; {listed(rivals)} {'fits' if len(rivals) == 1 else 'fit'} as well."
     return f"{told}; no rival fits as well." if row["verdict"] == "missing" else f"{told}."

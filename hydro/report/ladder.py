@@ -11,8 +11,7 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
-from hydro.core.explanation.ladder import HORIZON, LEFT_OUT
-from hydro.core.explanation.with_hull import FLOOR
+from hydro.core.explanation.ladder import HORIZON
 from hydro.core.identification.outcome import UNDETERMINED
 from hydro.report import words
 
@@ -20,7 +19,6 @@ TITLES = {
     "fit": "Errors of predictions {:g} s ahead on the data: {}",
     "holdout": "The same on held-out data, to which nothing was fitted",
 }
-SHORT = {"fit": "data", "holdout": "held out"}
 AS_GIVEN = "as given"
 PLAIN_ERRORS = 3.0
 """Standard errors that an entry of a list must differ from 0 by to be shown."""
@@ -80,28 +78,6 @@ def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
     for name, label in words.DATASETS.items():
         if not (one := rows.filter(dataset=name).sort("step")).is_empty():
             yield name, label, one
-
-
-def headline(rows: pl.DataFrame) -> str:
-    """One step in a line.
-
-    Args:
-        rows: Rows of the step in the ladder table.
-    """
-    number, effect = rows.select("step", "effect").row(0)
-    ahead = rows.filter(horizon=HORIZON)
-    whole = measured(ahead)[-1:] or ("all",)
-    found = ahead.filter(axis=whole[0]).select("dataset", "rmse", "unit", "noise_floor").rows()
-    told = ", ".join(
-        f"{SHORT[name]} {rmse:#.3g} {unit} (noise {noise:#.2g})" for name, rmse, unit, noise in found
-    )
-    times = [
-        f"{SHORT[name]} {rmse:.2f}" for name, rmse in rows.filter(axis=FLOOR).select("dataset", "rmse").rows()
-    ]
-    beside = f"; with the hull, times its floor: {', '.join(times)}" if times else ""
-    left_out = rows.filter(axis=LEFT_OUT)["rmse"].to_list()
-    beside += "".join(f"; stretches left out of the fit {rmse:#.3g} m/s" for rmse in left_out)
-    return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}{beside}"
 
 
 def values(table: Mapping[str, Any]) -> Iterator[str]:

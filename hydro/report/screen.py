@@ -85,10 +85,34 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[Text
         yield Text("  ".join([first, *others]).rstrip(), bold=number == 0, whole=True)
 
 
+@dataclass(frozen=True)
+class Block:
+    """A part of an answer that may be left out.
+
+    Attributes:
+        body: Its paragraphs.
+        following: The next command, which is left out first.
+    """
+
+    body: Sequence[Text]
+    following: Following = Following()
+
+    def lines(self, width: int) -> list[Text]:
+        """Return its lines on a terminal."""
+        return laid([*self.body, *self.following.lines(width)], width)
+
+    @property
+    def bare(self) -> Block:
+        """Return the block without its command."""
+        return Block(self.body)
+
+
 def fitted(
-    head: Sequence[Text], blocks: Sequence[Sequence[Text]], tail: Sequence[Text], width: int, more: str
+    head: Sequence[Text], blocks: Sequence[Block], tail: Sequence[Text], width: int, more: str
 ) -> list[Text]:
     """Return the lines of an answer: as many blocks as fit, and a word on those that are left out.
+
+    Where they do not fit, commands of the last blocks go first, then the last blocks.
 
     Args:
         head: What stands first.
@@ -99,11 +123,20 @@ def fitted(
     """
     begin, end = laid(head, width), laid(tail, width)
     room = MOST_LINES - len(begin) - len(end)
-    each = [laid(block, width) for block in blocks]
-    count = len(each)
-    while more and count > 1 and sum(map(len, each[:count])) + (count < len(each)) > room:
-        count -= 1
-    shown = [line for block in each[:count] for line in block]
-    if left := len(each) - count:
-        shown += laid([Text(more.format(count=left))], width)
-    return [*begin, *shown, *end]
+    shown = list(blocks)
+
+    def left() -> int:
+        return len(blocks) - len(shown)
+
+    def size() -> int:
+        return sum(len(one.lines(width)) for one in shown) + (left() > 0)
+
+    for place in reversed(range(1, len(shown))):
+        if more and size() > room:
+            shown[place] = shown[place].bare
+    while more and len(shown) > 1 and size() > room:
+        shown.pop()
+    lines = [line for one in shown for line in one.lines(width)]
+    if left():
+        lines += laid([Text(more.format(count=f"{left()} more finding{'s' * (left() > 1)}"))], width)
+    return [*begin, *lines, *end]

@@ -211,8 +211,9 @@ def percent(share: float | None) -> str:
 
 
 def between(low: float, high: float) -> str:
-    """Return an interval of shares: `63 to 71 %`."""
-    return f"{percent(low).removesuffix(' %')} to {percent(high)}"
+    """Return an interval of shares, `63 to 71 %`; one share where both print alike."""
+    first, last = percent(low), percent(high)
+    return first if first == last else f"{first.removesuffix(' %')} to {last}"
 
 
 def p_value(value: float) -> str:

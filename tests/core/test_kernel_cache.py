@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 from hydro.core import kernel_cache
-from hydro.core.errors import HydroWarning
+from hydro.core.errors import HydroNotice, HydroWarning
 from hydro.core.kernel_cache import KernelCache
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -60,13 +60,30 @@ def compiled(module: ModuleType, place: Path) -> tuple[float, int, list[str]]:
         warnings.simplefilter("always")
         kernel_cache._fault_in_existing.cache_clear()
         kernel_cache._tell_damage.cache_clear()
+        kernel_cache._tell_cold.cache_clear()
         dispatcher = numba.njit(module.twice)
         dispatcher._cache = KernelCache(module.twice, place)
         value = dispatcher(3.0)
     assert all(issubclass(one.category, HydroWarning) for one in caught)
-    lines = [str(one.message) for one in caught]
+    lines = [str(one.message) for one in caught if not issubclass(one.category, HydroNotice)]
     assert not [line for line in lines if "\n" in line]
     return value, sum(dispatcher.stats.cache_hits.values()), lines
+
+
+def test_the_first_compilation_is_told_once(module: ModuleType) -> None:
+    """Of an empty cache, and not of one that has a kernel."""
+    place, _ = found()
+    assert place is not None
+    told = []
+    for _ in range(2):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            kernel_cache._tell_cold.cache_clear()
+            dispatcher = numba.njit(module.twice)
+            dispatcher._cache = KernelCache(module.twice, place)
+            dispatcher(3.0)
+        told.append([str(one.message) for one in caught])
+    assert told == [[kernel_cache.COLD], []]
 
 
 def found(name: str = NAME) -> tuple[Path | None, list[str]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.report import ladder
+from hydro.report import ladder, study
 
 
 def steps(axes: tuple[str, ...], unit: str) -> pl.DataFrame:
@@ -34,4 +36,5 @@ def test_errors_are_of_what_was_measured(axes: tuple[str, ...], whole: str, unit
     assert table[whole].to_list()[:2] == [2.0, 1.0]
     assert ("zero velocity" in table["step"]) == (whole == "all"), "no line of nothing"
     assert f"{whole} [{unit}]" in ladder.title(steps(axes, unit), "fit")
-    assert f"data 1.00 {unit}" in ladder.headline(steps(axes, unit).filter(step=1))
+    step = SimpleNamespace(ladder=steps(axes, unit).filter(step=1))
+    assert study.deciding(step) == f"error 1.00 {unit} on the recording"

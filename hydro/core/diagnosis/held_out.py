@@ -26,6 +26,7 @@ from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import JUDGED
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError
+from hydro.core.progress import Progress, silent
 from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
@@ -37,13 +38,16 @@ LEAST = 8
 RESAMPLES = 1000
 
 
-def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
+def predicted(
+    diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, progress: Progress = silent
+) -> Diagnosis:
     """Return the diagnosis with the errors of predictions; as it is where no session is long enough.
 
     Args:
         diagnosis: What was found.
         vehicle: The file.
         log: The recording.
+        progress: Called with a few words and the share of the work done.
     """
     try:
         ahead = log.shots(JUDGED)
@@ -51,8 +55,13 @@ def predicted(diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed) -> Diag
         return diagnosis
     if len(ahead.starts) < LEAST:
         return diagnosis
-    check = _Check.of(vehicle, log, ahead)
-    alone = {i: check.squares([one]) for i, one in enumerate(diagnosis.findings) if can_be_added(one)}
+    progress("predictions of the file", 0.0)
+    check, alone = _Check.of(vehicle, log, ahead), {}
+    added = [(i, one) for i, one in enumerate(diagnosis.findings) if can_be_added(one)]
+    for number, (i, one) in enumerate(added):
+        progress(f"predictions with {one.effect} added", (number + 1) / (len(added) + 2))
+        alone[i] = check.squares([one])
+    progress("predictions with all findings added", (len(added) + 1) / (len(added) + 2))
     findings = tuple(
         replace(one, error_added=check.error(alone[i])) if i in alone else one
         for i, one in enumerate(diagnosis.findings)

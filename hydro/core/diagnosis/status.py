@@ -81,8 +81,8 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
     told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt)
     if one.verdict in STATED and told.endswith(UNCLEAR) and told.count(". ") == 0:
         told = f"{one.effect.replace('_', ' ').capitalize()} explains a part of the error. {told}"
-    others = [name for name in one.members if name != one.effect]
-    return f"{told} By this log it may as well be {' or '.join(others)}." if others else told
+    others = [name.replace("_", " ") for name in one.members if name != one.effect]
+    return f"{told} In this log {' or '.join(others)} would fit as well." if others else told
 
 
 def _counted(stated: Sequence[Finding], changed: bool) -> str:

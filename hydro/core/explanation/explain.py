@@ -31,6 +31,8 @@ from hydro.core.vehicle.description import Vehicle
 
 MOST_STEPS = 6
 """The file as given not counted."""
+TRIED, COMPARED = 0.2, 0.15
+"""Shares of the time of a step for trials and for comparisons, about; the diagnosis takes the rest."""
 NO_BETTER = "nothing else that was tried predicts stretches better that it was not fitted to"
 Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
 """A diagnosis of a vehicle and a recording, and what lies beyond its catalogue."""
@@ -146,19 +148,22 @@ def _next(
     """The step after these; None where nothing that may be added predicts better."""
     number, log, hull = len(steps), recordings.log, recordings.hull
     first = Trial((), (), file)
-    tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, 0.3)) if steps else first
+    tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, TRIED)) if steps else first
     if tried is None:
         return None
-    compared = [recordings.compared(tried.vehicle, log, part(progress, 0.3, 0.5))]
+    begin = TRIED if steps else 0.0
+    end = begin + COMPARED
+    middle = end if recordings.holdout is None else begin + COMPARED / 2.0
+    compared = [recordings.compared(tried.vehicle, log, part(progress, begin, middle))]
     if recordings.holdout is not None:
-        compared.append(recordings.compared(tried.vehicle, recordings.holdout, part(progress, 0.5, 0.6)))
+        compared.append(recordings.compared(tried.vehicle, recordings.holdout, part(progress, middle, end)))
     # Standard errors from this recording are no second opinion on it.
     plain = extended(file, [bare(table) for table in tried.tables])
     ladder = [rungs(number, tried.added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     if recordings.holdout is None and hull is None:
         error = recordings.error(recordings.left_out(tried.vehicle, names_of(tried.tables)))
         ladder.append(left_out_rung(ladder[0], error))
-    rest = part(progress, 0.6, 0.9 if beyond else 1.0)
+    rest = part(progress, end, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
     diagnosis = diagnose_log(
         plain,

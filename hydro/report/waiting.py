@@ -23,8 +23,10 @@ BAR = 16
 class Remaining:
     """Estimate of the remaining time, from an estimate beforehand and the share that is done.
 
-    The estimate beforehand counts for the share that is left, the pace so far for the share that is done.
-    Between two reports it counts down; a report that is overdue makes it longer again.
+    The pace so far is averaged with the estimate beforehand: in logarithms, because both are known to a
+    factor, and with a weight of the estimate that falls with the square of the share that is left. An
+    estimate that the pace exceeds does not count. Between two reports the time counts down; an overdue report
+    makes it longer.
 
     Attributes:
         expected: Duration of all the work, about [s]; None where nothing is known.
@@ -42,16 +44,16 @@ class Remaining:
         self.begin = self.reported = self.now()
 
     def update(self, share: float | None) -> None:
-        """Take note of the share that is done; a smaller one than before begins the next part of the work.
+        """Take note of the share that is done; 0 after more begins the next part of the work.
 
         Args:
             share: From 0 to 1; None of work whose length is not known.
         """
-        if share is None:
-            self.expected, self.begin, share = None, self.now(), 0.0
-        elif share < self.share:
-            self.expected, self.begin = self.now() - self.begin, self.now()
-        if share != self.share:
+        if share is None or share == 0.0 < self.share:
+            self.expected = None if share is None else self.now() - self.begin
+            self.begin = self.reported = self.now()
+            self.share = 0.0
+        elif share > self.share:
             self.share, self.reported = share, self.now()
 
     @property
@@ -65,14 +67,15 @@ class Remaining:
         left, spent = 1.0 - self.share, self.reported - self.begin
         if left <= 0.0:
             return None
-        if self.expected is not None:
-            then = left * (left * max(self.expected, spent) + spent)
-        elif self.share > 0.0:
-            then = left * spent / self.share
+        if self.share > 0.0 and spent > 0.0:
+            pace, weight = spent / self.share, 0.0 if self.expected is None else left**2
+            total: float = pace ** (1.0 - weight) * max(self.expected or pace, pace) ** weight
+        elif self.expected is not None:
+            total = self.expected
         else:
             return None
         since = self.now() - self.reported
-        return max(then - since, left * since)
+        return max(total - spent - since, left * since)
 
     @property
     def done(self) -> float:

@@ -1,0 +1,165 @@
+"""Answers of diagnose: one screen, each statement once, and next commands that parse."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from command_lines import parse, pasted_from
+from hypothesis import given
+from hypothesis import strategies as st
+from recordings import damped
+
+from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
+from hydro.core.diagnosis.status import status
+from hydro.report import diagnosis
+from hydro.report.diagnosis import Context
+from hydro.report.following import Call, next_file, pasted, quoted
+from hydro.report.screen import MOST_LINES
+
+GAIN = {"g": [0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0]}
+VALUES = {
+    "thruster_gain": GAIN,
+    "ocean_current": {"v_N": 0.2, "v_E": -0.15, "v_D": 0.0},
+    "net_buoyancy": {"dB": -5.0},
+    "payload": {"mass": 3.0, "x": 0.2, "y": 0.0, "z": 0.1},
+    "quadratic_damping": {"diagonal": [90.0, 260.0, 380.0, 10.0, 40.0, 30.0]},
+}
+UNSEEN = ("body_lift", "tether", "sensor_delay", "surface_suction", "ocean_waves")
+KNOWN = Prediction(5.0, 0.3, 0.1, 0.01, 0.02, {axis: [0.3, 0.1, 0.02] for axis in "uvwpqr"})
+CALL = Call(Path("my vehicle.toml"), ("dive 1.parquet",))
+
+
+def answer(
+    findings: list[Finding], *, width: int = 80, call: Call = CALL, known: Prediction | None = KNOWN
+) -> str:
+    vehicle = damped()
+    told = status(findings, vehicle, 0.02)
+    found = Diagnosis(tuple(findings), vehicle, (9.0, 5.0, 1.0), prediction=known, status=told)
+    context = Context.of(found, vehicle, 0.02, call)
+    return "\n".join(line.text for line in diagnosis.answer(found.frame(), context, width))
+
+
+def missing(name: str, **more) -> Finding:
+    given = {"confidence": 0.97, "share": 0.6, "low": 0.5, "high": 0.7, "members": (name,)}
+    return Finding("missing", name, parameters=VALUES[name], **(given | more))
+
+
+@st.composite
+def findings(draw):
+    """Findings of one diagnosis, some without a confidence or a share, and what the log does not show."""
+    number = st.one_of(st.floats(0.0, 1.0), st.just(math.nan))
+    found = [
+        Finding(
+            draw(st.sampled_from(["missing", "retune", "suspect", "cannot_tell_apart"])),
+            name,
+            (name, *draw(st.sampled_from([(), ("tether",)]))),
+            draw(number),
+            *draw(st.sampled_from([(math.nan, math.nan), (0.1, 0.9)])),
+            confidence=draw(number),
+            p_value=draw(st.sampled_from([math.nan, 1e-9, 0.03])),
+            parameters=values,
+            error_added=draw(st.sampled_from([math.nan, 0.05, 0.5])),
+        )
+        for name, values in VALUES.items()
+        if draw(st.booleans())
+    ]
+    if draw(st.booleans()):
+        found = [Finding("log_fault", members=("z",), advice="z moves in steps"), *found]
+    found += draw(st.sampled_from([[], [Finding("none_of_the_known", share=0.2)], [Finding("closed_loop")]]))
+    found = found or [Finding("nothing_missing")]
+    return found + [Finding("not_excited", name, (name,)) for name in UNSEEN[: draw(st.integers(0, 5))]]
+
+
+@given(findings(), st.sampled_from([None, KNOWN, replace(KNOWN, added=0.31), replace(KNOWN, added=0.3)]))
+def test_an_answer_fits_one_screen_and_its_commands_parse(found, known):
+    text = answer(found, known=known)
+    lines = text.splitlines()
+    assert len(lines) <= MOST_LINES
+    assert max(map(len, lines)) <= 80
+    assert "nan" not in text
+    for line in pasted_from(text):
+        parse(line)
+        assert "my vehicle.toml" in shlex.split(line), "names are quoted"
+
+
+@given(findings())
+def test_a_wide_terminal_has_no_longer_screen(found):
+    assert len(answer(found, width=200).splitlines()) <= MOST_LINES
+
+
+def test_a_finding_has_its_confidence_share_rivals_and_one_command():
+    text = answer([missing("thruster_gain", members=("thruster_gain", "payload"))])
+    assert "Thruster gain is missing: certain, 97 %." in text
+    assert "Explains 60 % (50 to 70 %) of the explainable error; payload fits as well." in text
+    (following,) = pasted_from(text)
+    assert following == (
+        "hydro diagnose 'my vehicle.toml' 'dive 1.parquet' | "
+        "hydro add 'my vehicle.toml' -o 'my vehicle-1.toml'"
+    )
+
+
+def test_each_sentence_stands_once():
+    stated, suspected = (
+        missing("thruster_gain", standard_errors={"g": [0.01] * 8}),
+        replace(missing("net_buoyancy"), verdict="suspect", confidence=0.4),
+    )
+    text = " ".join(answer([stated, suspected]).split())
+    for words in ("of its modelled thrust", "heavier than modelled"):
+        assert text.count(words) == 1, text
+    assert "Net buoyancy may be missing: possible, 40 %." in text
+
+
+def test_stated_findings_share_the_command_that_adds_all():
+    text = answer(
+        [missing("thruster_gain"), missing("ocean_current")], call=replace(CALL, output="d.parquet")
+    )
+    assert "Add all 2 to the vehicle file:" in text
+    assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
+
+
+def test_what_add_would_refuse_is_not_advised():
+    text = answer([missing("thruster_gain")], known=replace(KNOWN, added=0.31))
+    assert "hydro add refuses it" in " ".join(text.split())
+    assert pasted_from(text) == ["hydro explain 'my vehicle.toml' 'dive 1.parquet' -o study"]
+    suspect = replace(missing("payload"), verdict="suspect", confidence=0.5, error_added=0.4)
+    assert pasted_from(answer([suspect])) == ["hydro explain 'my vehicle.toml' 'dive 1.parquet' -o study"]
+
+
+def test_a_recording_from_stdin_is_in_no_command():
+    assert pasted_from(answer([missing("thruster_gain")], call=replace(CALL, measured=("-",)))) == []
+
+
+def test_thrusters_that_contradict_the_file_have_the_option_that_goes_on():
+    fault = Finding("log_fault", members=("cmd_1",), confidence=0.99, advice="thruster 1 is reversed")
+    text = answer([fault])
+    assert text.count("thruster 1 is reversed") == 1
+    assert pasted_from(text) == ["hydro diagnose 'my vehicle.toml' 'dive 1.parquet' --correct-thrusters"]
+
+
+@pytest.mark.parametrize(
+    ("name", "there", "following"),
+    [
+        ("vehicle.toml", [], "vehicle-1.toml"),
+        ("data/auv.toml", ["auv-1.toml"], "auv-2.toml"),
+        ("vehicle-3.toml", [], "vehicle-4.toml"),
+    ],
+)
+def test_the_next_file_is_a_free_name(name, there, following, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for one in there:
+        Path(one).touch()
+    assert next_file(Path(name)) == following
+
+
+WORDS = st.lists(st.text("ab -'|$", min_size=1, max_size=30), min_size=1, max_size=12)
+
+
+@given(WORDS, st.integers(30, 120))
+def test_a_pasted_command_is_read_as_it_was_meant(words, width):
+    line = "\n".join(pasted(quoted(["hydro", *words]), width))
+    kept = ["hydro", *("|" if one == "|" else one for one in words)]
+    assert shlex.split(line.replace("\\\n", " ")) == kept
