@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from hydro.api.comparison import Comparison
+from hydro.api.diagnosis import Diagnosis
+from hydro.api.fitted import Fit
 from hydro.api.order import Progress, vehicle_first
-from hydro.api.threads import one_thread, one_thread_each
+from hydro.api.result import frame_of
+from hydro.api.study import Step, Study
+from hydro.api.threads import one_thread
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from hydro.core.explanation.ladder import Step
-    from hydro.core.identification.outcome import Fit
+    from hydro.core.explanation.ladder import Step as Rung
     from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
@@ -68,10 +72,9 @@ def fit(
         progress: called with a few words and the share of the work done.
 
     Returns:
-        A `hydro.core.identification.outcome.Fit`: `vehicle` with the estimates, `frame()` with a row per
-        parameter (value, standard error, unit, whether the data determine it), `covariance`, `chi2` and
-        `warnings`.
-        `hydro.add` writes it into a vehicle with its standard errors.
+        The fit: `vehicle` with the estimates, `table` with a row per parameter (value, standard error, unit,
+        whether the data determine it), `covariance`, `chi2` and `warnings`. `hydro.add` adds it to a vehicle
+        with its standard errors.
 
     Raises:
         hydro.core.errors.DataError: an effect or the recording is at fault (columns that are not what they
@@ -80,9 +83,11 @@ def fit(
     import numpy as np
 
     from hydro.core.identification.fit import fit as estimate
+    from hydro.core.recording.arrays import recording
 
     sigma = None if noise is None else np.asarray(noise, dtype=float)
-    return estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, progress=progress)
+    found = estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, progress=progress)
+    return Fit.of(found, vehicle, recording(vehicle, raw).dt)
 
 
 @vehicle_first
@@ -91,11 +96,11 @@ def compare(
     vehicle: Vehicle,
     raw: pl.DataFrame,
     *,
-    against: pl.DataFrame | None = None,
+    against: pl.DataFrame | Comparison | None = None,
     before: pl.DataFrame | None = None,
     model: Model | None = None,
     progress: Progress | None = None,
-) -> pl.DataFrame:
+) -> Comparison:
     """Compare a vehicle with a recording: how large are its errors, and where do they lie?
 
     Args:
@@ -108,8 +113,8 @@ def compare(
         progress: called with a few words and the share of the work done.
 
     Returns:
-        The comparison table: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis,
-        horizon and place, each beside what noise alone would leave.
+        The comparison: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis, horizon and
+        place, each with what noise alone leaves.
 
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
@@ -121,10 +126,11 @@ def compare(
 
     hull = _hull(vehicle, before, model)
     log = preprocess(vehicle, raw, hull)
-    found = measure(vehicle, log.raw, record=log.observed, against=against, progress=progress)
+    earlier = None if against is None else frame_of(against)
+    found = measure(vehicle, log.raw, record=log.observed, against=earlier, progress=progress)
     if hull is not None:
         found = with_hull(found, vehicle, log, hull)
-    return conform("comparison", found)
+    return Comparison(conform("comparison", found))
 
 
 @vehicle_first
@@ -138,7 +144,7 @@ def diagnose(
     discover: bool = False,
     correct_thrusters: bool = False,
     progress: Progress | None = None,
-) -> pl.DataFrame:
+) -> Diagnosis:
     """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
 
     Args:
@@ -153,13 +159,14 @@ def diagnose(
         progress: called with a few words and the share of the work done.
 
     Returns:
-        The diagnosis table: one finding per row, the most telling first, with verdict, values and advice.
+        The diagnosis: `headline`, `vehicle` with the stated findings, and `table` with one finding per row,
+        the most telling first, with verdict, values and advice.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
         hydro.core.errors.UsageError: there is a model without a recording before, or one before to discover.
     """
-    from hydro.core.diagnosis.diagnose import diagnose_log
+    from hydro.core.diagnosis.diagnose import answered, diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
@@ -169,16 +176,18 @@ def diagnose(
     log = log.as_audited() if correct_thrusters else log
     found = diagnose_log(vehicle, log, hull=hull, progress=progress)
     if discover and not log.misdirected:
-        found = discovered(vehicle, log, found, progress)
-    return conform("diagnosis", found.frame())
+        found = answered(discovered(vehicle, log, found, progress), vehicle, log, hull=hull)
+    return Diagnosis.of(found, vehicle, conform("diagnosis", found.frame()), changed=hull is not None)
 
 
-def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
+def add(
+    vehicle: Vehicle, diagnosis: Diagnosis | Fit | pl.DataFrame, effects: Sequence[str] | None = None
+) -> Vehicle:
     """Add what a diagnosis or a fit found to a vehicle, with its standard errors.
 
     Args:
         vehicle: the vehicle that was diagnosed or fitted.
-        diagnosis: diagnosis table, or what `hydro.fit` returns.
+        diagnosis: what `hydro.diagnose` or `hydro.fit` returns, or a diagnosis table.
         effects: names of the effects to add; by default all that were fitted, or that a diagnosis found
             missing or with other values. What it only suspects is added by name alone.
 
@@ -190,10 +199,9 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] 
     """
     from hydro.core.diagnosis.findings import extended, tables
     from hydro.core.errors import DataError
-    from hydro.core.identification.outcome import Fit
 
     if not isinstance(diagnosis, Fit):
-        return extended(vehicle, tables(diagnosis, effects))
+        return extended(vehicle, tables(frame_of(diagnosis), effects))
     fitted = {table["name"]: table for table in diagnosis.tables()}
     wanted = list(effects or fitted)
     if unknown := [name for name in wanted if name not in fitted]:
@@ -202,7 +210,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] 
 
 
 @vehicle_first
-@one_thread_each
+@one_thread
 def explain(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -212,8 +220,9 @@ def explain(
     model: Model | None = None,
     discover: bool = False,
     correct_thrusters: bool = False,
+    on_step: Callable[[Step], object] | None = None,
     progress: Progress | None = None,
-) -> Iterator[Step]:
+) -> Study:
     """Add what a vehicle lacks, or what has changed in it, step by step, until nothing more is found.
 
     Args:
@@ -227,21 +236,22 @@ def explain(
             is left; not with `before`.
         correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
             directions and order as it states them.
+        on_step: called with each step as soon as it is done, such as `print`.
         progress: called with a few words and the share of the present step that is done.
 
-    Yields:
-        Each step as it is done, the vehicle as given first: a `hydro.core.explanation.ladder.Step` with the
-        vehicle, its comparison and diagnosis, and its errors as rows of the ladder table.
+    Returns:
+        The study: its steps, the vehicle as given first, each with its vehicle, comparison and diagnosis;
+        `table` with the errors of all steps; `vehicle` of the step to use.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, is too short, or contradicts the
             directions or the order of its thrusters.
     """
-    from dataclasses import replace
-
     from hydro.core.discovery.discover import discovered
+    from hydro.core.explanation.explain import ending
     from hydro.core.explanation.explain import explain as steps
-    from hydro.io.table import conform
+    from hydro.core.explanation.ladder import best
+    from hydro.core.explanation.options import is_stated
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
     told = steps(
@@ -253,13 +263,15 @@ def explain(
         corrected=correct_thrusters,
         progress=progress,
     )
-    for step in told:
-        yield replace(
-            step,
-            comparison=conform("comparison", step.comparison),
-            diagnosis=conform("diagnosis", step.diagnosis),
-            ladder=conform("ladder", step.ladder),
-        )
+    rungs: list[Rung] = []
+    done: list[Step] = []
+    for rung in told:
+        stated = bool(rungs) and is_stated(rungs[-1], rung)
+        rungs.append(rung)
+        done.append(Step.of(rung, stated, changed=hull is not None))
+        if on_step is not None:
+            on_step(done[-1])
+    return Study.of(done, best(rungs).number, ending(rungs))
 
 
 def _hull(

@@ -8,7 +8,7 @@ says so to the library before it is loaded (`hydro.cli`); a program that imports
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import ParamSpec, TypeVar
 
@@ -23,23 +23,6 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
     def alone(*given: P.args, **named: P.kwargs) -> R:
         with _limited():
             return function(*given, **named)
-
-    return alone
-
-
-def one_thread_each(function: Callable[P, Iterator[R]]) -> Callable[P, Iterator[R]]:
-    """The same of a generator: between its steps the caller has all threads."""
-
-    @functools.wraps(function)
-    def alone(*given: P.args, **named: P.kwargs) -> Iterator[R]:
-        steps = function(*given, **named)
-        while True:
-            with _limited():
-                try:
-                    step = next(steps)
-                except StopIteration:
-                    return
-            yield step
 
     return alone
 
