@@ -83,9 +83,7 @@ class Comparison(Result):
         """
         from hydro.report import result_axes
 
-        panels = result_axes.panels(axes, 2, height=3.6)
-        result_axes.draw_errors_ahead(panels, self.summary(), self.horizon)
-        return panels
+        return result_axes.draw_errors_ahead(axes, self.summary(), self.horizon)
 
     def to_json(self) -> str:
         """Return headline and table, as `hydro compare --json` does."""

@@ -117,16 +117,19 @@ class Diagnosis(Result):
         """Draw errors of predictions before and after, and the share of the error that each finding explains.
 
         Args:
-            axes: Two Matplotlib axes to draw into; by default a new figure's.
+            axes: Matplotlib axes to draw into, as many as are returned; by default a new figure's.
 
         Returns:
-            The axes, (2,): errors [m/s], and shares [%] with 95 % intervals.
+            The axes, (2,): errors [m/s], and shares [%] with 95 % intervals; (1,), the shares alone, where
+            there is no `prediction`.
         """
         from hydro.report import result_axes
 
-        panels = result_axes.panels(axes, 2, height=1.6 + 0.45 * max(self.summary().height, 2))
-        result_axes.draw_prediction(panels[0], self.prediction)
-        result_axes.draw_findings(panels[1], self.table, changed=self.changed)
+        count = 1 if self.prediction is None else 2
+        panels = result_axes.panels(axes, count, height=1.6 + 0.45 * max(self.summary().height, 2))
+        if self.prediction is not None:
+            result_axes.draw_prediction(panels[0], self.prediction)
+        result_axes.draw_findings(panels[-1], self.table, changed=self.changed)
         return panels
 
     def to_json(self) -> str:

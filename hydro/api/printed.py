@@ -74,14 +74,12 @@ def _with_values(table: pl.DataFrame) -> pl.DataFrame:
 
 def _columns(table: pl.DataFrame, units: Mapping[str, str]) -> list[tuple[str, list[str]]]:
     """Return the name of each column with its unit, and its cells as text."""
-    named = {name: name.replace("_", " ") for name in table.columns}
-    return [
-        (
-            f"{named[name]} [{units[name]}]" if name in units else named[name],
-            [_text_of(value) for value in table[name].head(MOST_ROWS)],
-        )
-        for name in table.columns
-    ]
+    columns = []
+    for name in table.columns:
+        unit = f" [{units[name]}]" if name in units else ""
+        head = _printable(f"{name.replace('_', ' ')}{unit}")
+        columns.append((head, [_text_of(value) for value in table[name].head(MOST_ROWS)]))
+    return columns
 
 
 def _left_out(table: pl.DataFrame) -> list[int]:
@@ -90,15 +88,14 @@ def _left_out(table: pl.DataFrame) -> list[int]:
 
 
 def _text_of(value: Any) -> str:
-    """Return a value as text: three significant figures, a dash for none, nothing that breaks a line."""
-    from hydro.core.errors import shown
+    """Return a value as text: three significant figures, a dash for none."""
     from hydro.report.words import figure
 
     if value is None or isinstance(value, float):
         return figure(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return shown(str(value))
+    return _printable(str(value))
 
 
 def _aligned(columns: Sequence[tuple[str, Sequence[str]]], numeric: Sequence[bool]) -> list[str]:
@@ -129,7 +126,7 @@ def _wrapped(sentence: str) -> str:
 
 
 def _printable(sentence: str) -> str:
-    """Return a sentence with what a terminal would take for a command, such as an escape, written out."""
+    """Return a text with line breaks, and what a terminal would take for a command, written out."""
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in sentence)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from hydro.api import printed
 
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
     from hydro.report.result_axes import Axes
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(ABC):
@@ -23,7 +27,8 @@ class Result(ABC):
 
     All that polars offers of a frame works on a result, and gives what it gives of `table`: `.filter`,
     `.select`, `["column"]`, `len`, iteration over columns, `.columns`, `.to_dicts()` and so on. Only `plot`
-    is the result's own. Where polars itself asks for a frame, as in `pl.concat`, give it `table`.
+    is the result's own. Where a frame or polars itself asks for a frame, as `frame.join` and `pl.concat` do,
+    give it `table`.
 
     Two results are equal if all their values are; a missing number equals another.
 
@@ -113,14 +118,29 @@ class Result(ABC):
     def __getattr__(self, name: str) -> Any:
         if name == "table" or name.startswith("__"):  # not there yet while it is unpickled
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        return getattr(self.table, name)
+        found = getattr(self.table, name)
+        return _of_frames(found) if inspect.ismethod(found) else found
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *dir(self.table)})
 
 
-def frame_of(table: pl.DataFrame | Result) -> pl.DataFrame:
-    """Return the polars frame of a table that was given as one or as a result."""
+def _of_frames(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a frame's method that takes results for their frames, as in `found.equals(other)`."""
+
+    @functools.wraps(method)
+    def called(*given: Any, **named: Any) -> Any:
+        return method(*map(frame_of, given), **{name: frame_of(one) for name, one in named.items()})
+
+    return called
+
+
+@overload
+def frame_of(table: Result) -> pl.DataFrame: ...
+@overload
+def frame_of(table: T) -> T: ...
+def frame_of(table: Any) -> Any:
+    """Return the table of a result, and anything else as it is."""
     return table.table if isinstance(table, Result) else table
 
 

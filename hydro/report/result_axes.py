@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
@@ -13,7 +13,7 @@ from hydro.core.errors import UsageError
 from hydro.report import words
 from hydro.report.figures import STYLE, error_bars
 from hydro.report.ladder import by_dataset
-from hydro.report.plots import DATASET_STYLES, FOUND, GIVEN, NOISE, wide
+from hydro.report.plots import DATASET_STYLES, FOUND, GIVEN, HELD_OUT, NOISE, wide
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
@@ -26,12 +26,20 @@ ROTATION = ("p", "q", "r", "phi", "theta", "psi")
 """Axes whose unit has radians."""
 SYMBOLS = {"circle": "o", "diamond": "D"}
 """Matplotlib's marks for those of `DATASET_STYLES`."""
-MARKS = {"least_squares": ("least squares", "D"), "zero_velocity": ("zero velocity", "s")}
-"""Label and mark of the simple predictors."""
+MARKS = {
+    "before": ("model before", "o", GIVEN),
+    "zero_velocity": ("zero velocity", "s", NOISE),
+    "least_squares": ("least squares", "D", HELD_OUT),
+    "error": ("model", "o", FOUND),
+    "noise_floor": ("noise alone", "_", "black"),
+}
+"""Label, mark and colour of each error of a comparison."""
+MARK: Any = {"linestyle": "", "markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
+"""Hollow marks, so that one does not hide another."""
 
 
 def panels(
-    given: Axes | Sequence[Axes] | None, count: int, height: float, rows: int = 1
+    given: Axes | Sequence[Axes] | None, count: int, height: float, heights: Sequence[float] = (1.0,)
 ) -> NDArray[np.object_]:
     """Return the axes to draw into, (count,): those that are given, or a new figure's.
 
@@ -39,7 +47,7 @@ def panels(
         given: Axes of the user.
         count: How many are needed.
         height: Height of a new figure [inch].
-        rows: Rows of a new figure that the axes are in.
+        heights: Heights of the rows of a new figure, relative to each other.
 
     Raises:
         UsageError: There are more or fewer than needed.
@@ -50,7 +58,12 @@ def panels(
 
         with mpl.rc_context(STYLE):
             _, made = pyplot.subplots(
-                rows, count // rows, figsize=(WIDTH, height), layout="constrained", squeeze=False
+                len(heights),
+                count // len(heights),
+                figsize=(WIDTH, height),
+                height_ratios=heights,
+                layout="constrained",
+                squeeze=False,
             )
         return np.asarray(made, object).ravel()
     found = np.atleast_1d(np.asarray(given, object)).ravel()
@@ -59,12 +72,8 @@ def panels(
     return found
 
 
-def draw_prediction(panel: Axes, prediction: Prediction | None) -> None:
+def draw_prediction(panel: Axes, prediction: Prediction) -> None:
     """Draw errors of predictions as given and with the findings, and what noise alone leaves."""
-    if prediction is None:
-        panel.set_xlabel("error of predictions [m/s]")
-        _say(panel, "not measured for this recording")
-        return
     bars = {"as given": (prediction.given, GIVEN)}
     if prediction.added != prediction.given:
         bars["with the findings,\nheld out"] = (prediction.added, FOUND)
@@ -91,7 +100,7 @@ def draw_findings(panel: Axes, diagnosis: pl.DataFrame, *, changed: bool) -> Non
     """
     panel.set_xlabel("share of the error explained [%], 95 % interval")
     panel.set_title("What has changed" if changed else "What is missing")
-    panel.set_xlim(0.0, 100.0)
+    panel.set_xlim(-3.0, 103.0)
     rows = diagnosis.filter(pl.col("share_of_error_explained").is_not_null()).sort("rank")
     if rows.is_empty():
         _say(panel, "no finding explains a part of the error")
@@ -111,38 +120,43 @@ def draw_findings(panel: Axes, diagnosis: pl.DataFrame, *, changed: bool) -> Non
 
 
 def draw_errors_ahead(
-    axes: Sequence[Axes] | NDArray[np.object_], errors: pl.DataFrame, horizon: float | None
-) -> None:
+    given: Axes | Sequence[Axes] | None, errors: pl.DataFrame, horizon: float | None
+) -> NDArray[np.object_]:
     """Draw errors of predictions, axes of translation in one panel and of rotation in the other.
 
     Args:
-        axes: Two axes to draw into.
+        given: Two axes to draw into; None for a new figure.
         errors: `axis`, `error`, `noise_floor`, `least_squares`, `zero_velocity`, `unit`, and `before` of an
             earlier comparison.
         horizon: Horizon of the predictions [s]; None for whole sessions.
+
+    Returns:
+        The axes, (2,).
     """
+    axes = panels(given, 2, height=3.6)
     turning = pl.col("axis").is_in(ROTATION)
     for panel, rows, title in (
         (axes[0], errors.filter(~turning), "Translation"),
         (axes[1], errors.filter(turning), "Rotation"),
     ):
-        places = np.arange(rows.height)
+        marks = {name: mark for name, mark in MARKS.items() if name in rows and rows[name].count()}
+        for name, (label, mark, colour) in marks.items():
+            panel.plot(range(rows.height), rows[name].to_list(), mark, color=colour, label=label, **MARK)
         panel.set_title(title)
-        panel.set_xticks(places, rows["axis"].to_list())
+        panel.set_xticks(range(rows.height), rows["axis"].to_list())
+        panel.set_xlim(-0.5, rows.height - 0.5)
         panel.set_xlabel("axis")
         panel.set_ylabel(f"error, {words.horizon(horizon)} [{rows['unit'][0]}]")
-        panel.bar(places, rows["error"].to_list(), color=FOUND, width=0.6, label="model")
-        panel.hlines(
-            rows["noise_floor"].to_list(), places - 0.38, places + 0.38, color="black", label="noise alone"
-        )
-        if "before" in rows.columns:
-            panel.plot(places, rows["before"].to_list(), "o", color=GIVEN, label="model before")
-        for name, (label, mark) in MARKS.items():
-            if rows[name].is_not_null().any():
-                panel.plot(places, rows[name].to_list(), mark, color=NOISE, label=label)
-        if wide(pl.concat([rows["error"], rows["noise_floor"], rows["least_squares"].drop_nulls()])):
+        if wide(pl.concat([rows[name].drop_nulls() for name in marks])):
             panel.set_yscale("log")
-    axes[0].legend(frameon=False, fontsize="small")
+        else:
+            panel.set_ylim(bottom=0.0)
+    if given is None:
+        handles, labels = axes[0].get_legend_handles_labels()
+        axes[0].figure.legend(handles, labels, loc="outside lower center", ncols=len(MARKS), frameon=False)
+    else:
+        axes[1].legend(frameon=False)
+    return axes
 
 
 def draw_ladder(panel: Axes, rows: pl.DataFrame) -> None:
@@ -191,8 +205,8 @@ def draw_parameters(given: Axes | Sequence[Axes] | None, table: pl.DataFrame) ->
         The axes, (n,).
     """
     groups = table.partition_by("unit", maintain_order=True)
-    heights = [one.height for one in groups]
-    axes = panels(given, len(groups), height=1.1 * len(groups) + 0.35 * sum(heights), rows=len(groups))
+    heights = [1.0 + one.height for one in groups]
+    axes = panels(given, len(groups), height=1.0 + 0.35 * sum(heights), heights=heights)
     for panel, rows in zip(axes, groups, strict=True):
         places = np.arange(rows.height)
         known = rows["determined"].to_numpy()
