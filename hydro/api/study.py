@@ -135,11 +135,13 @@ class Study(Result):
         steps: The steps, the vehicle as given first.
         best: The step to use: the last, or the one before it where that predicts better.
         ending: Why no step follows the last.
+        answer: The headline.
     """
 
     steps: tuple[Step, ...]
     best: Step
     ending: str
+    answer: str
 
     @classmethod
     def of(cls, steps: Sequence[Step], best: int, ending: str) -> Study:
@@ -152,25 +154,13 @@ class Study(Result):
         """
         import polars as pl
 
-        return cls(pl.concat(step.ladder for step in steps), tuple(steps), steps[best], ending)
+        ladder = pl.concat(step.ladder for step in steps)
+        return cls(ladder, tuple(steps), steps[best], ending, answer_of(steps, steps[best], ladder))
 
     @property
     def headline(self) -> str:
         """What was added and how far the error falls, on the recording and on held-out data."""
-        from hydro.io.provenance import Provenance
-        from hydro.io.table import Artefact
-        from hydro.report import standing
-        from hydro.report.sources import Named, Sources
-
-        def named(kind: str, frame: pl.DataFrame) -> Named:
-            return Named(kind, Artefact(kind, frame, Provenance(kind, "", "")))
-
-        sources = Sources(
-            comparisons=tuple(named("comparison", step.comparison.table) for step in self.steps),
-            diagnoses=tuple(named("diagnosis", step.diagnosis.table) for step in self.steps),
-            ladder=named("ladder", self.table),
-        )
-        return standing.headline(sources) if standing.standings(sources) else self.best.headline
+        return self.answer
 
     @property
     def vehicle(self) -> Vehicle:
@@ -271,3 +261,27 @@ class Study(Result):
 
         rows = at_horizon(self.table)
         return rows.filter(axis=measured(rows)[-1]).sort("dataset", "step")
+
+
+def answer_of(steps: Sequence[Step], best: Step, ladder: pl.DataFrame) -> str:
+    """Return what steps added and how far the error falls, as the report says it.
+
+    Args:
+        steps: All steps.
+        best: The one to use.
+        ladder: Ladder table of all.
+    """
+    from hydro.io.provenance import Provenance
+    from hydro.io.table import Artefact
+    from hydro.report import standing
+    from hydro.report.sources import Named, Sources
+
+    def named(kind: str, frame: pl.DataFrame) -> Named:
+        return Named(kind, Artefact(kind, frame, Provenance(kind, "", "")))
+
+    sources = Sources(
+        comparisons=tuple(named("comparison", step.comparison.table) for step in steps),
+        diagnoses=tuple(named("diagnosis", step.diagnosis.table) for step in steps),
+        ladder=named("ladder", ladder),
+    )
+    return standing.headline(sources) if standing.standings(sources) else best.headline

@@ -176,6 +176,7 @@ def test_any_changed_value_makes_results_unequal(result: Any) -> None:
         "steps": made.study().steps[:1],
         "best": made.study().steps[0],
         "ending": "another reason",
+        "answer": "Another answer.",
     }
     for each in fields(result):
         assert replace(result, **{each.name: others[each.name]}) != result, each.name
