@@ -1,7 +1,9 @@
 """hydro: find the missing physics of an underwater vehicle, and simulate it fast and accurately in MuJoCo.
 
-The functions here offer the whole chain on polars frames; the command line offers the same on files.
-Importing `hydro` loads nothing heavy: the first call of a function loads what it needs.
+The functions take polars frames and vehicles; the command line offers the same on files. Importing `hydro` is
+quick: each function loads its libraries at its first call.
+
+Train a network and replay a recording:
 
     raw = hydro.read("raw.parquet")
     vehicle = hydro.vehicle("vehicle.toml")
@@ -9,14 +11,14 @@ Importing `hydro` loads nothing heavy: the first call of a function loads what i
     model = hydro.train(split, model="physfeat")
     series, metrics = hydro.replay(vehicle, raw, models=[model])
 
-What is missing in a vehicle file:
+Find what a vehicle file lacks, and add it:
 
     found = hydro.diagnose(vehicle, raw)
     print(found.headline)
     study = hydro.explain(vehicle, raw, holdout=hydro.read("heldout.parquet"))
     better = study.vehicle
 
-The vehicle in MuJoCo, to step or to view:
+Step or view the vehicle in MuJoCo:
 
     model, data = hydro.student(vehicle)
 """

@@ -33,7 +33,7 @@ class Comparison(Result):
 
     @property
     def headline(self) -> str:
-        """Where the model fails most, in one sentence."""
+        """The result in one sentence."""
         from hydro.report import comparison
 
         return comparison.headline(self.table)
@@ -48,10 +48,9 @@ class Comparison(Result):
         """Return the errors of predictions 5 s ahead, or else at the longest horizon.
 
         Returns:
-            `axis`: u v w [m/s], p q r [rad/s] and `all` [m/s], or x y z [m], phi theta psi [rad] and `pose`
-            [m] of a recording without velocities; root mean square errors `error`, `noise_floor`,
-            `least_squares` and `zero_velocity`; `before`, that of an earlier comparison if there is one; and
-            their `unit`.
+            `axis`: u v w [m/s], p q r [rad/s] and `all` [m/s]; of a recording without velocities x y z [m],
+            phi theta psi [rad] and `pose` [m]. Root mean square errors in `unit`: `error`, `noise_floor`,
+            `least_squares`, `zero_velocity`, and `before` of an earlier comparison.
         """
         import polars as pl
 

@@ -41,7 +41,7 @@ class Diagnosis(Result):
         prediction: Errors of predictions before and after the stated findings are added [m/s], measured on
             held-out stretches; None where no session is long enough, and of a change since another recording.
         estimates: All values that were fitted together, with their covariance; None where none were.
-        changed: Whether the findings are of what has changed since a recording before.
+        changed: Whether the findings are changes since a recording before.
     """
 
     status: Status
@@ -87,7 +87,7 @@ class Diagnosis(Result):
 
     @property
     def footer(self) -> dict[str, Any]:
-        """What `hydro.write` keeps in the file beside the table: chi-square, prediction errors, headline."""
+        """Chi-square, prediction errors and headline, which `hydro.write` stores in the file."""
         from hydro.core.diagnosis.findings import HEADLINE, PREDICTION
 
         errors = {} if self.prediction is None else {PREDICTION: asdict(self.prediction)}

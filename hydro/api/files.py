@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame:
-    """Read an artefact and hold it to its schema.
+    """Read an artefact and check it against its schema.
 
     Args:
         source: path of a Parquet file, or a binary stream.
@@ -27,7 +27,7 @@ def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame
             `diagnosis` or `ladder`; any by default.
 
     Returns:
-        The table. `hydro.io.table.read` gives its provenance beside it.
+        The table. `hydro.io.table.read` returns its provenance too.
 
     Raises:
         hydro.core.errors.DataError: the file is broken, of another kind, or breaks its schema.

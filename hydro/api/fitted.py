@@ -56,7 +56,7 @@ class Fit(Result):
 
     @property
     def headline(self) -> str:
-        """How many effects were fitted, and their values in sentences."""
+        """Number of fitted effects, and a sentence for each."""
         count = len(self.sentences)
         return f"{count} {'effect' if count == 1 else 'effects'} fitted: {' '.join(self.sentences)}"
 
@@ -97,12 +97,12 @@ class Fit(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know, one line each."""
+        """Warnings about the fit, one line each."""
         return self.outcome.warnings
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What was changed in the log before the fit, one sentence each; part of `warnings`."""
+        """Changes to the log before the fit, one sentence each; part of `warnings`."""
         return self.outcome.changes
 
     @property

@@ -1,4 +1,4 @@
-"""A vehicle moved, fitted, held against a recording, and told what it lacks."""
+"""Simulate a vehicle, fit it, compare it with a recording, and find missing effects."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ if TYPE_CHECKING:
 
 @vehicle_first
 def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
-    """Move a vehicle by commands, with every effect of its file.
+    """Simulate a vehicle under commands, with every effect of its file.
 
     Args:
         vehicle: the vehicle.
-        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next: every
-            session starts at rest at the origin. Or a raw table, whose own rows give the initial states.
-        sea: seed of the waves of its file, drawn for every session anew; without, the sea is calm, as in
-            every prediction.
+        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next; every
+            session starts at rest at the origin. Or a raw table, whose first rows are the initial states.
+        sea: seed of the waves of its file, which differ between sessions; None for a calm sea, as in every
+            prediction.
 
     Returns:
-        The raw table of what it would have logged, without noise.
+        Raw table of the simulated motion, without sensor noise: pose in NED [m, rad], velocities in FRD
+        [m/s, rad/s], commands.
 
     Raises:
         hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion diverges.
@@ -64,11 +65,11 @@ def fit(
         raw: raw table.
         effects: names in the catalogue, see `hydro effects`: `linear_damping`, or `linear_damping.matrix`
             where there are several forms; or tables with values to start from.
-        method: output error over shots of two seconds, or equation error along the smoothed motion, which is
-            quicker and biased by noise.
+        method: `output`, output error over shots of two seconds, or `equation`, equation error along the
+            smoothed motion, which is quicker but biased by noise.
         noise: standard deviation of position [m] (3), attitude [rad] (3), velocity [m/s] (3) and rates
             [rad/s] (3); by default found from the data.
-        shots: shots, or windows, at most; they are spread evenly over a longer recording.
+        shots: most shots, or windows; they are spread evenly over a longer recording.
         progress: called with a few words and the share of the work done.
 
     Returns:
@@ -77,8 +78,8 @@ def fit(
         with its standard errors.
 
     Raises:
-        hydro.core.errors.DataError: an effect or the recording is at fault (columns that are not what they
-            are called among them), or the motion diverges.
+        hydro.core.errors.DataError: an effect or the recording is wrong, such as swapped columns, or the
+            motion diverges.
     """
     import numpy as np
 
@@ -101,20 +102,20 @@ def compare(
     model: Model | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Compare a vehicle with a recording: how large are its errors, and where do they lie?
+    """Measure how well a vehicle predicts a recording, and where its errors are largest.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
-        against: an earlier comparison with the same recording, whose errors are to stand beside the new ones.
-        before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
-            from it and held fixed; rows of the level `hull` tell what is left then, here and there.
-        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
+        against: earlier comparison with the same recording; its errors become the column `before`.
+        before: raw table of the same vehicle before a change. A hull-force model is fitted to it and held
+            fixed; rows of the level `hull` have the errors with it, before and after.
+        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
         progress: called with a few words and the share of the work done.
 
     Returns:
         The comparison: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis, horizon and
-        place, each with what noise alone leaves.
+        regime of motion, each with its noise floor.
 
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
@@ -145,17 +146,17 @@ def diagnose(
     correct_thrusters: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
+    """Find the physical effects that a vehicle lacks, or that have changed, with their confidence.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
-        before: raw table of the same vehicle before a change: then findings are of what has changed since.
-        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
-        discover: whether a formula of sparse terms is looked for where no effect of the catalogue explains
-            the recording; not with `before`.
-        correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
-            directions and order as it states them; by default that is the only finding.
+        before: raw table of the same vehicle before a change; the findings are then changes since.
+        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
+        discover: search a formula of sparse terms if no effect of the catalogue explains the recording; not
+            with `before`.
+        correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
+            order that it states; by default that is the only finding.
         progress: called with a few words and the share of the work done.
 
     Returns:
@@ -164,7 +165,7 @@ def diagnose(
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
-        hydro.core.errors.UsageError: there is a model without a recording before, or one before to discover.
+        hydro.core.errors.UsageError: `model` without `before`, or `discover` with it.
     """
     from hydro.core.diagnosis.diagnose import answered, diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
@@ -183,19 +184,19 @@ def diagnose(
 def add(
     vehicle: Vehicle, diagnosis: Diagnosis | Fit | pl.DataFrame, effects: Sequence[str] | None = None
 ) -> Vehicle:
-    """Add what a diagnosis or a fit found to a vehicle, with its standard errors.
+    """Add the effects of a diagnosis or a fit to a vehicle, with their standard errors.
 
     Args:
         vehicle: the vehicle that was diagnosed or fitted.
-        diagnosis: what `hydro.diagnose` or `hydro.fit` returns, or a diagnosis table.
-        effects: names of the effects to add; by default all that were fitted, or that a diagnosis found
-            missing or with other values. What it only suspects is added by name alone.
+        diagnosis: result of `hydro.diagnose` or `hydro.fit`, or a diagnosis table.
+        effects: names of the effects to add; by default all fitted or stated ones. A suspected effect is
+            added only by its name.
 
     Returns:
-        The vehicle with them.
+        The vehicle with these effects.
 
     Raises:
-        hydro.core.errors.DataError: there is nothing to add, or not what is named.
+        hydro.core.errors.DataError: there is nothing to add, or no effect of such a name.
     """
     from hydro.core.diagnosis.findings import extended, tables
     from hydro.core.errors import DataError
@@ -223,19 +224,19 @@ def explain(
     on_step: Callable[[Step], object] | None = None,
     progress: Progress | None = None,
 ) -> Study:
-    """Add what a vehicle lacks, or what has changed in it, step by step, until nothing more is found.
+    """Add missing or changed effects to a vehicle step by step, until nothing more is found.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
         holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
-        before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
-            from it and held fixed; steps then add what has changed since.
-        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
-        discover: whether a formula of sparse terms is added where no effect of the catalogue explains what
-            is left; not with `before`.
-        correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
-            directions and order as it states them.
+        before: raw table of the same vehicle before a change. A hull-force model is fitted to it and held
+            fixed; the steps then add changes since.
+        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
+        discover: add a formula of sparse terms if no effect of the catalogue explains the residual; not with
+            `before`.
+        correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
+            order that it states.
         on_step: called with each step as soon as it is done, such as `print`.
         progress: called with a few words and the share of the present step that is done.
 
@@ -277,7 +278,7 @@ def explain(
 def _hull(
     vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None, *, discover: bool = False
 ) -> Hull | None:
-    """What a recording from before, or a network, says of the hull; None without a recording."""
+    """Return the hull-force model of a recording before a change, or of a network; None without one."""
     from hydro.core.diagnosis.diagnose import hull_of
     from hydro.core.errors import UsageError
     from hydro.core.residual.learnt import Learnt

@@ -1,4 +1,4 @@
-"""Sentences and a small table as plain text for a shell, and as HTML for a notebook."""
+"""Sentences and a small table as plain text for a shell, or as HTML for a notebook."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _text_of(value: Any) -> str:
 
 
 def _aligned(columns: Sequence[tuple[str, Sequence[str]]], numeric: Sequence[bool]) -> list[str]:
-    """Return the lines of a table: numbers to the right, texts to the left and cut where there is no room."""
+    """Return the lines of a table: numbers to the right, texts to the left, cut to fit."""
     widths = [max(map(len, (name, *cells))) for name, cells in columns]
     texts = [place for place, number in enumerate(numeric) if not number]
     over = sum(widths) + 2 * (len(widths) - 1) - WIDTH
@@ -135,4 +135,4 @@ def _escaped(sentence: str) -> str:
 
 
 def _cell(tag: str, content: str, side: str) -> str:
-    return f'<{tag} style="text-align: {side}">{escape(content)}</{tag}>'
+    return f'<{tag} style="text-align: {side}; padding: 0.1em 0.6em">{escape(content)}</{tag}>'

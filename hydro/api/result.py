@@ -1,4 +1,4 @@
-"""A result around its polars table: what the answers of all functions share."""
+"""Base of all results: a headline around a polars table."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Result(ABC):
 
     @property
     def footer(self) -> dict[str, Any]:
-        """What `hydro.write` keeps in the file beside the table."""
+        """Numbers and sentences that `hydro.write` stores in the file with the table."""
         return {}
 
     def _above(self) -> Sequence[str]:
@@ -90,7 +90,7 @@ class Result(ABC):
         return printed.text(self._above(), self.summary(), self._below(), self.units)
 
     def _repr_html_(self) -> str:
-        """The same for a notebook."""
+        """Return the same as HTML, for a notebook."""
         return printed.html(self._above(), self.summary(), self._below(), self.units)
 
     def __eq__(self, other: object) -> bool:

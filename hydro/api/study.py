@@ -28,11 +28,11 @@ class Step:
     Attributes:
         number: 0 is the vehicle as given.
         added: Names of the effects that the step added, or gave new values to where it added none.
-        stated: Whether the diagnosis of the step before states what this one added; False of step 0.
+        stated: Whether the diagnosis of the step before states the added effects; False of step 0.
         tables: All effects that were fitted together, with their standard errors; none of step 0.
         vehicle: The vehicle with them.
         comparison: Its errors against the recording.
-        diagnosis: What is missing in it.
+        diagnosis: Its diagnosis.
         ladder: Errors of this step, the rows of the ladder table.
         estimates: The values of `tables` with their covariance; None of step 0.
     """
@@ -53,7 +53,7 @@ class Step:
 
         Args:
             rung: The step, as it was just made.
-            stated: Whether the diagnosis of the step before states what it added.
+            stated: Whether the diagnosis of the step before states the added effects.
             changed: Whether a recording from before a change was given.
         """
         from hydro.io.table import conform
@@ -82,7 +82,7 @@ class Step:
 
     @property
     def headline(self) -> str:
-        """What the step added, and its errors, in one line."""
+        """Added effects and errors in one line."""
         from hydro.report import ladder
 
         return ladder.headline(self.ladder)
@@ -159,7 +159,7 @@ class Study(Result):
 
     @property
     def headline(self) -> str:
-        """What was added and how far the error falls, on the recording and on held-out data."""
+        """Added effects, and the error before and after, on the recording and on held-out data."""
         return self.answer
 
     @property
@@ -174,7 +174,7 @@ class Study(Result):
 
     @property
     def diagnosis(self) -> Diagnosis:
-        """What is missing in `vehicle`."""
+        """Diagnosis of `vehicle`."""
         return self.best.diagnosis
 
     def summary(self) -> pl.DataFrame:
@@ -201,7 +201,7 @@ class Study(Result):
         )
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
-        """Draw the error after each step, with its 95 % interval and what noise alone leaves.
+        """Draw the error after each step, with its 95 % interval and its noise floor.
 
         Args:
             axes: Matplotlib axes to draw into; by default a new figure's.
@@ -264,7 +264,7 @@ class Study(Result):
 
 
 def answer_of(steps: Sequence[Step], best: Step, ladder: pl.DataFrame) -> str:
-    """Return what steps added and how far the error falls, as the report says it.
+    """Return the headline of the report: added effects, and the error before and after.
 
     Args:
         steps: All steps.

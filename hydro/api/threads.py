@@ -1,8 +1,8 @@
-"""One thread of linear algebra during a call: its own threads are shared among shots and windows already.
+"""Limit linear algebra to one thread during a call, whose threads already share shots and windows.
 
-Matrices have a few dozen rows, and threads of the linear algebra beside the call's own only wait for one
-another: on two busy cores the problem of one recording took three times the processor time.  The command line
-says so to the library before it is loaded (`hydro.cli`); a program that imports `hydro` has loaded it.
+Matrices have a few dozen rows, and more threads of linear algebra only wait for each other. On two busy cores
+the problem of one recording took three times the processor time.  The command line sets the limit before the
+library is loaded (`hydro.cli`); a program that imports `hydro` has often loaded it already.
 """
 
 from __future__ import annotations

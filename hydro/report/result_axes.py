@@ -31,7 +31,7 @@ MARKS = {
     "zero_velocity": ("zero velocity", "s", NOISE),
     "least_squares": ("least squares", "D", HELD_OUT),
     "error": ("model", "o", FOUND),
-    "noise_floor": ("noise alone", "_", "black"),
+    "noise_floor": ("noise floor", "_", "black"),
 }
 """Label, mark and colour of each error of a comparison."""
 MARK: Any = {"linestyle": "", "markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
@@ -73,7 +73,7 @@ def panels(
 
 
 def draw_prediction(panel: Axes, prediction: Prediction) -> None:
-    """Draw errors of predictions as given and with the findings, and what noise alone leaves."""
+    """Draw errors of predictions as given and with the findings, and the noise floor."""
     bars = {"as given": (prediction.given, GIVEN)}
     if prediction.added != prediction.given:
         bars["with the findings,\nheld out"] = (prediction.added, FOUND)
@@ -81,7 +81,7 @@ def draw_prediction(panel: Axes, prediction: Prediction) -> None:
     drawn = panel.barh(range(len(bars)), errors, color=colours, height=0.55)
     panel.bar_label(drawn, [words.figure(one) for one in errors], padding=4)
     if prediction.floor is not None:
-        panel.axvline(prediction.floor, color=NOISE, linestyle="--", label="noise alone")
+        panel.axvline(prediction.floor, color=NOISE, linestyle="--", label="noise floor")
         panel.legend(loc="lower right", frameon=False)
     panel.set_yticks(range(len(bars)), list(bars))
     panel.set_ylim(len(bars) - 0.3, -0.7)
@@ -96,9 +96,9 @@ def draw_findings(panel: Axes, diagnosis: pl.DataFrame, *, changed: bool) -> Non
     Args:
         panel: Axes to draw into.
         diagnosis: Diagnosis table.
-        changed: Whether findings are of what has changed since a recording before.
+        changed: Whether the findings are changes since a recording before.
     """
-    panel.set_xlabel("share of the error explained [%], 95 % interval")
+    panel.set_xlabel("explained error [%], 95 % interval")
     panel.set_title("What has changed" if changed else "What is missing")
     panel.set_xlim(-3.0, 103.0)
     rows = diagnosis.filter(pl.col("share_of_error_explained").is_not_null()).sort("rank")
@@ -148,7 +148,7 @@ def draw_errors_ahead(
         panel.set_xlabel("axis")
         panel.set_ylabel(f"error, {words.horizon(horizon)} [{rows['unit'][0]}]")
         if wide(pl.concat([rows[name].drop_nulls() for name in marks])):
-            panel.set_yscale("log")
+            _logarithmic(panel)
         else:
             panel.set_ylim(bottom=0.0)
     if given is None:
@@ -160,7 +160,7 @@ def draw_errors_ahead(
 
 
 def draw_ladder(panel: Axes, rows: pl.DataFrame) -> None:
-    """Draw the error after each step, with its 95 % interval and what noise alone leaves.
+    """Draw the error after each step, with its 95 % interval and its noise floor.
 
     Args:
         panel: Axes to draw into.
@@ -178,7 +178,7 @@ def draw_ladder(panel: Axes, rows: pl.DataFrame) -> None:
             capsize=3,
         )
         style = {"dot": ":", "dash": "--"}[dash]
-        panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")
+        panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise floor, {label}")
     steps = rows.unique("step", maintain_order=True).sort("step")
     names = [
         f"{k}: {words.effects_named(added) or 'as given'}" for k, added in steps["step", "effect"].rows()
@@ -186,7 +186,7 @@ def draw_ladder(panel: Axes, rows: pl.DataFrame) -> None:
     panel.set_xticks(steps["step"].to_list(), names)
     panel.set_xlim(steps["step"][0] - 0.3, steps["step"][-1] + 0.3)
     if wide(rows["rmse"]):
-        panel.set_yscale("log")
+        _logarithmic(panel)
     else:
         panel.set_ylim(bottom=0.0)
     panel.set_xlabel("step, and what it added")
@@ -232,8 +232,18 @@ def draw_parameters(given: Axes | Sequence[Axes] | None, table: pl.DataFrame) ->
     return axes
 
 
+def _logarithmic(panel: Axes) -> None:
+    """Make the vertical axis logarithmic, with numbers at 1, 2 and 5 in each decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    panel.set_yscale("log")
+    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    panel.yaxis.set_minor_formatter(NullFormatter())
+
+
 def _finding(row: dict[str, object], changed: bool) -> str:
-    """Return the label of a finding: what is the matter, and with which effect."""
+    """Return the label of a finding: its verdict and its effect."""
     label = words.verdict(row, changed)[0].lower()
     effect = words.effect_name(str(row["effect"]))
     return f"{label}:\n{effect}" if effect else label

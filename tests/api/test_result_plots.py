@@ -78,7 +78,7 @@ def test_what_is_drawn_stands_in_the_table() -> None:
     assert rotation.get_ylabel() == "error, 5 s ahead [rad/s]"
     assert {one.get_text() for one in translation.figure.legends[0].get_texts()} == {
         "model",
-        "noise alone",
+        "noise floor",
         "least squares",
         "zero velocity",
     }
