@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 import hydro
 from hydro.api.printed import MOST_ROWS, WIDTH, html, text
+from hydro.core.diagnosis.findings import Finding
 
 KINDS = ("diagnosis", "comparison", "fit", "study")
 TAGS = {"div", "p", "strong", "table", "thead", "tbody", "tr", "th", "td"}
@@ -83,13 +84,16 @@ def test_a_result_is_printed_cheaply(result: Any) -> None:
 @example(name=HOSTILE)
 def test_names_from_a_file_cannot_inject_html_or_commands(name: str) -> None:
     warned, placed = made.fit((name,)), made.comparison(name)
-    for one in (warned, placed):
+    found = made.diagnosis(
+        (Finding("log_fault", "", (name,), advice=name), Finding("not_excited", name, (name,)))
+    )
+    for one in (warned, placed, found):
         root = ET.fromstring(one._repr_html_())
         assert {each.tag for each in root.iter()} <= TAGS
         assert all(set(each.attrib) <= {"style"} for each in root.iter())
         assert all(sign.isprintable() or sign == "\n" for sign in repr(one))
     if name.isprintable():
-        assert name in seen(ET.fromstring(warned._repr_html_()))
+        assert all(name in seen(ET.fromstring(one._repr_html_())) for one in (warned, found))
 
 
 @given(cells=st.lists(st.text(max_size=200), min_size=1, max_size=20), units=NAMES, column=NAMES)
