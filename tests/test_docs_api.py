@@ -42,7 +42,7 @@ def test_a_missing_effect_is_found_and_added(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "Thruster 5 delivers 70 %" in done.stdout
     assert "thruster_gain" in done.stdout
-    assert "<step 1" in done.stdout
+    assert "Step 1, thruster gain" in done.stdout
     assert hydro.vehicle(tmp_path / "runs" / "better.toml").effects("thruster_gain")
     assert (tmp_path / "runs" / "errors.png").stat().st_size > 5000
 

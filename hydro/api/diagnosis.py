@@ -141,13 +141,25 @@ class Diagnosis(Result):
         return json_text(headline=self.headline, findings=self.table, chi2=chi2, **errors)
 
     def _above(self) -> Sequence[str]:
-        from hydro.report.prediction import prediction
-
-        return (self.headline,) if self.prediction is None else (self.headline, prediction(self.prediction))
+        return (self.headline,) if self.prediction is None else (self.headline, _in_words(self.prediction))
 
     def _below(self) -> Sequence[str]:
         unseen = ", ".join(self.unseen)
         return (f"Not visible in this recording: {unseen}.",) if unseen else ()
+
+
+def _in_words(known: Prediction) -> str:
+    """Return the errors of predictions and their noise floor in a sentence."""
+    from hydro.report.words import figure
+
+    told = [f"{figure(known.given)} m/s as given"]
+    if known.added != known.given:
+        told.append(f"{figure(known.added)} m/s on held-out data with the findings added")
+    if known.floor is not None:
+        told.append(f"noise floor {figure(known.floor, 2)} m/s")
+    helps = known.added == known.given or known.falls
+    refused = "" if helps else " The findings do not lower it, so `hydro add` refuses them."
+    return f"Error {known.horizon:g} s ahead: {', '.join(told)}.{refused}"
 
 
 def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:

@@ -83,9 +83,17 @@ class Step:
     @property
     def headline(self) -> str:
         """Added effects and errors in one line."""
-        from hydro.report import ladder
+        from hydro.report import words
+        from hydro.report.ladder import by_dataset
 
-        return ladder.headline(self.ladder)
+        rows = ahead(self.ladder)
+        errors = [
+            f"{words.figure(one['rmse'][0])} {one['unit'][0]} on {label}"
+            for _, label, one in by_dataset(rows)
+        ]
+        added = " and ".join(map(words.effect_name, self.added)) or "as given"
+        horizon = words.horizon(rows["horizon"][0])
+        return f"Step {self.number}, {added}: error {horizon} {', '.join(errors)}."
 
     @property
     def chi2(self) -> tuple[float, ...]:
@@ -112,7 +120,7 @@ class Step:
         return None if rows.is_empty() else float(rows["rmse"][0])
 
     def __repr__(self) -> str:
-        return f"<{self.headline}>"
+        return self.headline
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -187,7 +195,7 @@ class Study(Result):
         """
         import polars as pl
 
-        rows = self._ahead()
+        rows = ahead(self.table)
         fit, holdout = (rows.filter(dataset=name) for name in ("fit", "holdout"))
         both = fit.join(holdout.select("step", held_out="rmse"), on="step", how="left", maintain_order="left")
         return both.select(
@@ -213,7 +221,7 @@ class Study(Result):
         from hydro.report import result_axes
 
         panels = result_axes.panels(axes, 1, height=3.8)
-        result_axes.draw_ladder(panels[0], self._ahead())
+        result_axes.draw_ladder(panels[0], ahead(self.table))
         return panels
 
     def to_json(self) -> str:
@@ -249,18 +257,23 @@ class Study(Result):
     def _above(self) -> Sequence[str]:
         from hydro.report import words
 
-        return (self.headline, f"Errors of predictions, {words.horizon(self._ahead()['horizon'][0])}:")
+        return (self.headline, f"Errors of predictions, {words.horizon(ahead(self.table)['horizon'][0])}:")
 
     def _below(self) -> Sequence[str]:
         return (f"The study ended because {self.ending}.", f"Use step {self.best.number}: study.vehicle.")
 
-    def _ahead(self) -> pl.DataFrame:
-        """Rows of the ladder of all axes together, at the horizon of `summary`."""
-        from hydro.report.ladder import measured
-        from hydro.report.standing import at_horizon
 
-        rows = at_horizon(self.table)
-        return rows.filter(axis=measured(rows)[-1]).sort("dataset", "step")
+def ahead(ladder: pl.DataFrame) -> pl.DataFrame:
+    """Return the rows of a ladder of all axes together, 5 s ahead or else at the longest horizon.
+
+    Args:
+        ladder: Ladder table.
+    """
+    from hydro.report.ladder import measured
+    from hydro.report.standing import at_horizon
+
+    rows = at_horizon(ladder)
+    return rows.filter(axis=measured(rows)[-1]).sort("dataset", "step")
 
 
 def answer_of(steps: Sequence[Step], best: Step, ladder: pl.DataFrame) -> str:

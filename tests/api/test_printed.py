@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +69,26 @@ def test_units_stand_behind_names_of_columns() -> None:
     told = repr(made.diagnosis())
     assert "error added [m/s]" in told
     assert "Not visible in this recording: surface_suction." in told
-    assert "5 s ahead, the file's predictions are off by 0.121 m/s." in words(told)
+    errors = "0.121 m/s as given, 0.0500 m/s on held-out data with the findings added, noise floor 0.016 m/s."
+    assert f"Error 5 s ahead: {errors}" in words(told)
     assert "Errors of predictions, 5 s ahead:" in repr(made.comparison())
+
+
+def test_findings_that_do_not_lower_the_error_are_called_so() -> None:
+    worse = replace(made.PREDICTION, added=0.12, spread=0.01, floor=None)
+    told = words(repr(made.diagnosis(prediction=worse)))
+    assert "0.120 m/s on held-out data with the findings added. The findings do not lower it" in told
+    same = replace(worse, added=worse.given)
+    assert "Error 5 s ahead: 0.121 m/s as given." in words(repr(made.diagnosis(prediction=same)))
+
+
+def test_a_step_is_one_line() -> None:
+    first, last = made.study()
+    assert (
+        repr(first)
+        == "Step 0, as given: error 5 s ahead 2.00 m/s on the recording, 1.80 m/s on held-out data."
+    )
+    assert last.headline.startswith("Step 1, ocean current: error 5 s ahead 0.200 m/s on the recording")
 
 
 def test_a_result_is_printed_cheaply(result: Any) -> None:
