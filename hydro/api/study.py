@@ -113,7 +113,7 @@ class Step:
 
     @property
     def left_out(self) -> float | None:
-        """Error of stretches left out of the fit, in units of their noise; None where others decide."""
+        """Error on stretches left out of the fit, 5 s ahead [m/s]; None with held-out data or `before`."""
         from hydro.core.explanation.ladder import LEFT_OUT
 
         rows = self.ladder.filter(axis=LEFT_OUT)
