@@ -1,7 +1,9 @@
 """hydro: find the missing physics of an underwater vehicle, and simulate it fast and accurately in MuJoCo.
 
-The functions here are the whole line on polars frames; the command line offers the same on files. Importing
-`hydro` loads nothing heavy: the first call of a function loads what it needs.
+The functions take polars frames and vehicles; the command line offers the same on files. Importing `hydro` is
+quick: each function loads its libraries at its first call.
+
+Train a network and replay a recording:
 
     raw = hydro.read("raw.parquet")
     vehicle = hydro.vehicle("vehicle.toml")
@@ -9,27 +11,72 @@ The functions here are the whole line on polars frames; the command line offers 
     model = hydro.train(split, model="physfeat")
     series, metrics = hydro.replay(vehicle, raw, models=[model])
 
-And what is missing in a vehicle file:
+Find what a vehicle file lacks, and add it:
 
-    for step in hydro.explain(vehicle, raw, holdout=hydro.read("heldout.parquet")):
-        print(step.number, step.added, step.error("holdout"))
+    found = hydro.diagnose(vehicle, raw)
+    print(found.headline)
+    study = hydro.explain(vehicle, raw, holdout=hydro.read("heldout.parquet"))
+    better = study.vehicle
 
-And the vehicle in MuJoCo, to step or to view:
+Step or view the vehicle in MuJoCo:
 
     model, data = hydro.student(vehicle)
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydro import _moved
+from hydro.api import classes as _classes
+from hydro.api.classes import (
+    Comparison,
+    DataError,
+    Diagnosis,
+    Fit,
+    HydroError,
+    HydroWarning,
+    Step,
+    Study,
+    UsageError,
+)
 from hydro.api.files import import_log, read, read_model, vehicle, write, write_model, write_vehicle
 from hydro.api.networks import evaluate, features, labels, replay, split, train
 from hydro.api.physics import add, compare, diagnose, explain, fit, simulate
 from hydro.api.students import load_student, student
 
+if TYPE_CHECKING:
+    from hydro.api.classes import (
+        Epoch,
+        Estimates,
+        GpuPlant,
+        ImportReport,
+        LogMap,
+        Model,
+        Prediction,
+        Status,
+        Vehicle,
+    )
+
 __all__ = [
+    "Comparison",
+    "DataError",
+    "Diagnosis",
+    "Epoch",
+    "Estimates",
+    "Fit",
+    "GpuPlant",
+    "HydroError",
+    "HydroWarning",
+    "ImportReport",
+    "LogMap",
+    "Model",
+    "Prediction",
+    "Status",
+    "Step",
+    "Study",
+    "UsageError",
+    "Vehicle",
     "add",
     "compare",
     "diagnose",
@@ -57,9 +104,16 @@ _moved.install()
 
 
 def __getattr__(name: str) -> Any:
-    """`hydro.__version__`, read from the installed distribution when it is asked for."""
+    """Return `hydro.__version__` of the installed distribution, or a class that is loaded when it is used."""
     if name == "__version__":
         from importlib.metadata import version
 
         return version("deep-hydro-sim")
+    if name in _classes.LOADED_LATE:
+        return getattr(_classes, name)
     raise AttributeError(f"module 'hydro' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return all public names, those too that are loaded when they are used."""
+    return sorted({*globals(), *__all__})

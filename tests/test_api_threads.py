@@ -1,4 +1,4 @@
-"""How many threads linear algebra has during the calls of `import hydro`, and between a generator's steps."""
+"""How many threads linear algebra has during the calls of `import hydro`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np  # noqa: F401  (loads the library whose threads are counted)
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from hydro.api.threads import one_thread, one_thread_each
+from hydro.api.threads import one_thread
 
 ONE, TWO = 1, 2
 
@@ -31,14 +31,3 @@ def test_a_call_has_one_thread_and_gives_the_others_back_also_where_it_fails() -
     with pytest.raises(ZeroDivisionError):
         one_thread(lambda: 1 / 0)()
     assert threads() == TWO
-
-
-def test_a_generator_has_one_thread_in_its_steps_and_none_between_them() -> None:
-    def steps() -> Iterator[int]:
-        yield threads()
-        yield threads()
-
-    seen = []
-    for step in one_thread_each(steps)():
-        seen += [step, threads()]
-    assert seen == [ONE, TWO, ONE, TWO]

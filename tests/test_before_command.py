@@ -141,9 +141,15 @@ def test_held_out_data_too_short_for_a_floor_are_refused_by_name(capsys) -> None
 
 def test_nothing_changed_is_one_step_from_python() -> None:
     vehicle, before = hydro.vehicle("vehicle.toml"), hydro.read("earlier.parquet")
-    (step,) = hydro.explain(vehicle, hydro.read("same.parquet"), before=before)
+    study = hydro.explain(vehicle, hydro.read("same.parquet"), before=before)
+    (step,) = study
     assert step.diagnosis["verdict"].to_list() == ["nothing_missing"]
     assert "nothing has changed beyond" in step.diagnosis["advice"][0]
+    assert step.diagnosis.changed
+    assert step.diagnosis.headline.startswith("Nothing has changed")
+    assert "Nothing changed" in repr(step.diagnosis)
+    assert study.ending in repr(study)
+    assert study.vehicle == vehicle
 
 
 @pytest.fixture(scope="module")

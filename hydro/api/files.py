@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, BinaryIO
 
+from hydro.api.result import Result, frame_of
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame:
-    """Read an artefact and hold it to its schema.
+    """Read an artefact and check it against its schema.
 
     Args:
         source: path of a Parquet file, or a binary stream.
@@ -25,7 +27,7 @@ def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame
             `diagnosis` or `ladder`; any by default.
 
     Returns:
-        The table. `hydro.io.table.read` gives its provenance beside it.
+        The table. `hydro.io.table.read` returns its provenance too.
 
     Raises:
         hydro.core.errors.DataError: the file is broken, of another kind, or breaks its schema.
@@ -36,7 +38,7 @@ def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame
 
 
 def write(
-    frame: pl.DataFrame,
+    frame: pl.DataFrame | Result,
     destination: str | Path | BinaryIO,
     kind: str,
     *,
@@ -45,7 +47,7 @@ def write(
     """Write a table as an artefact of `kind`, whole or not at all, once it has passed its schema.
 
     Args:
-        frame: the table.
+        frame: the table, or a result such as `hydro.diagnose` returns.
         destination: path, or a binary stream.
         kind: kind of table, as for `read`.
         vehicle_file: vehicle file to put into the footer, so that later commands need no `--vehicle`.
@@ -57,7 +59,9 @@ def write(
     from hydro.io import vehicle as vehicles
 
     text = vehicles.read(vehicle_file)[1] if vehicle_file is not None else None
-    table.write(table.make(kind, frame, stage="python", vehicle_text=text), destination)
+    footer = frame.footer if isinstance(frame, Result) else None
+    made = table.make(kind, frame_of(frame), stage="python", parameters=footer, vehicle_text=text)
+    table.write(made, destination)
 
 
 def vehicle(path: str | Path) -> Vehicle:

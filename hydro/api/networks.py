@@ -90,7 +90,7 @@ def split(
 
 
 def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat") -> pl.DataFrame:
-    """Compute the inputs of a residual network beside its targets.
+    """Compute the inputs and the targets of a residual network.
 
     Args:
         labels: labels or split table.
@@ -200,7 +200,7 @@ def replay(
     Args:
         vehicle: the vehicle that the data were recorded with.
         raw: raw table.
-        models: trained models, one variant each, beside MJ0 and MJ0+M_A.
+        models: trained models, one variant each, in addition to MJ0 and MJ0+M_A.
         variants: names of the variants to fly; all by default.
         conditioning: what is done to a learned wrench: nothing, as the paper does, or one piece of that; see
             `hydro replay --help`.

@@ -1,18 +1,22 @@
-"""A vehicle moved, fitted, held against a recording, and told what it lacks."""
+"""Simulate a vehicle, fit it, compare it with a recording, and find missing effects."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from hydro.api.comparison import Comparison
+from hydro.api.diagnosis import Diagnosis
+from hydro.api.fitted import Fit
 from hydro.api.order import Progress, vehicle_first
-from hydro.api.threads import one_thread, one_thread_each
+from hydro.api.result import frame_of
+from hydro.api.study import Step, Study
+from hydro.api.threads import one_thread
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from hydro.core.explanation.ladder import Step
-    from hydro.core.identification.outcome import Fit
+    from hydro.core.explanation.ladder import Step as Rung
     from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
@@ -20,17 +24,18 @@ if TYPE_CHECKING:
 
 @vehicle_first
 def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
-    """Move a vehicle by commands, with every effect of its file.
+    """Simulate a vehicle under commands, with every effect of its file.
 
     Args:
         vehicle: the vehicle.
-        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next: every
-            session starts at rest at the origin. Or a raw table, whose own rows give the initial states.
-        sea: seed of the waves of its file, drawn for every session anew; without, the sea is calm, as in
-            every prediction.
+        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next; every
+            session starts at rest at the origin. Or a raw table, whose first rows are the initial states.
+        sea: seed of the waves of its file, which differ between sessions; None for a calm sea, as in every
+            prediction.
 
     Returns:
-        The raw table of what it would have logged, without noise.
+        Raw table of the simulated motion, without sensor noise: pose in NED [m, rad], velocities in FRD
+        [m/s, rad/s], commands.
 
     Raises:
         hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion diverges.
@@ -60,29 +65,30 @@ def fit(
         raw: raw table.
         effects: names in the catalogue, see `hydro effects`: `linear_damping`, or `linear_damping.matrix`
             where there are several forms; or tables with values to start from.
-        method: output error over shots of two seconds, or equation error along the smoothed motion, which is
-            quicker and biased by noise.
+        method: `output`, output error over shots of two seconds, or `equation`, equation error along the
+            smoothed motion, which is quicker but biased by noise.
         noise: standard deviation of position [m] (3), attitude [rad] (3), velocity [m/s] (3) and rates
             [rad/s] (3); by default found from the data.
-        shots: shots, or windows, at most; they are spread evenly over a longer recording.
+        shots: most shots, or windows; they are spread evenly over a longer recording.
         progress: called with a few words and the share of the work done.
 
     Returns:
-        A `hydro.core.identification.outcome.Fit`: `vehicle` with the estimates, `frame()` with a row per
-        parameter (value, standard error, unit, whether the data determine it), `covariance`, `chi2` and
-        `warnings`.
-        `hydro.add` writes it into a vehicle with its standard errors.
+        The fit: `vehicle` with the estimates, `table` with a row per parameter (value, standard error, unit,
+        whether the data determine it), `covariance`, `chi2` and `warnings`. `hydro.add` adds it to a vehicle
+        with its standard errors.
 
     Raises:
-        hydro.core.errors.DataError: an effect or the recording is at fault (columns that are not what they
-            are called among them), or the motion diverges.
+        hydro.core.errors.DataError: an effect or the recording is wrong, such as swapped columns, or the
+            motion diverges.
     """
     import numpy as np
 
     from hydro.core.identification.fit import fit as estimate
+    from hydro.core.recording.arrays import recording
 
     sigma = None if noise is None else np.asarray(noise, dtype=float)
-    return estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, progress=progress)
+    found = estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, progress=progress)
+    return Fit.of(found, vehicle, recording(vehicle, raw).dt)
 
 
 @vehicle_first
@@ -91,25 +97,25 @@ def compare(
     vehicle: Vehicle,
     raw: pl.DataFrame,
     *,
-    against: pl.DataFrame | None = None,
+    against: pl.DataFrame | Comparison | None = None,
     before: pl.DataFrame | None = None,
     model: Model | None = None,
     progress: Progress | None = None,
-) -> pl.DataFrame:
-    """Compare a vehicle with a recording: how large are its errors, and where do they lie?
+) -> Comparison:
+    """Measure how well a vehicle predicts a recording, and where its errors are largest.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
-        against: an earlier comparison with the same recording, whose errors are to stand beside the new ones.
-        before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
-            from it and held fixed; rows of the level `hull` tell what is left then, here and there.
-        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
+        against: earlier comparison with the same recording; its errors become the column `before`.
+        before: raw table of the same vehicle before a change. A hull-force model is fitted to it and held
+            fixed; rows of the level `hull` have the errors with it, before and after.
+        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
         progress: called with a few words and the share of the work done.
 
     Returns:
-        The comparison table: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis,
-        horizon and place, each beside what noise alone would leave.
+        The comparison: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis, horizon and
+        regime of motion, each with its noise floor.
 
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
@@ -121,10 +127,11 @@ def compare(
 
     hull = _hull(vehicle, before, model)
     log = preprocess(vehicle, raw, hull)
-    found = measure(vehicle, log.raw, record=log.observed, against=against, progress=progress)
+    earlier = None if against is None else frame_of(against)
+    found = measure(vehicle, log.raw, record=log.observed, against=earlier, progress=progress)
     if hull is not None:
         found = with_hull(found, vehicle, log, hull)
-    return conform("comparison", found)
+    return Comparison(conform("comparison", found))
 
 
 @vehicle_first
@@ -138,28 +145,29 @@ def diagnose(
     discover: bool = False,
     correct_thrusters: bool = False,
     progress: Progress | None = None,
-) -> pl.DataFrame:
-    """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
+) -> Diagnosis:
+    """Find the physical effects that a vehicle lacks, or that have changed, with their confidence.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
-        before: raw table of the same vehicle before a change: then findings are of what has changed since.
-        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
-        discover: whether a formula of sparse terms is looked for where no effect of the catalogue explains
-            the recording; not with `before`.
-        correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
-            directions and order as it states them; by default that is the only finding.
+        before: raw table of the same vehicle before a change; the findings are then changes since.
+        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
+        discover: search a formula of sparse terms if no effect of the catalogue explains the recording; not
+            with `before`.
+        correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
+            order that it states; by default that is the only finding.
         progress: called with a few words and the share of the work done.
 
     Returns:
-        The diagnosis table: one finding per row, the most telling first, with verdict, values and advice.
+        The diagnosis: `headline`, `vehicle` with the stated findings, and `table` with one finding per row,
+        the most telling first, with verdict, values and advice.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
-        hydro.core.errors.UsageError: there is a model without a recording before, or one before to discover.
+        hydro.core.errors.UsageError: `model` without `before`, or `discover` with it.
     """
-    from hydro.core.diagnosis.diagnose import diagnose_log
+    from hydro.core.diagnosis.diagnose import answered, diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
@@ -169,31 +177,32 @@ def diagnose(
     log = log.as_audited() if correct_thrusters else log
     found = diagnose_log(vehicle, log, hull=hull, progress=progress)
     if discover and not log.misdirected:
-        found = discovered(vehicle, log, found, progress)
-    return conform("diagnosis", found.frame())
+        found = answered(discovered(vehicle, log, found, progress), vehicle, log, hull=hull)
+    return Diagnosis.of(found, vehicle, conform("diagnosis", found.frame()), changed=hull is not None)
 
 
-def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
-    """Add what a diagnosis or a fit found to a vehicle, with its standard errors.
+def add(
+    vehicle: Vehicle, diagnosis: Diagnosis | Fit | pl.DataFrame, effects: Sequence[str] | None = None
+) -> Vehicle:
+    """Add the effects of a diagnosis or a fit to a vehicle, with their standard errors.
 
     Args:
         vehicle: the vehicle that was diagnosed or fitted.
-        diagnosis: diagnosis table, or what `hydro.fit` returns.
-        effects: names of the effects to add; by default all that were fitted, or that a diagnosis found
-            missing or with other values. What it only suspects is added by name alone.
+        diagnosis: result of `hydro.diagnose` or `hydro.fit`, or a diagnosis table.
+        effects: names of the effects to add; by default all fitted or stated ones. A suspected effect is
+            added only by its name.
 
     Returns:
-        The vehicle with them.
+        The vehicle with these effects.
 
     Raises:
-        hydro.core.errors.DataError: there is nothing to add, or not what is named.
+        hydro.core.errors.DataError: there is nothing to add, or no effect of such a name.
     """
     from hydro.core.diagnosis.findings import extended, tables
     from hydro.core.errors import DataError
-    from hydro.core.identification.outcome import Fit
 
     if not isinstance(diagnosis, Fit):
-        return extended(vehicle, tables(diagnosis, effects))
+        return extended(vehicle, tables(frame_of(diagnosis), effects))
     fitted = {table["name"]: table for table in diagnosis.tables()}
     wanted = list(effects or fitted)
     if unknown := [name for name in wanted if name not in fitted]:
@@ -202,7 +211,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] 
 
 
 @vehicle_first
-@one_thread_each
+@one_thread
 def explain(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -212,36 +221,40 @@ def explain(
     model: Model | None = None,
     discover: bool = False,
     correct_thrusters: bool = False,
+    on_step: Callable[[Step], object] | None = None,
     progress: Progress | None = None,
-) -> Iterator[Step]:
-    """Add what a vehicle lacks, or what has changed in it, step by step, until nothing more is found.
+) -> Study:
+    """Add missing or changed effects to a vehicle step by step, until nothing more is found.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
         holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
-        before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
-            from it and held fixed; steps then add what has changed since.
-        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
-        discover: whether a formula of sparse terms is added where no effect of the catalogue explains what
-            is left; not with `before`.
-        correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
-            directions and order as it states them.
+        before: raw table of the same vehicle before a change. A hull-force model is fitted to it and held
+            fixed; the steps then add changes since.
+        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
+        discover: add a formula of sparse terms if no effect of the catalogue explains the residual; not with
+            `before`.
+        correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
+            order that it states.
+        on_step: called with each step as soon as it is done, such as `print`.
         progress: called with a few words and the share of the present step that is done.
 
-    Yields:
-        Each step as it is done, the vehicle as given first: a `hydro.core.explanation.ladder.Step` with the
-        vehicle, its comparison and diagnosis, and its errors as rows of the ladder table.
+    Returns:
+        The study: its steps, the vehicle as given first, each with its vehicle, comparison and diagnosis;
+        `table` with the errors of all steps; `vehicle` of the step to use.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, is too short, or contradicts the
             directions or the order of its thrusters.
     """
-    from dataclasses import replace
-
     from hydro.core.discovery.discover import discovered
+    from hydro.core.explanation.explain import ending
     from hydro.core.explanation.explain import explain as steps
-    from hydro.io.table import conform
+    from hydro.core.explanation.ladder import best
+    from hydro.core.explanation.options import is_stated
+    from hydro.core.explanation.status import study_status
+    from hydro.core.recording.segments import sample_time
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
     told = steps(
@@ -253,19 +266,22 @@ def explain(
         corrected=correct_thrusters,
         progress=progress,
     )
-    for step in told:
-        yield replace(
-            step,
-            comparison=conform("comparison", step.comparison),
-            diagnosis=conform("diagnosis", step.diagnosis),
-            ladder=conform("ladder", step.ladder),
-        )
+    rungs: list[Rung] = []
+    done: list[Step] = []
+    for rung in told:
+        stated = bool(rungs) and is_stated(rungs[-1], rung)
+        rungs.append(rung)
+        done.append(Step.of(rung, stated, changed=hull is not None))
+        if on_step is not None:
+            on_step(done[-1])
+    answer = study_status(rungs, best(rungs), sample_time(raw)).headline
+    return Study.of(done, best(rungs).number, ending(rungs), answer)
 
 
 def _hull(
     vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None, *, discover: bool = False
 ) -> Hull | None:
-    """What a recording from before, or a network, says of the hull; None without a recording."""
+    """Return the hull-force model of a recording before a change, or of a network; None without one."""
     from hydro.core.diagnosis.diagnose import hull_of
     from hydro.core.errors import UsageError
     from hydro.core.residual.learnt import Learnt

@@ -1,14 +1,14 @@
-"""One thread of linear algebra during a call: its own threads are shared among shots and windows already.
+"""Limit linear algebra to one thread during a call, whose threads already share shots and windows.
 
-Matrices have a few dozen rows, and threads of the linear algebra beside the call's own only wait for one
-another: on two busy cores the problem of one recording took three times the processor time.  The command line
-says so to the library before it is loaded (`hydro.cli`); a program that imports `hydro` has loaded it.
+Matrices have a few dozen rows, and more threads of linear algebra only wait for each other. On two busy cores
+the problem of one recording took three times the processor time.  The command line sets the limit before the
+library is loaded (`hydro.cli`); a program that imports `hydro` has often loaded it already.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import ParamSpec, TypeVar
 
@@ -23,23 +23,6 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
     def alone(*given: P.args, **named: P.kwargs) -> R:
         with _limited():
             return function(*given, **named)
-
-    return alone
-
-
-def one_thread_each(function: Callable[P, Iterator[R]]) -> Callable[P, Iterator[R]]:
-    """The same of a generator: between its steps the caller has all threads."""
-
-    @functools.wraps(function)
-    def alone(*given: P.args, **named: P.kwargs) -> Iterator[R]:
-        steps = function(*given, **named)
-        while True:
-            with _limited():
-                try:
-                    step = next(steps)
-                except StopIteration:
-                    return
-            yield step
 
     return alone
 

@@ -19,6 +19,7 @@ from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, extended, susp
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.provisional import Told
+from hydro.core.diagnosis.status import status
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
@@ -187,4 +188,5 @@ def _next(
         diagnosis.chi2,
         pl.concat(ladder, how="diagonal_relaxed"),
         tried.estimates,
+        status(diagnosis.findings, plain, log.record.dt, None if hull is None else diagnosis.chi2[-1]),
     )

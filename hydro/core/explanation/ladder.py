@@ -14,6 +14,7 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.diagnosis.findings import Status
 from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, column
 from hydro.core.explanation.with_hull import BESIDE, FLOOR
 from hydro.core.explanation.with_hull import LEVEL as OF_HULL
@@ -45,6 +46,7 @@ class Step:
         chi2: Of the diagnosis.
         ladder: The errors of this step, the rows of the ladder table.
         estimates: The values of `tables` with their covariance; None of step 0.
+        status: The answer of the diagnosis in words; None of a step that was read from its files.
     """
 
     number: int
@@ -56,6 +58,7 @@ class Step:
     chi2: tuple[float, ...]
     ladder: pl.DataFrame
     estimates: Estimates | None = None
+    status: Status | None = None
 
     def error(self, dataset: str) -> float | None:
         """Error of all velocities together, predicted HORIZON ahead [m/s]; None without such data."""

@@ -1,0 +1,172 @@
+"""The result of `hydro.diagnose`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from hydro.api.result import Result
+
+if TYPE_CHECKING:
+    import numpy as np
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from hydro.core.diagnosis.findings import Diagnosis as Found
+    from hydro.core.diagnosis.findings import Prediction, Status
+    from hydro.core.simulation.estimates import Estimates
+    from hydro.core.vehicle.description import Vehicle
+    from hydro.report.result_axes import Axes
+
+CHI2 = ("given", "own_effects", "found")
+"""Names of the mean squared residuals in JSON: as given, own effects refitted, with the findings."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Result):
+    """Missing or changed effects of a vehicle, as `hydro.diagnose` finds them.
+
+        found = hydro.diagnose(vehicle, raw)
+        print(found.headline)
+        better = found.vehicle
+
+    Attributes:
+        table: Diagnosis table, one finding per row, the most telling first.
+        status: The answer in words: `kind` is `fault`, `stated`, `uncertain`, `unexplained` or `nothing`, and
+            `sentences` has one or two for each effect.
+        vehicle: The vehicle with the stated findings, as `hydro.add` gives it; as given where none is stated.
+        chi2: Mean squared residual in units of the noise variance (1: noise alone) of the vehicle as given,
+            with its own effects refitted, and with the findings.
+        prediction: Errors of predictions before and after the stated findings are added [m/s], measured on
+            held-out stretches; None where no session is long enough, and of a change since another recording.
+        estimates: All values that were fitted together, with their covariance; None where none were.
+        changed: Whether the findings are changes since a recording before.
+    """
+
+    status: Status
+    vehicle: Vehicle
+    chi2: tuple[float, float, float]
+    prediction: Prediction | None = None
+    estimates: Estimates | None = None
+    changed: bool = False
+
+    units: ClassVar[Mapping[str, str]] = {"error_added": "m/s"}
+
+    @classmethod
+    def of(cls, found: Found, vehicle: Vehicle, table: pl.DataFrame, *, changed: bool) -> Diagnosis:
+        """Return the result of a diagnosis of `hydro.core`.
+
+        Args:
+            found: The diagnosis, with its status.
+            vehicle: The vehicle that was diagnosed.
+            table: Its findings, in the types of their schema.
+            changed: Whether a recording from before a change was given.
+        """
+        if found.status is None:
+            raise ValueError("the diagnosis has no status")
+        return cls(
+            table,
+            found.status,
+            with_stated(vehicle, table),
+            found.chi2,
+            found.prediction,
+            found.estimates,
+            changed,
+        )
+
+    @property
+    def headline(self) -> str:
+        """The answer in one line: how many effects are missing, and a sentence for each."""
+        return self.status.headline
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Names of the effects that the motion in the recording cannot show."""
+        return tuple(self.table.filter(verdict="not_excited")["effect"])
+
+    @property
+    def footer(self) -> dict[str, Any]:
+        """Chi-square, prediction errors and headline, which `hydro.write` stores in the file."""
+        from hydro.core.diagnosis.findings import HEADLINE, PREDICTION
+
+        errors = {} if self.prediction is None else {PREDICTION: asdict(self.prediction)}
+        return {"chi2": [round(value, 4) for value in self.chi2], HEADLINE: self.headline} | errors
+
+    def summary(self) -> pl.DataFrame:
+        """Return the findings in short, without effects that the recording cannot show.
+
+        Returns:
+            `finding`, `effect`, `share_of_error` (0 to 1), `confidence` (0 to 1), and `error_added`: error of
+            predictions with this finding alone added [m/s].
+        """
+        import polars as pl
+
+        from hydro.report import words
+
+        rows = self.table.filter(pl.col("verdict") != "not_excited").sort("rank")
+        return rows.select(
+            pl.Series("finding", [words.verdict(row, self.changed)[0] for row in rows.to_dicts()], pl.String),
+            "effect",
+            "confidence",
+            "error_added",
+            share_of_error="share_of_error_explained",
+        ).select("finding", "effect", "share_of_error", "confidence", "error_added")
+
+    def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
+        """Draw errors of predictions before and after, and the share of the error that each finding explains.
+
+        Args:
+            axes: Matplotlib axes to draw into, as many as are returned; by default a new figure's.
+
+        Returns:
+            The axes, (2,): errors [m/s], and shares [%] with 95 % intervals; (1,), the shares alone, where
+            there is no `prediction`.
+        """
+        from hydro.report import result_axes
+
+        count = 1 if self.prediction is None else 2
+        panels = result_axes.panels(axes, count, height=1.6 + 0.45 * max(self.summary().height, 2))
+        if self.prediction is not None:
+            result_axes.draw_prediction(panels[0], self.prediction)
+        result_axes.draw_findings(panels[-1], self.table, changed=self.changed)
+        return panels
+
+    def to_json(self) -> str:
+        """Return headline, findings, chi-square and prediction errors, as `hydro diagnose --json` does."""
+        from hydro.report.json_text import json_text
+
+        errors = {} if self.prediction is None else {"prediction": asdict(self.prediction)}
+        chi2 = dict(zip(CHI2, self.chi2, strict=True))
+        return json_text(headline=self.headline, findings=self.table, chi2=chi2, **errors)
+
+    def _above(self) -> Sequence[str]:
+        return (self.headline,) if self.prediction is None else (self.headline, _in_words(self.prediction))
+
+    def _below(self) -> Sequence[str]:
+        unseen = ", ".join(self.unseen)
+        return (f"Not visible in this recording: {unseen}.",) if unseen else ()
+
+
+def _in_words(known: Prediction) -> str:
+    """Return the errors of predictions and their noise floor in a sentence."""
+    from hydro.report.words import figure
+
+    told = [f"{figure(known.given)} m/s as given"]
+    if known.added != known.given:
+        told.append(f"{figure(known.added)} m/s on held-out data with the findings added")
+    if known.floor is not None:
+        told.append(f"noise floor {figure(known.floor, 2)} m/s")
+    helps = known.added == known.given or known.falls
+    refused = "" if helps else " The findings do not lower it, so `hydro add` refuses them."
+    return f"Error {known.horizon:g} s ahead: {', '.join(told)}.{refused}"
+
+
+def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
+    """Return a vehicle with the findings that a diagnosis states; the same vehicle where it states none."""
+    import polars as pl
+
+    from hydro.core.diagnosis.findings import STATED, extended, tables
+
+    stated = table.filter(pl.col("verdict").is_in(STATED) & (pl.col("parameters") != ""))
+    return vehicle if stated.is_empty() else extended(vehicle, tables(table))

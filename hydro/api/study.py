@@ -1,0 +1,277 @@
+"""The result of `hydro.explain`: steps, and the ladder of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, overload
+
+from hydro.api.comparison import Comparison
+from hydro.api.diagnosis import Diagnosis, with_stated
+from hydro.api.result import Result, same
+
+if TYPE_CHECKING:
+    import numpy as np
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from hydro.core.explanation.ladder import Step as Rung
+    from hydro.core.simulation.estimates import Estimates
+    from hydro.core.vehicle.description import Vehicle
+    from hydro.report.result_axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Step:
+    """One step of a study.
+
+    Attributes:
+        number: 0 is the vehicle as given.
+        added: Names of the effects that the step added, or gave new values to where it added none.
+        stated: Whether the diagnosis of the step before states the added effects; False of step 0.
+        tables: All effects that were fitted together, with their standard errors; none of step 0.
+        vehicle: The vehicle with them.
+        comparison: Its errors against the recording.
+        diagnosis: Its diagnosis.
+        ladder: Errors of this step, the rows of the ladder table.
+        estimates: The values of `tables` with their covariance; None of step 0.
+    """
+
+    number: int
+    added: tuple[str, ...]
+    stated: bool
+    tables: tuple[dict[str, Any], ...]
+    vehicle: Vehicle
+    comparison: Comparison
+    diagnosis: Diagnosis
+    ladder: pl.DataFrame
+    estimates: Estimates | None = None
+
+    @classmethod
+    def of(cls, rung: Rung, stated: bool, *, changed: bool) -> Step:
+        """Return a step of `hydro.core` with its tables as results.
+
+        Args:
+            rung: The step, as it was just made.
+            stated: Whether the diagnosis of the step before states the added effects.
+            changed: Whether a recording from before a change was given.
+        """
+        from hydro.io.table import conform
+
+        if rung.status is None:
+            raise ValueError("the step has no status")
+        found = conform("diagnosis", rung.diagnosis)
+        given, own_effects, with_findings = rung.chi2
+        return cls(
+            rung.number,
+            rung.added,
+            stated,
+            rung.tables,
+            rung.vehicle,
+            Comparison(conform("comparison", rung.comparison)),
+            Diagnosis(
+                found,
+                rung.status,
+                with_stated(rung.vehicle, found),
+                (given, own_effects, with_findings),
+                changed=changed,
+            ),
+            conform("ladder", rung.ladder),
+            rung.estimates,
+        )
+
+    @property
+    def headline(self) -> str:
+        """Added effects and errors in one line."""
+        from hydro.report import words
+        from hydro.report.ladder import by_dataset
+
+        rows = ahead(self.ladder)
+        errors = [
+            f"{words.figure(one['rmse'][0])} {one['unit'][0]} on {label}"
+            for _, label, one in by_dataset(rows)
+        ]
+        added = " and ".join(map(words.effect_name, self.added)) or "as given"
+        horizon = words.horizon(rows["horizon"][0])
+        return f"Step {self.number}, {added}: error {horizon} {', '.join(errors)}."
+
+    @property
+    def chi2(self) -> tuple[float, ...]:
+        """Mean squared residuals of `diagnosis` in units of the noise variance."""
+        return self.diagnosis.chi2
+
+    def error(self, dataset: str) -> float | None:
+        """Return the error of all velocities together, predicted 5 s ahead [m/s]; None without such data.
+
+        Args:
+            dataset: `fit`, the recording, or `holdout`.
+        """
+        from hydro.core.explanation.ladder import HORIZON
+
+        rows = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
+        return None if rows.is_empty() else float(rows["rmse"][0])
+
+    @property
+    def left_out(self) -> float | None:
+        """Error on stretches left out of the fit, 5 s ahead [m/s]; None with held-out data or `before`."""
+        from hydro.core.explanation.ladder import LEFT_OUT
+
+        rows = self.ladder.filter(axis=LEFT_OUT)
+        return None if rows.is_empty() else float(rows["rmse"][0])
+
+    def __repr__(self) -> str:
+        return self.headline
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Study(Result):
+    """Effects added to a vehicle step by step, as `hydro.explain` does it.
+
+    Iteration, `len` and whole numbers in brackets go over the steps; everything else that polars offers of a
+    frame, `["column"]` included, is passed on to the ladder.
+
+        study = hydro.explain(vehicle, raw, holdout=other)
+        for step in study:
+            print(step.number, step.added, step.error("holdout"))
+        better = study.vehicle
+
+    Attributes:
+        table: Ladder table: errors of predictions after each step, on the recording and on held-out data.
+        steps: The steps, the vehicle as given first.
+        best: The step to use: the last, or the one before it where that predicts better.
+        ending: Why no step follows the last.
+        answer: The headline.
+    """
+
+    steps: tuple[Step, ...]
+    best: Step
+    ending: str
+    answer: str
+
+    @classmethod
+    def of(cls, steps: Sequence[Step], best: int, ending: str, answer: str) -> Study:
+        """Return the study that steps make.
+
+        Args:
+            steps: The steps, from 0 on.
+            best: Number of the step to use.
+            ending: Why no step follows.
+            answer: The headline.
+        """
+        import polars as pl
+
+        ladder = pl.concat(step.ladder for step in steps)
+        return cls(ladder, tuple(steps), steps[best], ending, answer)
+
+    @property
+    def headline(self) -> str:
+        """Added effects with their values, and which of them no test confirmed."""
+        return self.answer
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle of the step to use."""
+        return self.best.vehicle
+
+    @property
+    def comparison(self) -> Comparison:
+        """Errors of `vehicle` against the recording."""
+        return self.best.comparison
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """Diagnosis of `vehicle`."""
+        return self.best.diagnosis
+
+    def summary(self) -> pl.DataFrame:
+        """Return the errors of predictions after each step, 5 s ahead or else at the longest horizon.
+
+        Returns:
+            `step`; `added`, the names of its effects; `error` on the recording and `held_out` on held-out
+            data, all axes together, with `noise_floor` of the recording, all in `unit`; and `use`, true of
+            the step to use.
+        """
+        import polars as pl
+
+        rows = ahead(self.table)
+        fit, holdout = (rows.filter(dataset=name) for name in ("fit", "holdout"))
+        both = fit.join(holdout.select("step", held_out="rmse"), on="step", how="left", maintain_order="left")
+        return both.select(
+            "step",
+            pl.col("effect").alias("added"),
+            pl.col("rmse").alias("error"),
+            "held_out",
+            "noise_floor",
+            "unit",
+            (pl.col("step") == self.best.number).alias("use"),
+        )
+
+    def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
+        """Draw the error after each step, with its 95 % interval and its noise floor.
+
+        Args:
+            axes: Matplotlib axes to draw into; by default a new figure's.
+
+        Returns:
+            The axes, (1,): errors of all velocities together [m/s], or of the pose [m] of a recording
+            without velocities.
+        """
+        from hydro.report import result_axes
+
+        panels = result_axes.panels(axes, 1, height=3.8)
+        result_axes.draw_ladder(panels[0], ahead(self.table))
+        return panels
+
+    def to_json(self) -> str:
+        """Return headline, ending, the step to use, all steps, ladder and findings."""
+        from hydro.report.json_text import json_text
+
+        steps = [
+            {"step": one.number, "added": one.added, "stated": one.stated, "effects": one.tables}
+            for one in self.steps
+        ]
+        return json_text(
+            headline=self.headline,
+            use=self.best.number,
+            ending=self.ending,
+            steps=steps,
+            ladder=self.table,
+            findings=self.diagnosis.table,
+        )
+
+    @overload
+    def __getitem__(self, key: int) -> Step: ...
+    @overload
+    def __getitem__(self, key: Any) -> Any: ...
+    def __getitem__(self, key: Any) -> Any:
+        return self.steps[key] if isinstance(key, int | slice) else self.table[key]
+
+    def __iter__(self) -> Iterator[Step]:
+        return iter(self.steps)
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def _above(self) -> Sequence[str]:
+        from hydro.report import words
+
+        return (self.headline, f"Errors of predictions, {words.horizon(ahead(self.table)['horizon'][0])}:")
+
+    def _below(self) -> Sequence[str]:
+        return (f"The study ended because {self.ending}.", f"Use step {self.best.number}: study.vehicle.")
+
+
+def ahead(ladder: pl.DataFrame) -> pl.DataFrame:
+    """Return the rows of a ladder of all axes together, 5 s ahead or else at the longest horizon.
+
+    Args:
+        ladder: Ladder table.
+    """
+    from hydro.report.ladder import measured
+    from hydro.report.standing import at_horizon
+
+    rows = at_horizon(ladder)
+    return rows.filter(axis=measured(rows)[-1]).sort("dataset", "step")
