@@ -247,7 +247,7 @@ def diagnose(
         correct_thrusters=correct_thrusters,
     )
     learned = "" if earlier is None else change.told(earlier.parameters, found.chi2)
-    context = Context.of(found, start, log.record.dt, call, learned)
+    context = Context.of(found, start, log, call, learned)
     _print(found, context, printing, details)
     if as_json:
         errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
