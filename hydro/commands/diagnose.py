@@ -209,7 +209,7 @@ def diagnose(
     if each:
         _refuse_beside_each(before=before, model=model, discover=discover, fly=fly, json=as_json)
         connect = partial(engine_for, engine, address, threads)
-        _diagnose_each(vehicle, dataset(measured), known, printing, connect, correct_thrusters)
+        _diagnose_each(vehicle, dataset(measured), known, printing, connect, correct_thrusters, details)
         return
     refuse_engine(engine, "sessions are shared out where each is diagnosed by itself: add --each")
     limits = Limits(depth=depth, space=space, thrust=thrust, seconds=seconds)
@@ -247,7 +247,7 @@ def diagnose(
         correct_thrusters=correct_thrusters,
     )
     learned = "" if earlier is None else change.told(earlier.parameters, found.chi2)
-    context = Context.of(found, start, log.record.dt, call, learned)
+    context = Context.of(found, start, log, call, learned)
     _print(found, context, printing, details)
     if as_json:
         errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
@@ -297,6 +297,7 @@ def _diagnose_each(
     printing: Printing,
     connect: Callable[[], AbstractContextManager[Engine]],
     corrected: bool,
+    details: bool,
 ) -> None:
     """Diagnose every session of a dataset by itself."""
     from hydro.io import partitions
@@ -318,6 +319,8 @@ def _diagnose_each(
                 message(f"hydro: {one.error}")
                 continue
             console.print(f"{one.session}: {one.headline}", style="bold")
+            if details:
+                print_findings(one.findings, console)
     tell_strangers(output, (part.session for part in data.parts))
     if failed:
         raise DataError(f"{folder}: {failed} of {len(tasks)} sessions could not be diagnosed, see above")

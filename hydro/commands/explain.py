@@ -279,6 +279,8 @@ def _print_details(study: Study, outcome: Outcome, recordings: Recordings, conso
         others = [table["name"] for table in step.tables if table["name"] not in step.added]
         if others:
             console.print(f"    re-estimated with it: {', '.join(others)}")
+    if beyond := outcome.beyond:
+        console.print("\nNot plausible:", *beyond, sep="\n    ")
     console.print(f"\nDiagnosis of step {outcome.chosen.number}", style="bold")
     print_findings(outcome.chosen.diagnosis, console)
 

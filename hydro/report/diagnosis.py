@@ -12,6 +12,7 @@ import polars as pl
 from hydro.core import toml_text
 from hydro.core.columns import UNITS
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Diagnosis, Prediction
+from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.status import in_words
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sentences import sentence
@@ -58,6 +59,7 @@ class Context:
         open: Whether a next flight can be designed.
         call: The command; None where no command is to follow.
         learned: What a recording before a change has taught, in words; empty without one.
+        reversed: Thrusters that push opposite to the file, from 0; none where columns are swapped as well.
     """
 
     vehicle: Vehicle
@@ -68,12 +70,17 @@ class Context:
     open: bool = False
     call: Call | None = None
     learned: str = ""
+    reversed: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, found: Diagnosis, vehicle: Vehicle, dt: float, call: Call, learned: str = "") -> Context:
+    def of(
+        cls, found: Diagnosis, vehicle: Vehicle, log: Preprocessed, call: Call, learned: str = ""
+    ) -> Context:
         """Return the context of a diagnosis that was just made."""
-        changed, asked = bool(learned), found.question is not None
-        return cls(vehicle, dt, found.headline, found.prediction, changed, asked, call, learned)
+        changed, asked, dt = bool(learned), found.question is not None, log.record.dt
+        wrong = log.audit.wiring if log.audit is not None and log.audit.wrong else None
+        flipped = wrong.reversed if wrong is not None and not wrong.moved else ()
+        return cls(vehicle, dt, found.headline, found.prediction, changed, asked, call, learned, flipped)
 
     @property
     def refused(self) -> bool:
@@ -154,6 +161,8 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
         about: The rest.
         number: Its number; 0 where it is the only one.
     """
+    if is_of_thrusters(row):
+        return  # the headline says it
     place = f"{number}. " if number else ""
     sure = sureness(row)
     yield Text(f"{place}{title(row, about)}{f': {sure}' if sure else ''}.", bold=True)
@@ -289,6 +298,8 @@ def _following(row: Mapping[str, Any], about: Context) -> Following:
             "Alone it does not lower the error. Try steps, and keep those that do:",
             call.again("explain", "-o", "study"),
         )
+    if is_of_thrusters(row) and about.reversed:
+        return Following("Reverse thrusters in the vehicle file:", call.flipping(about.reversed))
     if is_of_thrusters(row) and not call.options.get("--correct-thrusters"):
         return Following(
             "Go on with the thrusters as this log shows them:", call.again("diagnose", "--correct-thrusters")

@@ -70,6 +70,12 @@ class Call:
             return None
         return [*self.command("diagnose"), PIPE, "hydro", "add", str(self.vehicle), *named, *target]
 
+    def flipping(self, thrusters: Sequence[int]) -> list[str]:
+        """Return the words of `hydro vehicle flip` for some thrusters, counted from 0."""
+        numbers = ",".join(str(one + 1) for one in thrusters)
+        target = ["-o", next_file(self.vehicle)]
+        return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]
+
     def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
         """Return a command on the same inputs; None where they are gone."""
         return self.command(name, *more, without=without) if self.repeatable else None

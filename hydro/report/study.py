@@ -19,6 +19,8 @@ from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 WHERE = {"fit": "on the recording", "holdout": "on held-out data"}
 """What errors are measured on."""
+MOST = 2
+"""Values that are not plausible, of which an answer has a sentence: all has to fit one screen."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,10 @@ def answer(study: Outcome, width: int) -> list[Text]:
         lines.append(Text(told))
     lines += [EMPTY, Text("Steps:", bold=True), *_steps(study)]
     lines += [Text(f"It ends here: {study.reason}."), EMPTY]
-    if beyond := study.beyond:
-        lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond]
+    beyond = study.beyond
+    lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond[:MOST]]
+    if (more := len(beyond) - MOST) > 0:
+        lines.append(Text(f"{more} more values are not plausible: add --details."))
     lines.append(Text(f"The file to use is {study.file}."))
     page = ["hydro", "report", str(study.folder), "-o", "report.html"]
     lines += Following("All figures on one page:", page).lines(width)
@@ -100,7 +104,9 @@ def errors(study: Outcome) -> Iterator[Text]:
         body.append([f"  {axis} [{unit}]", *(words.figure(one) for one in values)])
     yield from table(header, body)
     if both:
-        yield Text(f"{WHERE[dataset]}; before: the file as given, after: step {study.chosen.number}.")
+        where = WHERE[dataset]
+        where = f"{where[:1].upper()}{where[1:]}"
+        yield Text(f"{where}; before: the file as given, after: step {study.chosen.number}.")
 
 
 def _steps(study: Outcome) -> Iterator[Text]:

@@ -6,6 +6,8 @@ import math
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from command_lines import parse, pasted_from
@@ -34,12 +36,18 @@ CALL = Call(Path("my vehicle.toml"), ("dive 1.parquet",))
 
 
 def answer(
-    findings: list[Finding], *, width: int = 80, call: Call = CALL, known: Prediction | None = KNOWN
+    findings: list[Finding],
+    *,
+    width: int = 80,
+    call: Call = CALL,
+    known: Prediction | None = KNOWN,
+    audit: Any = None,
 ) -> str:
     vehicle = damped()
     told = status(findings, vehicle, 0.02)
+    log = SimpleNamespace(record=SimpleNamespace(dt=0.02), audit=audit)
     found = Diagnosis(tuple(findings), vehicle, (9.0, 5.0, 1.0), prediction=known, status=told)
-    context = Context.of(found, vehicle, 0.02, call)
+    context = Context.of(found, vehicle, cast(Any, log), call)
     return "\n".join(line.text for line in diagnosis.answer(found.frame(), context, width))
 
 
@@ -138,6 +146,9 @@ def test_thrusters_that_contradict_the_file_have_the_option_that_goes_on():
     text = answer([fault])
     assert text.count("thruster 1 is reversed") == 1
     assert pasted_from(text) == ["hydro diagnose 'my vehicle.toml' 'dive 1.parquet' --correct-thrusters"]
+    audit = SimpleNamespace(wrong=True, wiring=SimpleNamespace(reversed=(0, 3), moved=()))
+    following = ["hydro vehicle flip 'my vehicle.toml' --thruster 1,4 -o 'my vehicle-1.toml'"]
+    assert pasted_from(answer([fault], audit=audit)) == following
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.sea.sea_state import shown
 from hydro.core.vehicle.description import Vehicle
 
-NOTHING_ELSE = "Nothing else was examined: mend this first, or add --correct-thrusters"
+CORRECT_FIRST = "Correct this first, or add --correct-thrusters"
 ANSWERED = 0.85
 """Share of the time of a diagnosis before its findings are checked on held-out data, about: 0.77 to 0.93 of
 three measured ones."""
@@ -219,7 +219,7 @@ def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
     """
     chi2 = as_it_is(vehicle, stable_start(vehicle, log)[1]).normal.chi2
     thrusters, *others = log.faults
-    told = replace(thrusters, advice=f"{thrusters.advice}. {NOTHING_ELSE}")
+    told = replace(thrusters, advice=f"{thrusters.advice}. {CORRECT_FIRST}")
     return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
 
 

@@ -1,0 +1,29 @@
+"""What `make install` compiles: the kernels of the commands that a new user runs first."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import pytest
+
+from hydro.core import kernel_cache
+from hydro.core.errors import HydroNotice
+from hydro.study import kernels
+
+MAKEFILE = Path(__file__).resolve().parents[1] / "Makefile"
+
+
+@pytest.mark.slow
+def test_the_kernels_are_compiled_and_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    kernels.main()
+    assert "compiled in" in capsys.readouterr().out
+    kernel_cache._tell_cold.cache_clear()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", HydroNotice)
+        assert kernels.compile_kernels() > 0.0, "no cache is cold now"
+
+
+def test_the_installation_compiles_them() -> None:
+    recipe = MAKEFILE.read_text().partition("$(STAMP): pyproject.toml")[2].partition("@touch $@")[0]
+    assert "-m hydro.study.kernels" in recipe
