@@ -1,8 +1,8 @@
-"""What is said where no model reaches the noise: the change that transfers best, and how far to believe it.
+"""Diagnosis where no model reaches the noise: the change that transfers best, with its confidence.
 
-A hull has no exact form in the catalogue, and many a formula bends to what it leaves.  So one change at a
-time is named, by what it removes of data that it was not fitted to (`diagnosis.transfer`); the rest is the
-hull's own error until a recording from before the change parts the two.
+No formula of the catalogue describes a hull exactly, and a flexible formula can absorb the hull's error.  So
+one change at a time is named, by the error that it removes from held-out data (`diagnosis.transfer`).  The
+rest is the hull-force error of the file, until a recording from before the change separates the two.
 """
 
 from __future__ import annotations
@@ -54,38 +54,38 @@ from hydro.core.progress import Progress, part
 from hydro.core.residual.allowance import Allowance
 
 NAMED = 0.05
-"""Share of the error of left-out data that an effect must remove to be named at all."""
+"""Minimum share of the held-out error that a named effect removes."""
 MOVED = 2.0
-"""Standard deviations of what is known of a value by which a fit must move it to be a finding."""
+"""Minimum change of an existing value that is a finding, in standard deviations of its prior."""
 NEARLY = 0.7
-"""Part of the score of what is named from which others are told beside it."""
+"""Share of the best score from which other effects are listed as nearly as good."""
 ALSO, NEIGHBOURS = 0.5, 3
-"""Part from which they are suspects with values, and how many at most."""
+"""Share of the best score from which an effect is a suspect with values, and most such suspects."""
 OWN = 0.9
-"""Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
+"""Factor on the confidence in an existing effect: its values also absorb other missing effects."""
 LITTLE = 1e-3
-"""Of what is plain to see of a value: less is not there."""
+"""Size of a fitted value, in scales, at or below which the effect counts as absent."""
 OUTDONE = 0.8
-"""The same where another has more evidence and cannot be it."""
+"""Maximum confidence of a name that is not first in the survey."""
 TELLING = 10.0
-"""Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
+"""Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
 ALLOWED = 96
-"""Shots at most that evidence is taken from: what it has to tell is known of as many."""
+"""Maximum number of shots for the evidence, which more shots would not change."""
 CLOSEST = 5
-"""Names whose values are refined beside what the hull may do."""
+"""Number of effects whose values are refined with the hull force free."""
 STEPS = 12
-"""Of the last fit."""
+"""Iterations of the final fit."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """What transfers best.
+    """Change that transfers best.
 
     Attributes:
-        findings: One naming and what is nearly as good, or none.
-        model: The vehicle with it and the file's own effects, fitted within what is known of them.
-        fit: Values and standard errors; None where nothing was fitted.
-        refitted: The file's own effects alone, likewise; the file as it is where they are held.
+        findings: The named effect and those nearly as good; empty if none is named.
+        model: Vehicle with it and the existing effects, fitted within their priors.
+        fit: Values and standard errors; None without a fit.
+        refitted: Existing effects alone, likewise; the file unchanged where they are held.
         rivals: Every effect of the survey, the best first.
     """
 
@@ -97,7 +97,7 @@ class Named:
 
 
 def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
-    """What is said then, see `diagnosis.imperfect`: after what kinematics alone shows of the velocity log."""
+    """Return the diagnosis by transfer, after the velocity sensor errors that kinematics shows."""
     errors = list(_misread(baseline, outcome))
     read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
     rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
@@ -146,7 +146,7 @@ def _candidates(named: Named) -> Iterator[Candidate]:
 
 
 def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Errors of the velocity log that joined the search and that kinematics shows, with its values."""
+    """Yield errors of the velocity sensor that joined the search and that kinematics shows, with values."""
     for one in outcome.found:
         test = baseline.sensors.get(one.effect)
         if test is not None and shown(test):
@@ -155,10 +155,10 @@ def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Name the change that has most evidence, or removes most of the error of data that it was not fitted to.
+    """Name the change with the most evidence, or with the largest share of held-out error removed.
 
-    Where its values are none that physics leaves to it, it stands for something else: the next best within
-    NEARLY of it is named that has such values.
+    If physics excludes its values, it stands for another effect.  Then the next best with plausible values is
+    named, if its score is within NEARLY of the first.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -166,14 +166,14 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         surveyed = survey(baseline, progress)
         refitted, known = tempered(baseline, baseline.problem)
         surveyed = beside_hull(surveyed, baseline, refitted, known)
-    except Diverges:  # the file's own predictions: there is nothing to begin from
+    except Diverges:  # the file's predictions diverge: no fit can start
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
     fanciful, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
-        if rival.score < NAMED:  # what has far less evidence is not named in its place
+        if rival.score < NAMED:  # an effect with far less evidence does not replace it
             least = max(least, NEARLY * surveyed.worth(rival))
             continue
         if rival.own and not _moved(rival, baseline):
@@ -200,15 +200,15 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
 
 
 def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
-    """The survey by the evidence beside what the hull may do; as it is where that tells nothing.
+    """Rank the survey by evidence with the hull force free, unless that evidence is too small.
 
-    It tells nothing where the file leaves the hull to others: all its drag is then what a hull may do.
+    A file without drag leaves it to the hull force, so its survey is not ranked by evidence.
 
     Args:
-        surveyed: The survey.
-        baseline: The vehicle file and the shots.
-        refitted: The file's own effects, fitted to all shots within what is known of them.
-        known: That.
+        surveyed: Survey.
+        baseline: Vehicle file and shots.
+        refitted: Existing effects, fitted to all shots within their priors.
+        known: These priors.
     """
     if not dragged(baseline.vehicle):
         return surveyed
@@ -216,7 +216,7 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
     alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown)).evidence
     found, rivals = [], []
     for rival in surveyed.rivals:
-        if not rival.beyond:  # whatever its evidence, it absorbs all that it removes
+        if not rival.beyond:  # it absorbs all that it removes, whatever its evidence
             rivals.append(rival)
             continue
         unknown, prior = rival.model.unknown, known.releasing(rival.effect).alone(rival.model.unknown)
@@ -234,14 +234,14 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
 
 
 def _there(fit: Fit, effect: str) -> bool:
-    """Whether anything of an effect is left once its values are those of a passive hull."""
+    """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
     return bool((sizes > LITTLE).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
-    """The model with its residuals in units of the noise again."""
+    """Return the model with its residuals in units of the noise again."""
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
     if not names:
@@ -250,7 +250,7 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
 
 
 def _moved(rival: Rival, baseline: Baseline) -> bool:
-    """Whether the fit of an effect of the file moves it farther than what is known of it allows for."""
+    """Return whether the fit moves an existing effect farther than its prior allows."""
     unknown = rival.model.unknown
     own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
     entries = [unknown.entries[i] for i in own]
@@ -258,9 +258,9 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
 
 
 def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
-    """The effect and the file's own about all shots, fitted from the values of the survey.
+    """Fit the effect with the existing effects to all shots, from the values of the survey.
 
-    Where there are values beside what the hull may do they stay: those of a fit hold its error, too.
+    Values that were fitted with the hull force free stay: a plain fit would absorb the hull's error.
     """
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
@@ -273,7 +273,7 @@ def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
-    """The model without the effect, or with the values that the file has of it."""
+    """Return the model without the effect, or with the file's values of it."""
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
@@ -289,7 +289,7 @@ def _finding(
     fit: Fit,
     dt: float,
 ) -> Finding:
-    """The naming, with its share of the error beyond the noise that the model without it leaves."""
+    """Return the named effect, with its share of the error beyond the noise of the model without it."""
     values = fit.table(rival.effect)[0]
     if surveyed.by_evidence:
         sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
@@ -312,16 +312,16 @@ def _finding(
 def _also(
     rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
 ) -> Iterator[Finding]:
-    """What else transfers at least half as well as what is named, with the values that the survey fitted.
+    """Yield suspects with at least half the score of the named effect, with the values of the survey.
 
-    What the name leaves of all probability they share by their scores, with one part for something else; none
-    is surer than the name, which is better.
+    They share the remaining probability by their scores, with one part for any other effect.  None has more
+    confidence than the named effect.
     """
     worth = surveyed.worth
     near = [one for one in others if worth(one) >= max(ALSO * worth(rival), NAMED)]
     near = [one for one in near if not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(worth(one) for one in near)
-    by = "beside what the hull may do" if surveyed.by_evidence else "on data left out"
+    by = "with the hull force free" if surveyed.by_evidence else "on held-out data"
     for one in near:
         fit = one.estimated()
         if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
@@ -333,7 +333,7 @@ def _also(
 
 
 def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
-    """An effect suspected: its values, and its share of the error that the model without it leaves."""
+    """Return an effect as a suspect, with its values and its share of the error of the model without it."""
     pieces = max(block_length(model.normal.score), 1)
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     values, errors = fit.table(rival.effect)
@@ -352,12 +352,12 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
 
 
 def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:
-    """How far the name is to be believed, in words."""
-    evidence = f", and beside what a hull may do the logarithm of its evidence is {rival.evidence:.0f}"
+    """Return the evidence for the name, in words."""
+    evidence = f", and its log evidence with the hull force free is {rival.evidence:.0f}"
     words = (
-        f"; fitted to the rest it removes {rival.score:.0%} of the error of sessions and regimes left out"
+        f"; it removes {rival.score:.0%} of the error of held-out sessions and regimes"
         f"{evidence * (rival.allowed is not None)}. "
-        f"{model.normal.chi2:.3g} of the noise remain, which is the hull's own error or more that is "
-        "missing: a recording from before the change (`--before`) parts the two"
+        f"The residual is still {model.normal.chi2:.3g} times the noise variance, from the hull or from "
+        "other changes: a recording from before the change (`--before`) separates the two"
     )
     return f"{words}; nearly as good: {', '.join(near)}" if near else words

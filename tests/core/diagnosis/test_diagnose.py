@@ -149,7 +149,7 @@ def test_progress_goes_on_and_tells_which_effect_is_tried(known):
     shares = [share for _, share in heard]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert {"ocean_current against what is left", "ocean_current, fitted to the end"} <= {
+    assert {"ocean_current against the residual", "ocean_current, fitted to convergence"} <= {
         words for words, _ in heard
     }
 
@@ -374,7 +374,7 @@ def test_an_effect_that_no_catalogue_has(known):
     first = diagnose(known, pl.concat(parts)).findings[0]
     assert first.verdict == "far_from_noise"
     assert first.share > 0.5
-    assert "no effect of the catalogue earns it" in first.advice
+    assert "no effect of the catalogue explains it" in first.advice
 
 
 @pytest.mark.parametrize("rows", [300, 60])
