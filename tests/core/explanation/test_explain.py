@@ -255,12 +255,12 @@ def test_steps_have_an_end(staged, monkeypatch):
     names = ("payload", "net_buoyancy", "tether", "body_lift")
     steps, _ = staged([[finding("cannot_tell_apart", name, w=1.0)] for name in names], [4.0, 3.0, 2.0, 1.0])
     assert len(steps) == 3
-    assert "2 steps are the most" in ending(steps)
+    assert "2 steps are the limit" in ending(steps)
 
 
 def test_what_no_effect_explains_is_told(staged):
     steps, _ = staged([[finding("none_of_the_known")]], [1.0])
-    assert ending(steps) == "what is left no effect of the catalogue explains"
+    assert ending(steps) == "no effect of the catalogue explains the remaining error"
 
 
 def left_out(*errors: float) -> pl.DataFrame:
@@ -402,7 +402,7 @@ def test_what_is_unlikely_is_told_and_not_tried(staged):
     unlikely = replace(LIKELY, confidence=0.1)
     steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
-        "what is left no effect of the catalogue explains; only suspected, and not added: ocean_current"
+        "no effect of the catalogue explains the remaining error; only suspected, and not added: ocean_current"
     )
 
 
