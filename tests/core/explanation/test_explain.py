@@ -402,7 +402,8 @@ def test_what_is_unlikely_is_told_and_not_tried(staged):
     unlikely = replace(LIKELY, confidence=0.1)
     steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
-        "no effect of the catalogue explains the remaining error; only suspected, and not added: ocean_current"
+        "no effect of the catalogue explains the remaining error; only suspected, and not added: "
+        "ocean_current"
     )
 
 
