@@ -20,11 +20,11 @@ from hydro.core.diagnosis.model import (
     Model,
     Screening,
     Wanted,
-    as_it_is,
     fit_model,
     fitted_or_kept,
     from_elsewhere,
     names_of,
+    unfitted,
 )
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -37,7 +37,7 @@ from hydro.core.prediction.output_error import OutputError, in_waves
 from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
-from hydro.core.preprocessing.sensor_tests import shown as misread
+from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.recording.shots import SHOT_SECONDS, Shots, room
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
@@ -159,7 +159,7 @@ class Baseline:
     def sure(self, effect: str) -> bool:
         """Return whether kinematics alone shows this error of the velocity sensor."""
         test = self.sensors.get(effect)
-        return test is not None and misread(test)
+        return test is not None and shown_by_kinematics(test)
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehi
         warnings.append(DIVERGED_FILE)
     if not reached:
         warnings.append(DIVERGED_REFIT)
-    given = as_it_is(vehicle, problem)
+    given = unfitted(vehicle, problem)
     return Baseline(
         vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=tuple(warnings)
     )

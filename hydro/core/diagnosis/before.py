@@ -23,15 +23,15 @@ from hydro.core.diagnosis.contenders import (
     RIGHT,
     Compared,
     Contender,
-    answering,
     contend,
     fitted,
     fitted_together,
+    with_hull_response,
 )
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, no_surer
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.misread import misread, newly_misread
 from hydro.core.diagnosis.model import Diverges, Model
+from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
@@ -83,18 +83,18 @@ def diagnose_change(
         further: Whether the vehicle has changes already, so that the next one must be larger.
     """
     given = Compared.of(log, problem, hull, vehicle)
-    errors = newly_misread(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
+    errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
     if not errors:
-        return told(*given, find(*given, progress, further), further)
+        return as_diagnosis(*given, find(*given, progress, further), further)
     read = extended(vehicle, [one.table for one in errors])
     compared, first = Compared.of(log, stable_shots(read, log), hull, read)
     names = [one.effect for one in errors]
-    found = told(compared, first, find(compared, first, progress, further, names), further)
+    found = as_diagnosis(compared, first, find(compared, first, progress, further, names), further)
     alone = given[0].chi2(given[1])
     share = 1.0 - compared.chi2(first) / alone
-    misreadings = [misread(one, share, log.record.dt, vehicle) for one in errors]
+    sensor_findings = [sensor_finding(one, share, log.record.dt, vehicle) for one in errors]
     rest = [one for one in found.findings if one.verdict not in ("nothing_missing", "log_fault")]
-    return replace(found, findings=(*log.faults, *misreadings, *rest), chi2=(alone, alone, found.chi2[2]))
+    return replace(found, findings=(*log.faults, *sensor_findings, *rest), chi2=(alone, alone, found.chi2[2]))
 
 
 @dataclass(frozen=True)
@@ -120,15 +120,15 @@ class Change:
         if not rivals:
             return None
         first = cls(next(iter(rivals.values())), rivals, whole, compared.floor(last))
-        return replace(first, best=min(rivals.values(), key=first.fined))
+        return replace(first, best=min(rivals.values(), key=first.penalised))
 
-    def fine(self, rival: Contender) -> float:
+    def penalty(self, rival: Contender) -> float:
         """Return a rival's penalty for its parameters and for the hull-force error that it absorbs."""
-        return rival.fine(self.rivals.values(), float(self.whole.sum()), self.floor)
+        return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
 
-    def fined(self, rival: Contender) -> float:
+    def penalised(self, rival: Contender) -> float:
         """Return a rival's held-out cost with its penalty, by which rivals are ranked."""
-        return rival.left + self.fine(rival)
+        return rival.left + self.penalty(rival)
 
     @property
     def score(self) -> float:
@@ -138,11 +138,11 @@ class Change:
     @property
     def margin(self) -> float:
         """Lead of the best over the next candidate, or over no change, in penalised cost and floors."""
-        others = [self.fined(one) for one in self.rivals.values() if one.effect != self.best.effect]
-        return float(min([*others, self.whole.sum()]) - self.fined(self.best)) / self.floor
+        others = [self.penalised(one) for one in self.rivals.values() if one.effect != self.best.effect]
+        return float(min([*others, self.whole.sum()]) - self.penalised(self.best)) / self.floor
 
     @property
-    def plain(self) -> float:
+    def relative_gain(self) -> float:
         """Removed residual, as a share of the greater of the residual and the floor."""
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
@@ -164,7 +164,7 @@ class Change:
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named, as the first or a further one."""
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
-            return self.plain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
+            return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= NAMED and self.score * float(self.whole.sum()) >= LEAST * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
@@ -177,8 +177,8 @@ class Change:
     def wins(self, seed: int = 0) -> dict[str, float]:
         """Return the share of the resamples in which each rival is the best, in descending order."""
         names = list(self.rivals)
-        fine = np.array([self.fine(self.rivals[name]) for name in names])
-        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + fine / len(self.whole)
+        penalties = np.array([self.penalty(self.rivals[name]) for name in names])
+        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + penalties / len(self.whole)
         drawn = weights(len(costs), RESAMPLES, seed) @ costs
         part = np.bincount(drawn.argmin(axis=1), minlength=len(names)) / RESAMPLES
         order = np.argsort(-part, kind="stable")
@@ -241,12 +241,12 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
         alone = fitted(compared, first, table)
     except (Diverges, np.linalg.LinAlgError):
         return changes
-    if before.fined(alone) >= before.fined(before.best):
+    if before.penalised(alone) >= before.penalised(before.best):
         return changes
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
 
-def told(compared: Compared, first: Model, those: Changes, further: bool = False) -> Diagnosis:
+def as_diagnosis(compared: Compared, first: Model, those: Changes, further: bool = False) -> Diagnosis:
     """Return the diagnosis; its chi2 are in units of the floor of the hull model."""
     given, changes = compared.chi2(first), those.found
     tried = tuple(_candidates(compared, first, those))
@@ -331,7 +331,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
         words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = no_surer(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
+    sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,
@@ -362,5 +362,5 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
         DataError: The recording is too short, or the predictions diverge.
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
-    model = answering(compared, first, fitted_together(compared, first, changes))
+    model = with_hull_response(compared, first, fitted_together(compared, first, changes))
     return model.estimated()

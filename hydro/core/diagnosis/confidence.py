@@ -289,7 +289,7 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
     return parted
 
 
-def doubted(finding: Finding, remaining: Sequence[Finding]) -> Finding:
+def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) -> Finding:
     """Lower the confidence of a finding, with a warning, where the unexplained error is of similar size.
 
     Where a pilot or a controller reacts to a disturbance such as waves, disturbance and reaction are
@@ -306,7 +306,7 @@ def doubted(finding: Finding, remaining: Sequence[Finding]) -> Finding:
     return replace(finding, confidence=sure, advice=finding.advice + warning)
 
 
-def outshone(findings: Sequence[Finding], left: float) -> list[Finding]:
+def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Finding]:
     """Lower the confidence of all but the largest finding by the ratio of their shares.
 
     This applies above RIGHT times the noise, where formulas also absorb the hull's error: of 45 further names

@@ -18,8 +18,8 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.misread import refuted
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, gone_on, held_at
+from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, unfitted
+from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
@@ -99,11 +99,12 @@ class Contender:
         """Held-out squared residual."""
         return float(self.costs.sum())
 
-    def fine(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
+    def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
         """Return the penalty of this effect, in units of squared residual.
 
-        If a rival reaches the floor, parameters cost a share of a few floors: the residual above that is
-        explained.  Otherwise no candidate is right, and they cost a share of the whole residual.
+        If a rival reaches the floor, parameters cost a share of at most FAR floors, because the rest of the
+        residual was due to the change.  Otherwise no candidate is right, and they cost a share of the whole
+        residual.
 
         Args:
             rivals: All fitted candidates.
@@ -141,7 +142,7 @@ class Compared:
         """Return the shots with residuals in floors and robust weights, and the model of the vehicle."""
         problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
-        first = as_it_is(vehicle, compared.corrected(vehicle))
+        first = unfitted(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first
 
     @property
@@ -177,10 +178,10 @@ class Compared:
         for number in np.unique(self.fold):
             out = self.fold == number
             try:
-                there = gone_on(model.over(~out), QUICK).vehicle
+                there = continue_fit(model.over(~out), QUICK).vehicle
             except Diverges:
                 continue
-            found[out] = as_it_is(there, OutputError(shots.of(out))).costs
+            found[out] = unfitted(there, OutputError(shots.of(out))).costs
         return np.asarray(self.weight * found)
 
     def floor(self, model: Model) -> float:
@@ -212,7 +213,7 @@ def contend(
     """
     vehicle, reach = last.vehicle, compared.log.track
     tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
-    ranked = stepped(compared, last, tried)
+    ranked = scored_by_one_step(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = compared.floor(last)
@@ -222,7 +223,7 @@ def contend(
     for number, name in enumerate(always):
         progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
         fine = _shapes(compared, last, name)
-        table = (stepped(compared, last, fine) if fine else ranked)[name][1]
+        table = (scored_by_one_step(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
     if _least(fits) > right:
         others = {name: scored for name, scored in ranked.items() if name not in always}
@@ -251,7 +252,7 @@ def _least(fits: Mapping[str, Contender]) -> float:
 def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Scored]) -> list[Table]:
     """Return tables of effects at their best shapes, coarse or finer, the best score first."""
     tried = [one for name in coarse for one in _shapes(compared, last, name)]
-    finer = stepped(compared, last, tried)
+    finer = scored_by_one_step(compared, last, tried)
     best = [max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in coarse.items()]
     return [table for _, table in sorted(best, key=lambda scored: -scored[0])]
 
@@ -311,7 +312,7 @@ def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Sus
     return [of_entries(vehicle, name, reach=reach) for name in curved if not wholly_known(vehicle, name)]
 
 
-def stepped(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[str, Scored]:
+def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[str, Scored]:
     """Return each effect's best score by one Gauss-Newton step and its table, the best first."""
     changed = [vehicle for suspect in tried for vehicle in suspect.changed]
     steps = [step for suspect in tried for step in suspect.steps]
@@ -345,15 +346,15 @@ def fitted(
     here = compared.weight * model.costs
     if not here.sum() <= HOPELESS * least:
         return Contender(name, model, here)
-    model = answering(compared, last, model)
+    model = with_hull_response(compared, last, model)
     if not compared.settled(model):  # continue with the hull forces held too: they change with the motion
         with suppress(Diverges):
-            again = gone_on(model, QUICK)
+            again = continue_fit(model, QUICK)
             model = again if again.normal.cost < model.normal.cost else model
-    return lean(compared, last, Contender(name, model, compared.elsewhere(model)))
+    return without_needless_entries(compared, last, Contender(name, model, compared.elsewhere(model)))
 
 
-def answering(compared: Compared, last: Model, model: Model) -> Model:
+def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     """Refit effects with the hull forces evaluated on the motion of the fitted vehicle, until they converge.
 
     A vehicle of different mass or drag responds differently to the same hull force.  After a large change,
@@ -372,7 +373,7 @@ def answering(compared: Compared, last: Model, model: Model) -> Model:
     return model
 
 
-def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
+def without_needless_entries(compared: Compared, last: Model, whole: Contender) -> Contender:
     """Drop entries of a contender whose held-out gain is below their penalty, and refit the others.
 
     Usually one thruster fails, not all of them, and free entries follow the hull's error.  The problem

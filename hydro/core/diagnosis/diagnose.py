@@ -35,15 +35,15 @@ from hydro.core.diagnosis.confidence import (
     RIGHT,
     by_likelihood_confidence,
     change_frequency,
-    doubted,
+    discounted_by_largest,
+    discounted_by_unexplained,
     explained_share,
-    outshone,
     selection_frequency,
     shared,
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding, no_surer, with_implausible
+from hydro.core.diagnosis.findings import Diagnosis, Finding, limited_confidence, with_implausible
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.imperfect import named_by_transfer
@@ -52,10 +52,10 @@ from hydro.core.diagnosis.model import (
     ALPHA,
     Diverges,
     Model,
-    as_it_is,
-    gone_on,
+    continue_fit,
+    unfitted,
 )
-from hydro.core.diagnosis.relative_thrust import beside_inertia
+from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.diagnosis.search import Search, candidates
 from hydro.core.diagnosis.status import status
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
@@ -198,7 +198,7 @@ def _found_in(
         found = _searched_for(calm, progress, in_vain)
     else:
         found = with_waves(found, baseline)
-    return replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
+    return replace(found, findings=tuple(doubted_gain(one, log.record) for one in found.findings))
 
 
 def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
@@ -206,7 +206,7 @@ def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
 
     Residuals are those of the file with the columns as the audit states them.
     """
-    chi2 = as_it_is(vehicle, stable_start(vehicle, log)[1]).normal.chi2
+    chi2 = unfitted(vehicle, stable_start(vehicle, log)[1]).normal.chi2
     thrusters, *others = log.faults
     told = replace(thrusters, advice=f"{thrusters.advice}. {NOTHING_ELSE}")
     return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
@@ -298,7 +298,7 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     """Fit everything found and the existing effects together to convergence, shrunk to the prior."""
     model, warnings = outcome.model, baseline.warnings
     try:
-        model = gone_on(model, ITERATIONS, share=0.0)
+        model = continue_fit(model, ITERATIONS, share=0.0)
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
     model, fit = settled(model, baseline.vehicle)
@@ -320,8 +320,8 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     together = float(np.clip(baseline.explained(model), 0.0, 1.0))
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
     if baseline.sea is None:
-        named = outshone(named, model.normal.chi2)
-    findings = [stated(doubted(finding, remaining)) for finding in named] + remaining
+        named = discounted_by_largest(named, model.normal.chi2)
+    findings = [stated(discounted_by_unexplained(finding, remaining)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:
         findings.append(_nothing(baseline, outcome))
@@ -366,7 +366,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         share,
         low,
         high,
-        no_surer(sure, fit.vehicle, effect, errors),
+        limited_confidence(sure, fit.vehicle, effect, errors),
         found.p_value,
         parameters,
         errors,
@@ -443,7 +443,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 name,
                 (name,),
                 share,
-                confidence=no_surer(sure, _joint(outcome).vehicle, name, errors),
+                confidence=limited_confidence(sure, _joint(outcome).vehicle, name, errors),
                 p_value=p,
                 parameters=values,
                 standard_errors=errors,

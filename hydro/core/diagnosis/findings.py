@@ -315,7 +315,7 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"
 
 
-def no_surer(
+def limited_confidence(
     confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
 ) -> float:
     """Limit the confidence in a name to FANCIFUL where physics excludes its values.

@@ -15,7 +15,7 @@ from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.transfer import Squares, by_way, left_out_squares, resolved, squares_ahead
+from hydro.core.diagnosis.transfer import Squares, axes_by_distance, left_out_squares, resolved, squares_ahead
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
@@ -123,7 +123,7 @@ class _Check:
     def floor(self) -> float | None:
         """Return the error due to noise alone [m/s]; None where distance stands for a velocity."""
         record = self.log.record
-        if by_way(record).size:
+        if axes_by_distance(record).size:
             return None
         motion, pieces = Motion.of(record), Pieces.of(record)
         both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)

@@ -27,16 +27,16 @@ from hydro.core.diagnosis.findings import (
     Diagnosis,
     Finding,
     extended,
-    no_surer,
+    limited_confidence,
     with_implausible,
 )
-from hydro.core.diagnosis.misread import misread
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
+from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
+from hydro.core.diagnosis.sensor_errors import sensor_finding
 from hydro.core.diagnosis.transfer import (
     Known,
     Rival,
     Survey,
-    dragged,
+    has_drag,
     one_change,
     resolved,
     survey,
@@ -98,7 +98,7 @@ class Named:
 
 def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
     """Return the diagnosis by transfer, after the velocity sensor errors that kinematics shows."""
-    errors = list(_misread(baseline, outcome))
+    errors = list(_sensor_errors(baseline, outcome))
     read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
     rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
     there = replace(baseline, vehicle=read, effects=rest)
@@ -145,13 +145,13 @@ def _candidates(named: Named) -> Iterator[Candidate]:
         )
 
 
-def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
+def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield errors of the velocity sensor that joined the search and that kinematics shows, with values."""
     for one in outcome.found:
         test = baseline.sensors.get(one.effect)
         if test is not None and shown(test):
             share = baseline.explained(one.rivals[one.effect])
-            yield misread(test, share, baseline.log.record.dt, baseline.vehicle)
+            yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
@@ -165,11 +165,11 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     try:
         surveyed = survey(baseline, progress)
         refitted, known = tempered(baseline, baseline.problem)
-        surveyed = beside_hull(surveyed, baseline, refitted, known)
+        surveyed = ranked_by_evidence(surveyed, baseline, refitted, known)
     except Diverges:  # the file's predictions diverge: no fit can start
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
-    fanciful, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
+    implausible_named, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
@@ -179,27 +179,27 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         if rival.own and not _moved(rival, baseline):
             continue
         try:
-            model = _to_the_end(rival, baseline, known)
+            model = _fitted_to_all_shots(rival, baseline, known)
             without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
         fit = model.estimated() if rival.allowed is None else rival.estimated()
-        if not _there(fit, rival.effect):
+        if not _is_present(fit, rival.effect):
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
         others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
         finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
-        rest = _also(rival, surveyed, others, finding, baseline.log.record.dt)
+        rest = _nearly_as_good(rival, surveyed, others, finding, baseline.log.record.dt)
         named = Named((finding, *rest), model, fit, alone, surveyed.rivals)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
         passed.append(rival.effect)
-        if not fanciful.findings:
-            fanciful, least = named, max(NEARLY * surveyed.worth(rival), least)
-    return fanciful
+        if not implausible_named.findings:
+            implausible_named, least = named, max(NEARLY * surveyed.worth(rival), least)
+    return implausible_named
 
 
-def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
+def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
     """Rank the survey by evidence with the hull force free, unless that evidence is too small.
 
     A file without drag leaves it to the hull force, so its survey is not ranked by evidence.
@@ -210,7 +210,7 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
         refitted: Existing effects, fitted to all shots within their priors.
         known: These priors.
     """
-    if not dragged(baseline.vehicle):
+    if not has_drag(baseline.vehicle):
         return surveyed
     allowance = Allowance.of(baseline.vehicle, baseline.problem.some(ALLOWED).shots)
     alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown)).evidence
@@ -233,7 +233,7 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
     return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
 
-def _there(fit: Fit, effect: str) -> bool:
+def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
@@ -245,7 +245,7 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
     if not names:
-        return as_it_is(model.vehicle, problem)
+        return unfitted(model.vehicle, problem)
     return fit_model(model.vehicle, names, problem, np.zeros((1, 3)), 0)
 
 
@@ -257,7 +257,7 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
     return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= MOVED
 
 
-def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
+def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Model:
     """Fit the effect with the existing effects to all shots, from the values of the survey.
 
     Values that were fitted with the hull force free stay: a plain fit would absorb the hull's error.
@@ -298,18 +298,18 @@ def _finding(
     sure *= OWN if rival.own else 1.0
     if surveyed.rivals[0] is not rival:
         sure = min(sure, OUTDONE)
-    sure = no_surer(sure, fit.vehicle, rival.effect)
+    sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY * surveyed.worth(rival), NAMED)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
-    words += _standing(rival, model, near)
+    words += _evidence_in_words(rival, model, near)
     named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
     if sure < SURE:
         return named
     return replace(named, verdict="retune" if rival.own else "missing", advice=words)
 
 
-def _also(
+def _nearly_as_good(
     rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
 ) -> Iterator[Finding]:
     """Yield suspects with at least half the score of the named effect, with the values of the survey.
@@ -321,10 +321,10 @@ def _also(
     near = [one for one in others if worth(one) >= max(ALSO * worth(rival), NAMED)]
     near = [one for one in near if not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(worth(one) for one in near)
-    by = "with the hull force free" if surveyed.by_evidence else "on held-out data"
+    by = "with any hull force allowed" if surveyed.by_evidence else "on held-out data"
     for one in near:
         fit = one.estimated()
-        if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
+        if not _is_present(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
         words = f"{adding}; {worth(one) / worth(rival):.0%} as good as {rival.effect} {by}"
@@ -351,9 +351,9 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
     )
 
 
-def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:
+def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:
     """Return the evidence for the name, in words."""
-    evidence = f", and its log evidence with the hull force free is {rival.evidence:.0f}"
+    evidence = f", and its log evidence with any hull force allowed is {rival.evidence:.0f}"
     words = (
         f"; it removes {rival.score:.0%} of the error of held-out sessions and regimes"
         f"{evidence * (rival.allowed is not None)}. "

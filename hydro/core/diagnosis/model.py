@@ -157,7 +157,7 @@ def fit_model(
         Diverges: The predicted motion diverges.
     """
     if not effects:
-        model = as_it_is(vehicle, problem)
+        model = unfitted(vehicle, problem)
     else:
         unknown = free(vehicle, effects, reach=reach)
         prior = known(unknown) if known is not None else None
@@ -188,7 +188,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
-def gone_on(model: Model, iterations: int, share: float = SLOW) -> Model:
+def continue_fit(model: Model, iterations: int, share: float = SLOW) -> Model:
     """Continue the fit of a model from its values, see `fit_model`.
 
     Raises:
@@ -238,7 +238,7 @@ def _descended(
     return Model(unknown, values, problem, normal)
 
 
-def as_it_is(vehicle: Vehicle, problem: Problem) -> Model:
+def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
     """Return the vehicle without free entries; its cost is infinite where its predictions diverge."""
     unfree = Free(vehicle, (), (np.zeros(0),), frozenset())
     return Model(unfree, np.zeros(0), problem, problem.linearise(vehicle, [], []))

@@ -22,7 +22,6 @@ from hydro.core.diagnosis.baseline import VISIBLE, Baseline, Found, Outcome
 from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
-from hydro.core.diagnosis.misread import refuted
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -34,6 +33,7 @@ from hydro.core.diagnosis.model import (
     not_ruled_out,
     screened,
 )
+from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
@@ -292,7 +292,7 @@ class Search:
                 screening = self.screen(begun, chosen)
             if len(found) == MOST_FINDINGS or not self.telling(screening, begun):
                 break
-            known = self.from_afar(begun) if begun is not model else {}
+            known = self.from_distant_starts(begun) if begun is not model else {}
             fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0), known)
             best = leader(fits)
             if best is None or not self.baseline.belongs(
@@ -326,7 +326,7 @@ class Search:
             for name, gain in screening.gains.items()
         )
 
-    def from_afar(self, filed: Model) -> dict[str, Model]:
+    def from_distant_starts(self, filed: Model) -> dict[str, Model]:
         """Return fits of the file with effects that need distant starting values."""
         fits = dict[str, Model]()
         few = self.fewer(filed)

@@ -29,7 +29,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.contenders import FINE
-from hydro.core.diagnosis.model import Diverges, Model, begun, fit_model, gone_on
+from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
@@ -242,12 +242,12 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
             progress(f"{name} tested on held-out data", number / len(candidates))
         found.append(rival)
     rivals = [rival for rival in found if rival is not None]
-    if dragged(file):
+    if has_drag(file):
         return Survey(refitted, ranked([weighed(one) for one in rivals]))
     return Survey(refitted, ranked(rivals, DRAG))
 
 
-def dragged(file: Vehicle) -> bool:
+def has_drag(file: Vehicle) -> bool:
     """Return whether a file has drag that grows faster than speed."""
     return any(file.effects(name) for name in DRAG)
 
@@ -360,7 +360,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
 
     def predicted(number: int) -> Squares:
         """Return the squared errors of the stretches of one fold."""
-        there = gone_on(whole.over(fold != number), AGAIN).vehicle
+        there = continue_fit(whole.over(fold != number), AGAIN).vehicle
         return squares_ahead(there, ahead.of(within == number))
 
     sums, counts = np.zeros((2, len(ahead.starts), 6))
@@ -413,7 +413,7 @@ def _squares(predicted: Array, shots: Shots) -> Squares:
     """
     error = predicted[..., 7:] - shots.measured[..., 7:]
     seen = np.ones(error.shape, bool) if shots.seen is None else shots.seen[..., 6:].copy()
-    if shots.seen is not None and (axes := by_way(shots.record)).size:
+    if shots.seen is not None and (axes := axes_by_distance(shots.record)).size:
         way = (predicted[..., :3] - shots.measured[..., :3]) * shots.seen[..., :3]
         body = np.einsum("sij,sti->stj", rotation_from_quaternion(shots.first[:, 3:7]), way)
         error[..., axes] = body[..., axes] / (error.shape[1] * shots.record.dt)
@@ -423,7 +423,7 @@ def _squares(predicted: Array, shots: Shots) -> Squares:
     return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))
 
 
-def by_way(record: Recording) -> Rows:
+def axes_by_distance(record: Recording) -> Rows:
     """Return the linear axes, of 0 to 2, whose position has samples and whose velocity has none."""
     if record.seen is None:
         return np.zeros(0, np.int64)

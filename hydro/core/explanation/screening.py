@@ -15,7 +15,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
-from hydro.core.diagnosis.model import as_it_is, begun, screened
+from hydro.core.diagnosis.model import begun, screened, unfitted
 from hydro.core.diagnosis.transfer import CORRELATED, SUSPECT, sessions_of
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction.normal_equations import Normal
@@ -36,7 +36,7 @@ def promising(
         problem: Shots, starting at the measured states.
         reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
     """
-    model = begun(vehicle, own, problem, reach) if own else as_it_is(vehicle, problem)
+    model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
     screening = screened(model, suspects(vehicle, without=own, reach=reach), len(problem.shots.starts))
     fold, there = sessions_of(problem.shots), list(screening.own)
     weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT**-2

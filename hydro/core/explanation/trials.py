@@ -22,8 +22,8 @@ from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
-from hydro.core.diagnosis.misread import by_kinematics
-from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
+from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
+from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.transfer import (
     Squares,
     left_out_squares,
@@ -108,7 +108,7 @@ class Recordings:
         if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
         problem = stable.some(most)
-        return problem.reweighted(as_it_is(vehicle, problem).normal)[0]
+        return problem.reweighted(unfitted(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots for fits and comparisons of candidates for a vehicle."""
@@ -138,7 +138,7 @@ class Recordings:
         """Return the root mean square error of all axes together [m/s]."""
         return squares.error(self.yardstick.weights.velocity)
 
-    def spoils(self, before: Squares, after: Squares) -> tuple[str, ...]:
+    def worsened_axes(self, before: Squares, after: Squares) -> tuple[str, ...]:
         """Return the axes that are predicted significantly worse than before.
 
         An axis counts only if zero velocity would be significantly worse than before, or better than after.
@@ -200,7 +200,7 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     every = [one for found in every for one in (found, *_with_loads(last, found))]
     problem = recordings.judged(last.vehicle)
     found = quick_fits(last, every, recordings, problem, progress)
-    quick = sorted(found, key=lambda one: (one.fanciful, one.error))
+    quick = sorted(found, key=lambda one: (one.is_implausible, one.error))
     progress("the best of them on held-out stretches", 0.5)
     order, first = _best_of(quick, last, recordings, problem), None
     progress("joint fit", 0.8)
@@ -229,7 +229,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
         """Return the error of held-out stretches, infinite if an axis is worse, and the converged fit."""
         one = one.ended(recordings)
         after = recordings.left_out(one.vehicle, names_of(one.wanted))
-        return np.inf if recordings.spoils(before, after) else recordings.error(after), one
+        return np.inf if recordings.worsened_axes(before, after) else recordings.error(after), one
 
     def joins(error: float, one: Quick) -> bool:
         """Return whether the fit may be added."""
@@ -237,7 +237,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
 
     errors, listed = list[tuple[float, Quick]](), list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
     for one in (one for one in quick if one.effect in listed):
-        if errors and one.fanciful > errors[0][1].fanciful:
+        if errors and one.is_implausible > errors[0][1].is_implausible:
             break
         found = predicted(one)
         errors += [found] if np.isfinite(found[0]) else []
@@ -284,14 +284,14 @@ class Quick:
         found: Candidate, by effect.
         wanted: All effects that were fitted together.
         vehicle: Vehicle with them.
-        fanciful: Whether physics excludes the candidate's values.
+        is_implausible: Whether physics excludes the candidate's values.
         error: Error of predictions HORIZON ahead over the fitted recording [m/s].
     """
 
     found: Mapping[str, Table]
     wanted: Wanted
     vehicle: Vehicle
-    fanciful: bool
+    is_implausible: bool
     error: float
 
     @property
@@ -342,8 +342,8 @@ def _quick_fit(
     wanted = _wanted(last, found)
     try:
         vehicle = recordings.tried(last.vehicle, wanted, problem)
-        fanciful = bool(implausible(vehicle, list(found)))
-        return [Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))]
+        is_implausible = bool(implausible(vehicle, list(found)))
+        return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
     except DataError:
         return []
 

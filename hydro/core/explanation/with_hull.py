@@ -16,7 +16,7 @@ from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.contenders import Compared
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import as_it_is
+from hydro.core.diagnosis.model import unfitted
 from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.residual.hull import Hull
@@ -58,7 +58,7 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
 def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
     """Yield the rows, of the earlier recording from the hull model, of the later one with intervals."""
     compared, beside = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
-    alone = as_it_is(vehicle, compared.problem).normal
+    alone = unfitted(vehicle, compared.problem).normal
     shots = compared.problem.shots
     shared = {
         "level": LEVEL,

@@ -18,7 +18,7 @@ from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import as_it_is
+from hydro.core.diagnosis.model import unfitted
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
 from hydro.core.explanation import screening, trials
@@ -295,7 +295,7 @@ def better(monkeypatch):
         monkeypatch.setattr(trials.Recordings, "tried", tried)
         monkeypatch.setattr(trials.Recordings, "left_out", error)
         monkeypatch.setattr(trials.Recordings, "error", lambda _, squares: squares)
-        monkeypatch.setattr(trials.Recordings, "spoils", lambda *_: ())
+        monkeypatch.setattr(trials.Recordings, "worsened_axes", lambda *_: ())
         monkeypatch.setattr(
             trials.Recordings, "error_ahead", lambda recordings, vehicle: error(recordings, vehicle, [])
         )
@@ -357,7 +357,7 @@ def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
     ahead = recordings.ahead(known, 8)
     assert ahead is not None
     assert (len(ahead.shots.starts), round(ahead.shots.length * 0.02)) == (8, HORIZON)
-    left = as_it_is(known, ahead).normal.rms
+    left = unfitted(known, ahead).normal.rms
     assert ((left > 0.5) & (left < 2.0)).all()
     assert np.ptp(np.log(ahead.shots.sigma / recordings.log.noise)) > np.log(4.0)
 

@@ -16,7 +16,7 @@ from hydro.core.preprocessing.sensor_tests import VETO, KinematicTest, shown, ve
 from hydro.core.vehicle.description import Vehicle
 
 
-def misread(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
+def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
     """Return the finding of an error that kinematics shows, with its values.
 
     Args:
@@ -53,7 +53,7 @@ def refuted(tests: Mapping[str, KinematicTest], effect: str, vehicle: Vehicle) -
     return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
 
-def newly_misread(
+def new_sensor_errors(
     after: Mapping[str, KinematicTest], before: Mapping[str, KinematicTest], vehicle: Vehicle
 ) -> list[KinematicTest]:
     """Return errors of the velocity sensor that are new in a recording and absent from the file.
