@@ -1,7 +1,7 @@
 """Changes between two recordings of one vehicle whose hull no file describes exactly.
 
 The hull-force error of the file is learnt from the earlier recording and held fixed in the later one
-(`core.residual`), so that only the change remains to be found.  The file's effects keep their values; a
+(`core.residual`), so that only the change remains.  The file's effects keep their values; a
 change of them is a candidate like any other.  The unit of all residuals is the floor: the residual of the
 hull model on held-out stretches of the earlier recording.  Nothing below it is visible.
 """

@@ -351,10 +351,10 @@ def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """Return the probability that a name by transfer is right, where no model reaches the noise.
 
-    A logistic regression of right and wrong first names on the score and its lead, on 46 recordings of panel
-    hulls with one change or none (`benchmarks.imperfect_base`, development seeds).  The lead is the share of
-    the next best's residual that the best removes: where many effects remove nearly all of an error, any of
-    them could be right.
+    A logistic regression of right and wrong first names on the score and its lead.  The data are 46
+    recordings of panel hulls with one change or none (`benchmarks.imperfect_base`, development seeds).  The
+    lead is the share of the next best's residual that the best removes: where many effects remove nearly all
+    of an error, any of them could be right.
 
     Args:
         score: Share of the held-out error that the effect removes, see `diagnosis.transfer`.

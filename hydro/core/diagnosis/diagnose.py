@@ -409,8 +409,8 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield existing effects whose values in the file cost much and differ significantly from the fit.
 
-    The limit is a share of the squared error of the final model, so that a poor file's large error hides no
-    change that biases the effects added to it.  Where nothing joined, the limit is a share of the
+    The limit is a share of the squared error of the final model.  A share of a poor file's large error would
+    hide changes that bias the added effects.  Where nothing joined, the limit is a share of the
     file's excess error, which is small next to the noise in a good file.  Absurd values are reported whatever
     they cost: a free refit may have absorbed a missing effect with them.
     """

@@ -6,8 +6,8 @@ effect's other entries.  If thrusters always ran together, only the sum of their
 A payload without mass equals a net buoyancy and a shifted centre of buoyancy in any recording.  Such exact
 aliases are found by comparing forces at many random states, of every attitude, velocity and command.
 
-The open questions of a diagnosis, that is effects that explain the recording equally well and effects that it
-does not show, are input to the planning of the next experiment.
+Open questions of a diagnosis are effects that explain the recording equally well, and effects that it does
+not show.  They are input to the planning of the next experiment.
 """
 
 from __future__ import annotations

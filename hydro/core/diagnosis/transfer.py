@@ -71,8 +71,8 @@ DRAG = frozenset(with_role(Role.DRAG))
 BEFORE_OTHERS = 0.7
 """Share of the best score from which drag is named first if the file has none."""
 KEPT = 1.0 / 3.0
-"""Minimum share of an effect's information that remains without a held-out regime, and least share of the
-shots that other sessions have where whole sessions are held out."""
+"""Minimum share of an effect's information that remains without a held-out regime.  Also the minimum share of
+shots in other sessions where whole sessions are held out."""
 GAPS = 30.0
 """Log evidence that a hull law may have on an unchanged hull, because no library is complete."""
 HULLS = ("inertia", "damping", "hull", "memory")

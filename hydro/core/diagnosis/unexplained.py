@@ -176,8 +176,8 @@ def wrenches_of_pulls(rotation: Array) -> Array:
     """Return the amounts of the twelve pulls of `steadily_disturbed` that make six independent wrenches.
 
     Levers are fixed in the body and pulls in the world, so the moment of one pull off CO changes with
-    attitude. Three pulls e_k x e_i act at the ends of the body axes e_i, each with its opposite at CO, are
-    the couple 2 e_k at every attitude, without a force.
+    attitude. Three pulls e_k x e_i act at the ends of the body axes e_i, each with its opposite at CO.
+    Together they are the couple 2 e_k at every attitude, without a force.
 
     Args:
         rotation: Body to world, (S, 3, 3).
