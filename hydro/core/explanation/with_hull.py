@@ -45,8 +45,8 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
 
     Returns:
         The table with rows of the level `hull`: `by` names the predictor, `place` the recording, and
-        `horizon` [s] the length of a shot.  Errors are root mean squares, for each channel in its unit, and
-        for all channels together on the axis `floor` in units of the floor of the hull model.
+        `horizon` [s] the length of a shot.  Errors are root mean squares, for each channel in its unit.  On
+        the axis `floor` they are of all channels together, in units of the floor of the hull model.
 
     Raises:
         DataError: The recording is too short, or the vehicle's predictions diverge.
