@@ -3,8 +3,8 @@
 All single conditions and all pairs are tried.  A place with share e of an axis' error and share t of the time
 has the quality (e - t) / sqrt(t).  This is proportional to the number of standard deviations above an even
 distribution of the error (Klösgen 1996).  The lesser quality of the even and the odd blocks of the recording
-counts.  The best place is taken, the error in it is removed, and the search continues, so that the list does
-not repeat one place in other words (sequential covering).
+counts.  The best place is taken, the error in it is removed, and the search continues
+(sequential covering).  So the list does not repeat one place in other words.
 """
 
 from __future__ import annotations
