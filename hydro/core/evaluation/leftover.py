@@ -1,11 +1,11 @@
 """Force residual of a vehicle file against each velocity, with the force that the file exerts there.
 
-The force residual is the wrench ON the vehicle that the file's thrusters, weight, buoyancy, effects and rigid
-body (C_RB and M_RB among them) do not account for.  For a drag that is too small it points against the
-motion, as the drag does.  Along each axis it is averaged in bins of velocity of equal counts.  Its interval
-rests on blocks of the recording, because neighbouring rows share their errors: a cluster-robust variance with
-leverage correction (Bell and McCaffrey 2002), and Student's t with as many degrees of freedom as the bin has
-effective blocks (Kish 1965), less one.
+The force residual is the wrench ON the vehicle that the file does not account for.  The file
+accounts for thrusters, weight, buoyancy, effects and rigid body (C_RB and M_RB among them).  For a drag that
+is too small it points against the motion, as the drag does.  Along each axis it is averaged in bins of
+velocity of equal counts.  Its interval rests on blocks of the recording, because neighbouring rows share
+their errors: a cluster-robust variance with leverage correction (Bell and McCaffrey 2002), and Student's t
+with as many degrees of freedom as the bin has effective blocks (Kish 1965), less one.
 """
 
 from __future__ import annotations
