@@ -1,7 +1,7 @@
 """Squared errors of a model on a recording, piece by piece, with those that noise alone causes.
 
-The noise floor is computed by adding noise of the measured size to the recording, and the uncertainty of the
-smoothed motion to the start of each prediction.  It is the mean change of the errors over enough draws.
+For the noise floor, noise of the measured size is added to the recording, and the uncertainty of the smoothed
+motion to the start of each prediction.  It is the mean change of the errors over enough draws.
 """
 
 from __future__ import annotations
