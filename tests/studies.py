@@ -64,7 +64,7 @@ def found() -> pl.DataFrame:
             ("thruster_gain", "quadratic_damping"),
             share=0.2,
             parameters={"g": [0.0, 0.0, -0.4, 0.0, 0.0, 0.0, 0.0]},
-            advice="to tell them apart: fly a powered step",
+            advice="to separate them: fly a powered step",
         ),
         Finding("retune", "linear_damping", parameters={"diagonal": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}),
         Finding("none_of_the_known", share=0.07, advice="it grows with depth: fly deeper"),

@@ -207,7 +207,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         change = Change(
             next(iter(rivals.values())), rivals, np.array(without["costs"], float), without["residuals"]
         )
-        best = min(rivals.values(), key=change.fined)
+        best = min(rivals.values(), key=change.penalised)
         change = Change(best, rivals, change.whole, change.floor)
         if not change.seen(further=bool(found)):
             break

@@ -77,7 +77,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
                 "effect": words.effect_name(effect),
                 "tied": listed([words.effect_name(name) for name in tied]),
                 "usual": listed([words.effect_name(name) for name in usual if name not in tied]),
-                "parted": asked.removeprefix("to tell them apart: "),
+                "parted": asked.removeprefix("to separate them: "),
             }
     return list(rows.values())
 

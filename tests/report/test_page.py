@@ -245,7 +245,7 @@ def test_metrics_have_a_row_per_variant() -> None:
 def test_what_to_fly_is_said_once_each() -> None:
     page = Text(render(alone("diagnosis", studies.found()))).found
     for advice in (
-        "To tell them apart: fly a powered step.",
+        "To separate them: fly a powered step.",
         "It grows with depth: fly deeper.",
         "Fly shallow.",
     ):

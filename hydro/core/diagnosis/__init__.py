@@ -1,1 +1,1 @@
-"""Which physical effect a vehicle file lacks, and how sure that is."""
+"""Diagnosis: the physical effect that a vehicle file lacks, with a confidence."""

@@ -1,7 +1,7 @@
-"""What a search for what is missing starts from, what it found, and what of it matters.
+"""Baseline fit of a vehicle file, result of a search, and the size that a finding must have.
 
-A finding matters where it explains enough of the error that the file's own effects leave, or lowers its root
-enough, or is much of what others have left of it; whatever kinematics alone shows need only be visible.
+A finding counts if it explains enough of the squared error beyond the noise.  The error is that of the
+baseline fit, or that of the present model.  A sensor error that kinematics shows need only be visible.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from hydro.core.diagnosis.model import (
     Model,
     Screening,
     Wanted,
-    as_it_is,
     fit_model,
     fitted_or_kept,
     from_elsewhere,
     names_of,
+    unfitted,
 )
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -37,55 +37,56 @@ from hydro.core.prediction.output_error import OutputError, in_waves
 from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
-from hydro.core.preprocessing.sensor_tests import shown as misread
+from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.recording.shots import SHOT_SECONDS, Shots, room
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
 MATERIAL = 0.05
-"""Share of the squared error beyond the noise that a finding must explain,"""
+"""Minimum share of the squared error beyond the noise that a finding explains."""
 TELLING = 0.1
-"""or else by how much of its root it must lower the root of what is left."""
+"""Alternative limit: minimum reduction of the root of that error, as a share of the baseline fit's root."""
 MUCH_OF_IT, PLAIN = 0.15, 0.01
-"""or else the part of what is left that it must explain, and the share of the noise that this must be."""
+"""Alternative limit: minimum share of the present model's excess error, and least share of the noise."""
 VISIBLE = 0.005
-"""Share of the whole error, noise included, below which nobody would see it in a replay."""
+"""Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
 SEA_TWICE = 2
-"""Times that waves are looked for: once more with the file's own effects fitted beside them."""
+"""Number of searches for waves: the second uses the file's effects, refitted with the waves allowed for."""
 SHOT_LENGTHS = tuple(part * SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
-"""Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
+"""Shot lengths to try [s].  The shorter ones are for models that are unstable."""
 DIVERGED_FILE = (
-    "the motion that the file predicts diverges within a quarter of a second: all began from linear damping "
-    "that equation error finds"
+    "the motion that the file predicts diverges within a quarter of a second: all fits started from the "
+    "linear damping of an equation-error fit"
 )
-DIVERGED_REFIT = "the refit of the file's own effects diverged: they stand as they began"
+DIVERGED_REFIT = "the refit of the file's effects diverged: they keep their starting values"
 STABLE = 0.95
-"""Part of the shots that must not diverge."""
+"""Minimum share of shots that must stay finite."""
 LEAST_SHOTS = 16
+"""Minimum number of shots for a diagnosis."""
 SHORTEST = 0.5
-"""Length down to which shots are cut where there are too few longer ones [s]: 10 s of sinking suffice."""
+"""Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
 LOUD, ENOUGH = 1e3, 120
-"""Mean squared residual, in units of the noise, from which so many shots tell as much as all."""
+"""Reduced chi-square above which ENOUGH shots carry the same information as all shots, and their number."""
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """A vehicle file, and the best that its own effects can do: what a search starts from.
+    """Vehicle file with the best fit of its existing effects: the start of a search.
 
     Attributes:
-        vehicle: The vehicle as its file gives it.
-        effects: Names of its own effects, which are fitted anew.
-        log: The preprocessed recording.
-        problem: The shots, begun where the recording saw the vehicle.
-        given: The vehicle with the values of its file.
-        refitted: With its own effects fitted anew.
-        sensors: What kinematics alone says of the velocity log's errors, by effect.
-        start: The vehicle that the fits begin from; another one than the file's where its predictions
+        vehicle: Vehicle as given in its file.
+        effects: Names of the file's free effects, which are refitted.
+        log: Preprocessed recording.
+        problem: Shots, starting at the measured states.
+        given: Model with the file's values.
+        refitted: Model with the existing effects refitted.
+        sensors: Kinematic tests of velocity sensor errors, by effect.
+        start: Vehicle from which the fits start.  It differs from the file where the file's predictions
             diverge.
-        warnings: What went wrong on the way, a sentence each.
-        file: Another vehicle whose values alone are known beforehand; None where these are.
-        sea: Waves that the recording shows and the file has not: the shots allow for them.
-        calmed: Part of the error beyond the noise that goes with them.
+        warnings: Problems of the baseline fit, one sentence each.
+        file: Other vehicle whose values are the prior knowledge; None if `vehicle` is.
+        sea: Waves that the recording shows and the file lacks; the shots allow for them.
+        calmed: Share of the error beyond the noise that the waves explain.
     """
 
     vehicle: Vehicle
@@ -103,19 +104,19 @@ class Baseline:
 
     @property
     def filed(self) -> Vehicle:
-        """The vehicle with the values that its fits begin from."""
+        """Vehicle with the starting values of its fits."""
         return self.start or self.vehicle
 
     @property
     def beforehand(self) -> Vehicle:
-        """The vehicle whose values are known whatever this recording says."""
+        """Vehicle whose values are the prior knowledge, independent of this recording."""
         return self.file or self.vehicle
 
     def thinned(self) -> Baseline:
-        """The same over ENOUGH of its shots where the file's own effects leave far more than the noise.
+        """Return the baseline over ENOUGH shots where its residual is far above the noise.
 
-        What no noise blurs every shot tells; itself where it leaves less, or has fewer than twice as many: a
-        search over some of the shots that comes near the noise is made once more over all.
+        Return it unchanged if the residual is smaller or if there are fewer than twice as many shots.  A
+        search over a part of the shots is repeated over all of them if it comes near the noise.
         """
         if len(self.refitted.costs) < 2 * ENOUGH or not self.refitted.normal.chi2 > LOUD:
             return self
@@ -123,24 +124,24 @@ class Baseline:
         return replace(self, problem=self.problem.some(ENOUGH), given=given, refitted=refitted)
 
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
-        """A vehicle with the file's own effects at the values that the file gives them."""
+        """Return a vehicle whose existing effects have the file's values."""
         own = [table for table in self.filed.effect if table["name"] in self.effects]
         others = [table for table in vehicle.effect if table["name"] not in self.effects]
         return msgspec.structs.replace(vehicle, effect=(*own, *others))
 
     def at_file(self) -> Model:
-        """The file's own effects free, at the values that it gives them."""
+        """Return the model with the existing effects free, at the file's values."""
         return fit_model(self.filed, self.effects, self.problem, self.log.track, 0)
 
     def explained(self, model: Model) -> float:
-        """Part of the error beyond the noise that a model explains of what the file's own effects leave."""
+        """Return the share of the baseline fit's excess error that a model explains."""
         return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
 
     def material(self, gain: float, before: Model) -> bool:
-        """Whether explaining so much squared residual of a model matters.
+        """Return whether a reduction of a model's squared residual is large enough to be a finding.
 
-        Where others have explained most, a small share of the first error may be much of what is left, and
-        that is enough as long as it is plain beside the noise.
+        Where other effects explain most of the error, a small share of the first error may be a large share
+        of the present error.  It suffices if it is also clear of the noise.
         """
         left, first = max(before.excess - gain, 0.0), self.refitted.excess
         lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
@@ -148,27 +149,27 @@ class Baseline:
         return self.visible(gain) and bool(lower or much or gain >= MATERIAL * first)
 
     def visible(self, gain: float) -> bool:
-        """Whether explaining so much would show in a replay at all."""
+        """Return whether a reduction of the squared residual would be visible in a replay."""
         return gain >= VISIBLE * self.refitted.normal.residuals
 
     def belongs(self, effect: str, gain: float, before: Model) -> bool:
-        """Whether an effect is a finding: it matters, or kinematics shows it, however much else is wrong."""
+        """Return whether an effect is a finding: it is material, or visible and shown by kinematics."""
         return self.material(gain, before) or (self.sure(effect) and self.visible(gain))
 
     def sure(self, effect: str) -> bool:
-        """Whether kinematics alone shows that the velocity log misreads so, whatever the dynamics lack."""
+        """Return whether kinematics alone shows this error of the velocity sensor."""
         test = self.sensors.get(effect)
-        return test is not None and misread(test)
+        return test is not None and shown_by_kinematics(test)
 
 
 @dataclass(frozen=True)
 class Found:
-    """An effect that joined the model.
+    """Effect that joined the model.
 
     Attributes:
-        effect: Its name.
-        p_value: That nothing being missing the most telling effect tells as much.
-        rivals: The models in which it, or another effect in its place, explains what is left, by effect.
+        effect: Name of the effect.
+        p_value: Probability that the largest gain of all effects is as large by chance.
+        rivals: Fitted models with this effect, or with another in its place, by effect.
     """
 
     effect: str
@@ -178,15 +179,16 @@ class Found:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a search found.
+    """Result of a search.
 
     Attributes:
-        model: The vehicle with all of it.
-        found: What joined it.
-        last: The suspects of the last round, in which nothing joined.
-        without: The model without each effect that was found, all others fitted anew.
-        fit: Values and standard errors of all effects fitted together; None of none, and before they are.
-        warnings: What went wrong on the way, a sentence each.
+        model: Vehicle with all effects found.
+        found: Effects that joined it.
+        last: Screening of the last round, in which nothing joined.
+        without: Model without each effect found, with all others refitted.
+        fit: Values and standard errors of all effects, fitted together; None before that fit, or without
+            effects.
+        warnings: Problems of the search, one sentence each.
     """
 
     model: Model
@@ -198,16 +200,15 @@ class Outcome:
 
     @property
     def effects(self) -> list[str]:
-        """Names of what was found."""
+        """Names of the effects found."""
         return [one.effect for one in self.found]
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
-    """The vehicle that fits begin from, and shots on which its predictions stay finite and near.
+    """Return the vehicle from which fits start, and shots on which its predictions stay bounded.
 
-    It is the file's own, or, where its predictions diverge over the shortest shots too, the file with other
-    damping: the linear one that equation error finds, which integrates nothing, in the place of the file's
-    linear damping, or of all of its damping.
+    It is the file, unless its predictions diverge even over the shortest shots.  Then linear damping from an
+    equation-error fit, which integrates nothing, replaces the file's linear damping, or else all its damping.
 
     Raises:
         DataError: The recording is too short, or the predictions of every start diverge.
@@ -228,11 +229,11 @@ def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputEr
 
 
 def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
-    """Shots as long as the vehicle's predictions stay finite and near, those that do not left out.
+    """Return the longest shots on which the vehicle's predictions stay bounded, without those that do not.
 
     Raises:
         DataError: The recording is too short.
-        Diverges: The predictions of every length do.
+        Diverges: The predictions diverge at every length.
     """
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
@@ -243,18 +244,18 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
             remedy = f"record at least {least:g} s, better some minutes"
             if record.rows * record.dt > least and gaps:
-                remedy = f"{gaps} gaps cut the log to pieces: `hydro import` bridges those of a few samples"
+                remedy = f"{gaps} gaps cut the log to pieces: `hydro import` bridges gaps of a few samples"
             raise DataError(f"{count * seconds:g} s without a gap are too short for a diagnosis; {remedy}")
         if (stable := stable_part(log.shots(seconds), vehicle)) is not None:
             return stable
     raise Diverges(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
-        f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
+        f"damping, or start with `hydro fit --effect {LINEAR_DAMPING.name}`"
     )
 
 
 def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
-    """The shots that a vehicle's predictions do not diverge in; None where too many do."""
+    """Return the shots in which a vehicle's predictions stay bounded; None where too many diverge."""
     problem = OutputError.of(shots, vehicle)
     prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
     stable = multiple_shooting.bounded(prepared, problem.shots)
@@ -262,25 +263,25 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
-    """The file's own effects fitted anew from a start, each channel weighed by its noise, white or not."""
+    """Refit the file's effects from a start, with each channel weighted by its noise, white or coloured."""
     effects, warnings = own_effects(start), []
     refitted, problem, reached = weighed_fit(start, effects, problem, log)
     if start is not vehicle:
         warnings.append(DIVERGED_FILE)
     if not reached:
         warnings.append(DIVERGED_REFIT)
-    given = as_it_is(vehicle, problem)
+    given = unfitted(vehicle, problem)
     return Baseline(
         vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=tuple(warnings)
     )
 
 
 def allowing_for_waves(baseline: Baseline) -> Baseline:
-    """The baseline over shots that allow for the waves of the recording, where it shows any.
+    """Return the baseline over shots that allow for the recording's waves, if it shows any.
 
-    They are no law that shots could be fitted with; what they make of a shot is weighed out by their
-    spectrum, or else whatever else is missing would have to explain them.  A file that states waves has
-    them allowed for already.
+    Waves are random, so shots cannot be fitted to their phases.  Their spectrum adds to the covariance of
+    each shot instead; otherwise another effect would have to explain them.  A file that states waves already
+    allows for them.
     """
     vehicle, log, shots = baseline.vehicle, baseline.log, baseline.problem.shots
     if any(CATALOGUE[table["name"]].is_random for table in vehicle.effect):
@@ -304,11 +305,11 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
 def weighed_fit(
     vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = SLOW
 ) -> tuple[Model, OutputError, bool]:
-    """Effects fitted with each channel weighed by its noise, white or not.
+    """Fit effects with each channel weighted by its noise, white or coloured.
 
     Returns:
-        The model, or the vehicle as it is where the fit diverges; the shots so weighed; and whether the fit
-        did not diverge.
+        The model, or the vehicle with its starting values where the fit diverges; the weighted shots; and
+        whether the fit converged without divergence.
     """
     model, reached = fitted_or_kept(vehicle, effects, problem, log.track, share)
     model = from_elsewhere(model, problem, log.track, share)

@@ -1,9 +1,9 @@
-"""What has changed between two recordings of one vehicle, whose hull no file describes exactly?
+"""Changes between two recordings of one vehicle whose hull no file describes exactly.
 
-What the hull does beside its file is learnt from the recording before and held fixed in the one after
-(`core.residual`), so that a change stands alone.  The file's effects keep their values, and are suspects like
-all others.  Residuals are measured against what the model of the hull leaves of stretches of the recording
-before that it was not fitted to: below that floor there is nothing.
+The hull-force error of the file is learnt from the earlier recording and held fixed in the later one
+(`core.residual`), so that only the change remains.  The file's effects keep their values; a
+change of them is a candidate like any other.  The unit of all residuals is the floor: the residual of the
+hull model on held-out stretches of the earlier recording.  Nothing below it is visible.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from hydro.core.diagnosis.contenders import (
     RIGHT,
     Compared,
     Contender,
-    answering,
     contend,
     fitted,
     fitted_together,
+    with_hull_response,
 )
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, no_surer
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.misread import misread, newly_misread
 from hydro.core.diagnosis.model import Diverges, Model
+from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
@@ -45,21 +45,23 @@ from hydro.core.residual.imitation import imitations, pulls, widened
 from hydro.core.vehicle.description import Vehicle
 
 NAMED = 0.10
-"""Share of the residual left out that a change must remove to be named,"""
+"""Minimum share of the held-out squared residual that a change removes."""
 LEAST = 0.06
-"""Share of the floor that it must remove besides,"""
+"""Minimum squared residual that a change removes, as a share of the floor."""
 FURTHER = 0.20
-"""and a further change, of the residual after the first or of the floor where that is greater."""
+"""Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
 RESAMPLES = 2000
+"""Number of bootstrap resamples."""
 MOST_CHANGES = 3
+"""Maximum number of changes that one diagnosis reports."""
 CHANCE = 0.03
-"""Mean margin by which the best candidate is ahead by chance, in floors: by the error of the hull model,"""
+"""Mean lead of the best candidate by chance, in floors: the part due to the error of the hull model."""
 UNKNOWN = 0.3
-"""by the residual that remains, for each floor beyond one, which any rival may explain,"""
+"""Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
 INEXACT = 0.01
-"""and by errors in the formulas of changes found before, for each floor that these removed."""
+"""Mean lead by chance for each floor that earlier changes removed, due to errors of their formulas."""
 TIED = 0.02
-"""Part of the resamples that a rival must win to be told beside the best."""
+"""Minimum share of resamples that a rival wins to be listed in the advice."""
 
 
 def diagnose_change(
@@ -70,40 +72,40 @@ def diagnose_change(
     progress: Progress,
     further: bool = False,
 ) -> Diagnosis:
-    """Find what has changed: what the velocity log misreads as kinematics shows it, then what forces do.
+    """Find the changes: sensor errors that kinematics shows first, then changes of the forces.
 
     Args:
-        vehicle: The file.
-        log: The recording after.
-        problem: Its shots.
-        hull: What the recording before has taught.
-        progress: Called with a few words and the share of the work done.
-        further: Whether the vehicle has changes already, so that more is asked of the next one.
+        vehicle: Vehicle file.
+        log: Recording after the change.
+        problem: Shots of that recording.
+        hull: Hull-force model learnt from the earlier recording.
+        progress: Called with a short text and the share of the work done.
+        further: Whether the vehicle has changes already, so that the next one must be larger.
     """
     given = Compared.of(log, problem, hull, vehicle)
-    errors = newly_misread(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
+    errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
     if not errors:
-        return told(*given, find(*given, progress, further), further)
+        return as_diagnosis(*given, find(*given, progress, further), further)
     read = extended(vehicle, [one.table for one in errors])
     compared, first = Compared.of(log, stable_shots(read, log), hull, read)
     names = [one.effect for one in errors]
-    found = told(compared, first, find(compared, first, progress, further, names), further)
+    found = as_diagnosis(compared, first, find(compared, first, progress, further, names), further)
     alone = given[0].chi2(given[1])
     share = 1.0 - compared.chi2(first) / alone
-    misreadings = [misread(one, share, log.record.dt, vehicle) for one in errors]
+    sensor_findings = [sensor_finding(one, share, log.record.dt, vehicle) for one in errors]
     rest = [one for one in found.findings if one.verdict not in ("nothing_missing", "log_fault")]
-    return replace(found, findings=(*log.faults, *misreadings, *rest), chi2=(alone, alone, found.chi2[2]))
+    return replace(found, findings=(*log.faults, *sensor_findings, *rest), chi2=(alone, alone, found.chi2[2]))
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change that was found.
+    """One step of the search for changes.
 
     Attributes:
-        best: The effect that is it.
-        rivals: All that were fitted, by effect.
-        whole: Squared residual of each shot without it, (S,).
-        floor: What the model of the hull leaves of all of them.
+        best: Chosen effect.
+        rivals: All fitted candidates, by effect.
+        whole: Held-out squared residual of each shot without a further change, (S,).
+        floor: Squared residual of all shots at the floor of the hull model.
     """
 
     best: Contender
@@ -113,43 +115,43 @@ class Change:
 
     @classmethod
     def of(cls, compared: Compared, last: Model, rivals: Mapping[str, Contender]) -> Change | None:
-        """The best of the rivals; None of none."""
+        """Return the change with the best of the rivals; None if there are no rivals."""
         whole = compared.left_out(last.normal.of([]))
         if not rivals:
             return None
         first = cls(next(iter(rivals.values())), rivals, whole, compared.floor(last))
-        return replace(first, best=min(rivals.values(), key=first.fined))
+        return replace(first, best=min(rivals.values(), key=first.penalised))
 
-    def fine(self, rival: Contender) -> float:
-        """What a rival must remove for its parameters and for what it absorbs of a hull."""
-        return rival.fine(self.rivals.values(), float(self.whole.sum()), self.floor)
+    def penalty(self, rival: Contender) -> float:
+        """Return a rival's penalty for its parameters and for the hull-force error that it absorbs."""
+        return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
 
-    def fined(self, rival: Contender) -> float:
-        """What a rival leaves, with its fine: by it they are put in order."""
-        return rival.left + self.fine(rival)
+    def penalised(self, rival: Contender) -> float:
+        """Return a rival's held-out cost with its penalty, by which rivals are ranked."""
+        return rival.left + self.penalty(rival)
 
     @property
     def score(self) -> float:
-        """Share of the squared residual left out that the best removes."""
+        """Share of the held-out squared residual that the best candidate removes."""
         return float(1.0 - self.best.left / self.whole.sum())
 
     @property
     def margin(self) -> float:
-        """Return how far the best is ahead of the next, or of no change, each with its fine, in floors."""
-        others = [self.fined(one) for one in self.rivals.values() if one.effect != self.best.effect]
-        return float(min([*others, self.whole.sum()]) - self.fined(self.best)) / self.floor
+        """Lead of the best over the next candidate, or over no change, in penalised cost and floors."""
+        others = [self.penalised(one) for one in self.rivals.values() if one.effect != self.best.effect]
+        return float(min([*others, self.whole.sum()]) - self.penalised(self.best)) / self.floor
 
     @property
-    def plain(self) -> float:
-        """What it removes, as a share of what there is or of the floor where that is greater."""
+    def relative_gain(self) -> float:
+        """Removed residual, as a share of the greater of the residual and the floor."""
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
 
     def confidence(self, given: float) -> float:
         """Return the probability that the best candidate is the change.
 
-        It is the part of the resampled recordings in which it wins, times the probability that its margin
-        does not come about by chance.  Such margins have an exponential distribution.
+        It is the share of the resamples that the candidate wins, times the probability that its lead is not
+        due to chance.  Leads by chance have an exponential distribution.
 
         Args:
             given: Squared residual of the file as given, in floors.
@@ -160,23 +162,23 @@ class Change:
         return self.wins()[self.best.effect] * -math.expm1(-max(self.margin, 0.0) / by_chance)
 
     def seen(self, further: bool) -> bool:
-        """Whether it is large enough to be named, as the first or a further one."""
-        if further:  # what a formula of drag absorbs of an unchanged hull is no further change
-            return self.plain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
+        """Return whether the change is large enough to be named, as the first or a further one."""
+        if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
+            return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= NAMED and self.score * float(self.whole.sum()) >= LEAST * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
-        """95 % interval of the score."""
+        """Return the 95 % interval of the score."""
         both = np.column_stack([self.whole - self.best.costs, self.whole])
         drawn = weights(len(both), RESAMPLES, seed) @ both
         low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [0.025, 0.975])
         return float(min(low, self.score)), float(max(high, self.score))
 
     def wins(self, seed: int = 0) -> dict[str, float]:
-        """Part of the resampled recordings in which each rival is the best, the most frequent first."""
+        """Return the share of the resamples in which each rival is the best, in descending order."""
         names = list(self.rivals)
-        fine = np.array([self.fine(self.rivals[name]) for name in names])
-        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + fine / len(self.whole)
+        penalties = np.array([self.penalty(self.rivals[name]) for name in names])
+        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + penalties / len(self.whole)
         drawn = weights(len(costs), RESAMPLES, seed) @ costs
         part = np.bincount(drawn.argmin(axis=1), minlength=len(names)) / RESAMPLES
         order = np.argsort(-part, kind="stable")
@@ -206,11 +208,11 @@ def find(
     """Find the changes, the greatest first.
 
     Args:
-        compared: The recording after.
-        first: The vehicle as its file is.
-        progress: Called with a few words and the share of the work done.
-        further: Whether the vehicle has changes already, so that more is asked of the next one.
-        without: Effects that are not to be tried.
+        compared: Later recording.
+        first: Vehicle with the file's values.
+        progress: Called with a short text and the share of the work done.
+        further: Whether the vehicle has changes already, so that the next one must be larger.
+        without: Effects that are not tried.
     """
     last, changes, refused = first, list[Change](), None
     while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
@@ -227,9 +229,9 @@ def find(
 
 
 def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
-    """The changes; the second alone where, fitted without the first, it is the better of the two.
+    """Return the changes, or the second alone where it fits better without the first.
 
-    An effect that only its own fit shows, as a threshold does, may come to light beside a poorer one first.
+    A candidate with a threshold may appear only after a poorer candidate has moved the start of its fit.
     """
     if len(changes) != 2:
         return changes
@@ -239,19 +241,19 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
         alone = fitted(compared, first, table)
     except (Diverges, np.linalg.LinAlgError):
         return changes
-    if before.fined(alone) >= before.fined(before.best):
+    if before.penalised(alone) >= before.penalised(before.best):
         return changes
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
 
-def told(compared: Compared, first: Model, those: Changes, further: bool = False) -> Diagnosis:
-    """Return the findings; chi2 are in units of what the model of the hull leaves."""
+def as_diagnosis(compared: Compared, first: Model, those: Changes, further: bool = False) -> Diagnosis:
+    """Return the diagnosis; its chi2 are in units of the floor of the hull model."""
     given, changes = compared.chi2(first), those.found
     tried = tuple(_candidates(compared, first, those))
     if not changes:
         words = (
-            f"nothing {'more ' * further}has changed beyond what the model of the hull leaves: mean squared "
-            f"residual {given:.3g} of that"
+            f"nothing {'more ' * further}has changed beyond the floor of the hull model: the mean squared "
+            f"residual is {given:.3g} floors"
         )
         nothing = Finding("nothing_missing", advice=words)
         return Diagnosis(
@@ -268,7 +270,7 @@ def told(compared: Compared, first: Model, those: Changes, further: bool = False
 
 
 def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Candidate]:
-    """Yield every candidate change, and the model without any at each step."""
+    """Yield every candidate change, and at each step the model without a change."""
     last = first
     for step, change in enumerate([*those.found, *([those.refused] if those.refused else [])]):
         taken = step < len(those.found)
@@ -282,7 +284,7 @@ def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Ca
 def _candidate(
     compared: Compared, step: int, name: str, chosen: bool, change: Change, rival: Contender, first: Model
 ) -> Candidate:
-    """Return one candidate change, or the model without any for an empty name."""
+    """Return one candidate change; an empty name stands for the model without one."""
     vehicle = rival.model.vehicle
     return Candidate(
         "change",
@@ -303,33 +305,33 @@ def _candidate(
 
 
 def _finding(change: Change, file: Vehicle, compared: Compared, given: float, left: float) -> Finding:
-    """A change as a finding.
+    """Return a change as a finding.
 
     Args:
-        change: The change.
-        file: The file.
-        compared: The recordings.
-        given: What the file as given leaves, in units of the floor.
-        left: What all changes leave, likewise.
+        change: Change.
+        file: Vehicle file.
+        compared: Recordings.
+        given: Residual of the file as given, in floors.
+        left: Residual with all changes, in floors.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
     unchanged = compared.unchanged
     hulls = imitations(unchanged, file, model.unknown, model.values, folds(unchanged.shots.session))
     fit = widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
     parameters, errors = fit.table(name)
-    words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"
+    words = f"it removes {change.score:.0%} of the residual of held-out stretches"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
-        words += f"; some of the recording would rather have {', '.join(rivals)}"
+        words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
     if left > RIGHT:
-        words += f"; {left:.3g} times the squared residual of before is left, which nothing here explains"
+        words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
     if known:
         entries = [entry for entry in model.unknown.entries if entry.effect == name]
         words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = no_surer(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
+    sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,
@@ -348,17 +350,17 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:
-    """Changes of a file fitted together, with all else of the file and the hull's share held.
+    """Fit changes of a file together, with the rest of the file and the hull forces held fixed.
 
     Args:
-        file: The file as given.
-        log: The recording after.
-        hull: What the recording before has taught.
-        changes: `[[effect]]` tables with the values to begin from.
+        file: Vehicle file as given.
+        log: Recording after the change.
+        hull: Hull-force model learnt from the earlier recording.
+        changes: `[[effect]]` tables with starting values.
 
     Raises:
         DataError: The recording is too short, or the predictions diverge.
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
-    model = answering(compared, first, fitted_together(compared, first, changes))
+    model = with_hull_response(compared, first, fitted_together(compared, first, changes))
     return model.estimated()

@@ -21,8 +21,8 @@ from hydro.core.vehicle.description import Vehicle
 
 Engine = Literal["likelihood", "change", "transfer"]
 BLOCKS = 24
-"""Blocks of consecutive shots at most whose costs are kept.  It bounds the size of a kept table; more blocks
-change a resampled frequency by less than its scatter."""
+"""Maximum number of blocks of consecutive shots whose costs are kept, which bounds the table.  With more
+blocks a resampled frequency changes by less than its scatter."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Candidate:
         step: Number of the step, from 0.
         effect: Name; empty for the model without any candidate.
         chosen: Whether the diagnosis took it.
-        entries: Number of fitted values, those of the file's own free effects included.
+        entries: Number of fitted values, including those of the file's free effects.
         shots: Number of shots behind the costs.
         costs: Squared residual in each block of consecutive shots, at most BLOCKS; empty where the engine
             does not rank by it.

@@ -1,10 +1,10 @@
-"""A diagnosis of a recording made under feedback: what may stand for a disturbance.
+"""Check of a diagnosis against a recording made under feedback.
 
-A controller answers to a current, a tether or a trim error, so that its commands and the disturbance are
-there together, and a coefficient may stand for the disturbance (Forssell and Ljung 1999).  A slowly varying
-disturbance is a wrench that is steady over a stretch of the recording.  With such wrenches free beside it, an
-effect that is there keeps its values, and one that stands for a disturbance loses them (J. A. Hausman,
-Specification tests in econometrics, Econometrica 46, 1251-1271, 1978).
+A controller reacts to a current, a tether or a trim error.  Commands and disturbance are then correlated, and
+a coefficient can absorb the disturbance (Forssell and Ljung 1999).  A slowly varying disturbance is modelled
+as a wrench that is constant over a stretch of the recording.  With such wrenches free, a real effect keeps
+its values and an effect that absorbs a disturbance loses them (J. A. Hausman, Specification tests in
+econometrics, Econometrica 46, 1251-1271, 1978).
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from hydro.core.recording.feedback import Feedback, feedback
 from hydro.core.vehicle.frames import rotation_from_quaternion
 
 STRETCH = 20.0
-"""Time over which a disturbance is taken for steady [s]."""
+"""Time over which a disturbance is taken as constant [s]."""
 OWN = 0.75
-"""Part of an effect that must stay once steady wrenches are free beside it, for it to be told,"""
+"""Minimum share of an effect that must remain with steady wrenches free, or else it is not stated."""
 EVIDENT = 10.0
-"""and how many times chance what the recording then still tells of it must be, parameter by parameter."""
+"""Minimum chi-square per parameter of the remaining effect, in units of its expectation by chance."""
 DISTURBANCES = tuple(name for name, one in CATALOGUE.items() if one.family == "surroundings")
-"""Effects that a controller answers to."""
+"""Effects to which a controller reacts."""
 ADVICE = (
-    "commands answer to the motion: {words}. A disturbance that the controller answers to is there together "
-    "with the answer; damping, gains and added mass may stand for it. What is stated here stands beside "
-    "disturbances that are steady for {stretch:g} s; for the rest, fly planned commands without feedback"
+    "commands answer to the motion: {words}. The controller counteracts disturbances, so damping, gains and "
+    "added mass may absorb them. The findings allow for disturbances that are steady for {stretch:g} s; to "
+    "exclude others, fly planned commands without feedback"
 )
 IMITATES = (
-    "under feedback: with steady disturbances free beside it, {share:.0%} of it goes, so that this recording "
-    "does not tell it from a disturbance that the controller answers to"
+    "under feedback: {share:.0%} of it vanishes with steady disturbances free, so this recording cannot "
+    "separate it from a disturbance that the controller counteracts"
 )
 
 
 def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> list[Finding]:
-    """The findings with a warning, less sure of what a disturbance may imitate; without feedback as given."""
+    """Lower the confidence of findings that may be disturbances, and add a warning, under feedback."""
     seen = feedback(baseline.vehicle, baseline.log.record)
     if not seen.closed:
         return list(findings)
@@ -58,7 +58,7 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
 
 
 def _judged(finding: Finding, own: dict[str, float]) -> Finding:
-    """A finding less sure by what steady disturbances take of it; a re-estimate among it is not told."""
+    """Lower a finding's confidence by the share that steady disturbances explain; withdraw a re-estimate."""
     share = own.get(finding.effect, 1.0)
     if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= OWN:
         return finding
@@ -76,16 +76,16 @@ def _judged(finding: Finding, own: dict[str, float]) -> Finding:
 
 
 def _warning(seen: Feedback) -> Finding:
-    """That the recording was made under feedback."""
+    """Return the warning that the recording was made under feedback."""
     return Finding("closed_loop", advice=ADVICE.format(words=seen.words(), stretch=STRETCH))
 
 
 def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
-    """Part of each fitted effect that stays once a steady wrench of every stretch is free, by its name.
+    """Return the share of each fitted effect, by name, that remains with steady wrenches free.
 
-    An effect is its step from the file's values, or from 0.  With the wrenches free all entries move on, by
-    the linearised problem; what is left along the step counts, weighed by what the recording then tells.
-    Disturbances themselves, and errors of the log, are left out.
+    An effect is measured by its step from the file's values, or from 0.  With one wrench per stretch free,
+    the linearised problem gives a new step.  The share is its projection on the first step, weighted by the
+    information that remains.  Disturbances and sensor errors are skipped.
     """
     entries = model.unknown.entries
     if not entries:
@@ -110,7 +110,7 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
 
 
 def _with_wrenches(model: Model) -> Array:
-    """Products of six steady wrenches and of the model's own columns, by stretches, (B, 7 + P, 7 + P)."""
+    """Return products of six steady wrenches and the model's columns, by stretch, (B, 7 + P, 7 + P)."""
     problem = cast(OutputError, model.problem)
     changed, steps = moved(model.unknown, model.values)
     pulls = list(steadily_disturbed(model.vehicle))

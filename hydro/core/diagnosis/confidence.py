@@ -1,12 +1,12 @@
-"""How sure is a name?  Which effects explain a recording as well as the best, and how much does one explain.
+"""Confidence in a name, effects that explain a recording equally well, and the share of the error explained.
 
-Whole blocks of shots are weighed at random (Bayesian bootstrap, Rubin 1981): how often would each rival win,
-and within what limits does the share lie.
+Whole blocks of shots get random weights (Bayesian bootstrap, Rubin 1981).  They give the frequency with which
+each rival wins, and an interval for the share.
 
-And how well does an effect explain sessions that it was not fitted to?  Each rival is fitted anew without one
-session at a time, by the linear problem about its fit, and predicts the session left out.  What is gained
-there is no matter of having many parameters, nor of one session that is like no other.  A recording of fewer
-than three sessions is cut into stretches that are left out instead.
+Held-out sessions test whether an effect transfers.  Each rival is refitted without one session at a time, by
+the linear problem about its fit, and predicts that session.  A gain there is not due to many parameters, nor
+to one unusual session.  A recording of fewer than three sessions is cut into stretches, which are held out
+instead.
 """
 
 from __future__ import annotations
@@ -28,44 +28,46 @@ from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.prediction.normal_equations import Normal, block_length
 
 RIGHT = 2.0
-"""Mean squared residual in units of the noise of a model that may be right: then likelihood names effects."""
+"""Maximum reduced chi-square of a model that may be right; only then likelihood names effects."""
 CLEAN = 1.35
-"""The same up to which nothing to speak of is left beside the noise,"""
+"""Maximum reduced chi-square of a model without significant error beyond the noise."""
 CALM = 1.15
-"""and the same where shots allow for waves,"""
+"""Maximum reduced chi-square of such a model where shots allow for waves."""
 NEAR = 102.0 / 118.0
-"""and share of names by likelihood that were right where more is left."""
+"""Share of names by likelihood that were right above CLEAN, see `by_likelihood_confidence`."""
 ODDS, ODDS_BY_SCORE, ODDS_BY_LEAD = -1.76, 2.74, 2.02
-"""Logarithm of the odds that a name by transfer is right, at a score of 0, for a score of 1 more, and where
-nothing comes near it."""
+"""Logistic calibration of names by transfer: log odds at a score of 0, slope with respect to the score, and
+slope with respect to the relative lead over the next."""
 BY_LEAD, HALF = 1.8, 1.6
-"""The same of a name by evidence, for each unit of log(1 + lead), and where it is as likely right as not."""
+"""Logistic calibration of names by evidence: slope over log(1 + lead), and its value at even odds."""
 AHEAD = 0.15
-"""Part of the evidence that a lead must be, or else a name is less sure by as much as it is less."""
+"""Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
 RESAMPLES = 2000
+"""Number of bootstrap resamples."""
 TIED = 0.02
-"""Part of the resamples that a rival must win to be named beside the best."""
+"""Minimum share of resamples that a rival wins to be listed with the best."""
 SESSIONS = 3
-"""Sessions from which whole sessions are left out."""
+"""Minimum number of sessions for holding out whole sessions."""
 STRETCHES = 6
-"""Stretches of equal length that are left out in turn where there are fewer."""
+"""Number of stretches of equal length that are held out in turn, with fewer sessions."""
 CONFIRMED = 0.5
-"""Part of what an effect explains that it must explain of sessions left out, or else a warning is due."""
+"""Ratio of the share explained in held-out sessions to that in the fit, below which a warning is given."""
 OVERLAP = 0.7
-"""Part of what findings explain together below which the sum of what each adds tells that they overlap."""
+"""Ratio of the sum of added shares to the share explained together, below which findings overlap."""
 IMITATED = 0.5
-"""What no effect explains, in units of what a finding explains, from which it casts doubt on the finding."""
+"""Ratio of the unexplained share to a finding's share from which the finding's confidence is lowered."""
 
 
 def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -> dict[str, float]:
-    """Part of the resamples in which each rival explains most for its parameters.
+    """Return the share of the resamples in which each rival has the least penalised cost.
 
     Args:
-        rivals: A model for each effect.
-        best: The effect whose residuals say how long a block is.
-        seed: Of the weights.
+        rivals: Model of each effect.
+        best: Effect whose residuals set the block length.
+        seed: Seed of the weights.
 
     Returns:
+        The best and all that are tied with it, the most frequent winner first.
         The best and all that are tied with it, the most frequent winner first.
     """
     costs = np.stack([model.penalised for model in rivals.values()], axis=1)
@@ -77,13 +79,13 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
 def change_frequency(normal: Normal, entries: Sequence[int], change: Array, seed: int = 0) -> float:
     """Return the share of the resamples in which changed values of one effect win over the file's.
 
-    Where the effect keeps the file's values, all other parameters move to their best values beside it.
+    Where the effect keeps the file's values, all other parameters move to their best values.
 
     Args:
-        normal: The joint fit, with the changed values.
-        entries: The parameters of the effect.
-        change: Their change from the file's values, in units of the parameters, (len(entries),).
-        seed: Of the weights.
+        normal: Joint fit, with the changed values.
+        entries: Parameters of the effect.
+        change: Change from the file's values, in units of the parameters, (len(entries),).
+        seed: Seed of the weights.
     """
     count, own = normal.gram.shape[1] - 1, np.array(entries)
     others = np.setdiff1d(np.arange(count), own)
@@ -101,9 +103,9 @@ def _wins(costs: Array, best: Normal, seed: int) -> Array:
     """Return the share of the resamples in which each of several models costs least, (M,).
 
     Args:
-        costs: Squared residual of each shot and model, with fines, (S, M).
-        best: The model whose residuals say how long a block is.
-        seed: Of the weights.
+        costs: Penalised squared residual of each shot and model, (S, M).
+        best: Model whose residuals set the block length.
+        seed: Seed of the weights.
     """
     blocks = block_sums(costs, max(block_length(best.score), 2))
     winner = np.argmin(weights(len(blocks), RESAMPLES, seed) @ blocks, axis=1)
@@ -111,13 +113,13 @@ def _wins(costs: Array, best: Normal, seed: int) -> Array:
 
 
 def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> tuple[float, float, float]:
-    """What part of an error is explained, with its 95 % interval.
+    """Return the share of an error that is explained, with its 95 % interval.
 
     Args:
         gain: Squared residual explained in each shot, (S,).
         excess: Squared residual beyond the noise in each shot, (S,).
-        pieces: Shots that make one block.
-        seed: Of the weights.
+        pieces: Number of shots in a block.
+        seed: Seed of the weights.
     """
     blocks = block_sums(np.column_stack([gain, excess]), max(pieces, 1))
     drawn = weights(len(blocks), RESAMPLES, seed) @ blocks
@@ -129,12 +131,12 @@ def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> t
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at its fit.
+    """Fitted model with its prior.
 
     Attributes:
-        normal: The problem about its values, in units of the entries' scales.
-        amounts: How far each entry has moved from where it is without data, in scales, (P,).
-        information: How firmly it is held there, (P,); by default as little as PRIOR scales hold it.
+        normal: Linearised problem about its values, in units of the entries' scales.
+        amounts: Distance of each entry from its prior mean, in scales, (P,).
+        information: Prior information on each entry, (P,); by default a weak prior of PRIOR scales.
     """
 
     normal: Normal
@@ -144,14 +146,14 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Score:
-    """What a rival explains of sessions left out.
+    """Share of the held-out error that a rival explains.
 
     Attributes:
-        share: Part of the error beyond the noise that it removes, over all of them, with
-        low: the lower and
-        high: the upper end of its 95 % interval.
-        by_fold: The same of each session or stretch, in order; below 0 where it makes the error larger, and
-            NaN where there is no error beyond the noise.
+        share: Share of the error beyond the noise that it removes, over all sessions.
+        low: Lower end of the 95 % interval.
+        high: Upper end of the 95 % interval.
+        by_fold: Share of each session or stretch, in order; below 0 where the error grows, and NaN where it
+            is within the noise.
     """
 
     share: float
@@ -161,7 +163,7 @@ class Score:
 
 
 def folds(session: ArrayLike) -> Rows:
-    """What to leave out together: the number of a session, or of a stretch, for each shot.
+    """Return the fold of each shot, the number of its session or stretch, (S,).
 
     Args:
         session: Number of each shot's session, (S,), in the order of the recording.
@@ -171,7 +173,7 @@ def folds(session: ArrayLike) -> Rows:
     """
     numbers = np.asarray(session, np.int64)
     if len(numbers) < 2:
-        raise DataError("one shot alone has nothing to be left out; record a longer session")
+        raise DataError("one shot is too few to hold data out; record a longer session")
     names, label = np.unique(numbers, return_inverse=True)
     if len(names) >= SESSIONS:
         return np.asarray(label, np.int64)
@@ -180,15 +182,16 @@ def folds(session: ArrayLike) -> Rows:
 
 
 def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
-    """Squared residual of each shot, predicted by one Gauss-Newton step to the fit to all other folds, (S,).
+    """Return the squared residual of each shot after a Gauss-Newton step to the fit of all other folds, (S,).
 
-    Entries that only the fold left out tells of go back to where they are without data.
+    Entries that only the held-out fold determines return to their prior mean.
 
     Args:
-        fitted: The model.
-        fold: What is left out with each shot, (S,).
-        new: Entries of which the other folds must tell,
-        kept: and the part of all information on them that they must have; else the shots' costs are NaN.
+        fitted: Fitted model.
+        fold: Fold that each shot is held out with, (S,).
+        new: Entries that the other folds must determine.
+        kept: Least share of all information on these entries that the other folds must have; below it the
+            costs of the fold's shots are NaN.
     """
     matrix, score, costs = fitted.normal.matrix, fitted.normal.score, fitted.normal.gram[:, -1, -1].copy()
     prior = fitted.information
@@ -208,11 +211,11 @@ def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: fl
 
 
 def scores(first: Fitted, rivals: Mapping[str, Fitted], session: ArrayLike) -> dict[str, Score]:
-    """Share of the error of sessions left out that each rival removes.
+    """Return the share of the error of held-out sessions that each rival removes.
 
     Args:
-        first: The model without any of them, its own effects fitted.
-        rivals: The model with each effect, by its name, over the same shots.
+        first: Model without any of them, its existing effects fitted.
+        rivals: Model with each effect, by its name, over the same shots.
         session: Number of each shot's session, (S,).
 
     Returns:
@@ -233,20 +236,20 @@ def scores(first: Fitted, rivals: Mapping[str, Fitted], session: ArrayLike) -> d
 
 
 def _by_fold(gain: Array, excess: Array, fold: Rows, count: int) -> Array:
-    """Share of each fold."""
+    """Return the share of each fold."""
     gained, left = (np.bincount(fold, weights=part, minlength=count) for part in (gain, excess))
     return np.where(left > 0.0, gained / np.where(left > 0.0, left, 1.0), np.nan)
 
 
 def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
-    """A warning where sessions that an effect was not fitted to do not bear it out; empty where they do.
+    """Return a warning where held-out sessions do not confirm an effect; empty where they do.
 
-    Only the effect's own entries are fitted anew: of what the file has beside it one session may tell alone.
+    Only the effect's entries are refitted, because one session alone may determine those of the others.
 
     Args:
-        effect: Its name.
-        without: The model without it.
-        model: The model with it.
+        effect: Name of the effect.
+        without: Model without it.
+        model: Model with it.
         session: Number of each shot's session, (S,).
     """
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
@@ -257,19 +260,20 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     if elsewhere >= CONFIRMED * min(here, 1.0):
         return ""
     return (
-        f"; one session alone supports it: fitted to the others it removes {elsewhere:.0%} of the error, "
-        f"not {here:.0%}"
+        f"; one session alone supports it: fitted to the others it removes {elsewhere:.0%} of the error "
+        f"instead of {here:.0%}"
     )
 
 
 def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
-    """The findings with what they explain together parted among them, where one can stand in for another.
+    """Split the share that overlapping findings explain together among them.
 
-    Then each adds little to the others, and all they add is far less than what they explain.
+    Each of them adds little to the others, and the sum of these additions is far less than the share
+    together.
 
     Args:
-        findings: Each with what it adds to the others as its share.
-        together: What all of them explain.
+        findings: Findings, with the share that each adds to the others.
+        together: Share that all of them explain.
     """
     added = sum(finding.share for finding in findings)
     if added >= OVERLAP * together or added <= 0.0:
@@ -278,38 +282,38 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
     for one in findings:
         low, share, high = (value * together / added for value in (one.low, one.share, one.high))
         warning = (
-            f"; {names} explain {together:.0%} together, and each can stand for most of it: this one adds "
-            f"{one.share:.0%} to the others"
+            f"; {names} explain {together:.0%} together and overlap: this one alone adds {one.share:.0%} to "
+            "the others"
         )
         parted.append(replace(one, share=share, low=low, high=min(high, 1.0), advice=one.advice + warning))
     return parted
 
 
-def doubted(finding: Finding, remaining: Sequence[Finding]) -> Finding:
-    """The finding, with a warning and less confidence where what no effect explains is of its own size.
+def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) -> Finding:
+    """Lower the confidence of a finding, with a warning, where the unexplained error is of similar size.
 
-    Where commands answer to a disturbance, as a pilot's or a controller's do to waves, the recording holds
-    the disturbance and the answer together, and inertia or damping seem to be other than they are.
+    Where a pilot or a controller reacts to a disturbance such as waves, disturbance and reaction are
+    correlated, and estimates of inertia or damping are biased.
     """
     rest = sum(one.share for one in remaining)
     if rest < IMITATED * finding.share:
         return finding
     warning = (
-        f"; {rest:.0%} of the error no effect explains, and this estimate may absorb part of it: where the "
-        "commands answer to waves or the like, fly without feedback before you trust its values"
+        f"; no effect explains {rest:.0%} of the error, and this estimate may absorb a part of it: if the "
+        "commands react to waves or other disturbances, fly without feedback before you trust its values"
     )
     sure = finding.confidence * finding.share / (finding.share + rest)
     return replace(finding, confidence=sure, advice=finding.advice + warning)
 
 
-def outshone(findings: Sequence[Finding], left: float) -> list[Finding]:
-    """The findings, all but the most telling the less sure the less they explain beside it.
+def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Finding]:
+    """Lower the confidence of all but the largest finding by the ratio of their shares.
 
-    So where more than RIGHT times the noise is left: what a hull does beside its file is told as effects,
-    too, and of 45 such names beside a right one none was (`benchmarks.imperfect_base`, seeds 99000 to 99059).
+    This applies above RIGHT times the noise, where formulas also absorb the hull's error: of 45 further names
+    next to a right one none was right (`benchmarks.imperfect_base`, seeds 99000 to 99059).
 
     Args:
-        findings: In any order.
+        findings: Findings in any order.
         left: Mean squared residual of the model, in units of the noise.
     """
     most = max((finding.share for finding in findings), default=0.0)
@@ -320,9 +324,9 @@ def outshone(findings: Sequence[Finding], left: float) -> list[Finding]:
 
 
 def stated(finding: Finding) -> Finding:
-    """Return the finding as a suspect where its name is less sure than a statement has to be.
+    """Return the finding as a suspect if its confidence is below that of a statement.
 
-    Of effects that the recording does not tell apart, it is the whole group that has to be as sure.
+    Of effects that the recording cannot separate, the confidence of the whole group counts.
     """
     group = finding.support if finding.verdict == "cannot_tell_apart" else 1.0
     if finding.verdict not in ("missing", "cannot_tell_apart") or finding.confidence >= SURE * group:
@@ -331,30 +335,30 @@ def stated(finding: Finding) -> Finding:
 
 
 def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = False) -> float:
-    """Probability that a name is right where likelihood names it.
+    """Return the probability that a name by likelihood is right.
 
-    Of 921 names that were all but sure on the benchmarks' recordings 908 were right where the model leaves at
-    most CLEAN, and 102 of 118 where it leaves more (seeds 80000 to 84059).
+    Of 921 names that were nearly certain on the benchmarks' recordings, 908 were right up to CLEAN; above it,
+    102 of 118 were (seeds 80000 to 84059).
 
     Args:
-        frequency: Share of the resampled recordings in which the effect wins, see `selection_frequency`.
+        frequency: Share of the resamples in which the effect wins, see `selection_frequency`.
         left: Mean squared residual of the model, in units of the noise.
-        in_waves: Whether it is beside waves of the recording, which hide much of what a model leaves.
+        in_waves: Whether the shots allow for waves, which hide much of the model's error.
     """
     return frequency if left <= (CALM if in_waves else CLEAN) else NEAR * frequency
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
-    """Probability that a name is right where no model reaches the noise.
+    """Return the probability that a name by transfer is right, where no model reaches the noise.
 
-    A logistic regression of right and wrong first names on the score and its lead, on 46 recordings of hulls
-    of panels with one change or none (`benchmarks.imperfect_base`, seeds for development).  The lead is the
-    share of what the next best leaves that the best removes: where many effects remove nearly all of an
-    error, any could be it.
+    A logistic regression of right and wrong first names on the score and its lead.  The data are 46
+    recordings of panel hulls with one change or none (`benchmarks.imperfect_base`, development seeds).  The
+    lead is the share of the next best's residual that the best removes: where many effects remove nearly all
+    of an error, any of them could be right.
 
     Args:
-        score: Share of the error of left-out data that the effect removes, see `diagnosis.transfer`.
-        others: The same of all others.
+        score: Share of the held-out error that the effect removes, see `diagnosis.transfer`.
+        others: Scores of all others.
     """
     next_best = max(others, default=0.0)
     lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
@@ -362,17 +366,17 @@ def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
 
 
 def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
-    """Probability that a name is right where evidence beside what the hull may do orders the names.
+    """Return the probability that a name is right, where evidence with the hull force free ranks the names.
 
-    A logistic curve in the logarithm of its lead, on 29 recordings of hulls of panels with one change and 16
-    with none (`benchmarks.imperfect_base`, seeds 1000 to 1029): in theory a lead of 3 leaves one in twenty,
-    but no library has all that a hull does.  Evidence counts numbers as independent that may not be, so that
-    the lead has to be a part of it, too: in a real vehicle's log, of which 16,000 times the noise is left,
-    gains of nine thrusters led by 109 of 1558, three of them dead.
+    A logistic curve in log(1 + lead), fitted on 29 recordings of panel hulls with one change and 16 with none
+    (`benchmarks.imperfect_base`, seeds 1000 to 1029).  In theory a lead of 3 is wrong once in twenty, but no
+    library contains every hull force.  Evidence also counts correlated residuals as independent, so the lead
+    must be a share of the evidence too.  In one real log, with 16,000 times the noise left, gains of nine
+    thrusters led by 109 of 1558, three of them dead.
 
     Args:
-        evidence: Logarithm of the evidence for it, see `residual.allowance`.
-        others: The same of all others.
+        evidence: Log evidence of the effect, see `residual.allowance`.
+        others: Log evidence of all others.
     """
     lead = max(evidence - max([0.0, *others]), 0.0)
     part = min(lead / (AHEAD * max(evidence, 1e-300)), 1.0)

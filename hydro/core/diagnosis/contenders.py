@@ -1,8 +1,8 @@
-"""What may have changed: every suspect, fitted beside the model of the hull and scored on data left out.
+"""Candidate changes of a vehicle, fitted with the hull-force model held fixed and scored on held-out data.
 
-A suspect is scored by the share of the squared residual that it removes from sessions or stretches left out,
-at first by one Gauss-Newton step from the file, then, of those that score most, about its own fit, with no
-more entries than are worth their fine there.
+The score is the share of the squared residual that a candidate removes from held-out sessions or stretches.
+All candidates are scored first by one Gauss-Newton step from the file.  The best are then fitted, and entries
+that remove less than their penalty are dropped.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.misread import refuted
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, gone_on, held_at
+from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, unfitted
+from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
@@ -36,47 +36,53 @@ from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
+"""Number of candidates that are always fitted, the best by one step."""
 RIGHT, MOST_CONTENDERS = 1.5, 10
-"""Floors that a model which is right leaves at most; while the best leaves more, others are fitted, of a
-further change so many: one step says little of what changes the motion altogether or acts in few places."""
+"""Maximum residual of a right model, in floors, and maximum number of fits of a further change above it.  One
+step is a poor score for a candidate that changes the whole motion or acts in few places."""
 FAR, WILD = 3.0, 10.0
-"""Floors from which all are fitted of a further change, too, and some begun from elsewhere; and from which
-the closest go on: what makes a vehicle tumble shows in no step from the file."""
-NEARLY_ALL = 0.01  # part of all there is that one may leave, up to FAR floors, and none be looked for
-CLOSEST, LONG = 3, 24  # how many go on, and by so many iterations
-FARTHER = 2.0  # times as far off as its record says an effect is begun besides
-QUICK = 6  # iterations of a contender's fit
+"""Residuals of the best fit [floors] above which more is tried: from FAR on all candidates of a further
+change are fitted and some start from several points; from WILD on the closest fits continue, because no step
+from the file leads to the values where the vehicle tumbles."""
+NEARLY_ALL = 0.01
+"""Share of the whole residual, up to FAR floors, below which the best fit ends the search for others."""
+CLOSEST, LONG = 3, 24
+"""Number of fits that continue above WILD, and their iterations."""
+FARTHER = 2.0
+"""Factor on an effect's recorded starting values for a second, more distant start."""
+QUICK = 6
+"""Iterations of a candidate's first fit."""
 HOPELESS = 3.0
-"""Times what the best leaves that another may leave at first and still come to be it."""
+"""Residual of a first fit, in units of the best fit's, above which it is not refined."""
 AGAIN, SETTLED = 3, 0.9
-"""Times at most that a fit is made anew to what the hull does to the fitted vehicle, and part of what the one
-before left that the next leaves where that has settled."""
+"""Maximum number of refits to the hull forces that act on the fitted vehicle, and the ratio of successive
+costs above which they have converged."""
 FAR_OFF = 2.0
-"""Times what a fit leaves that linear steps to the other folds may leave of them and still be believed."""
+"""Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
 SCALES = 2.0
 """Prior standard deviation of a suspect's parameters in their natural scales."""
 FINE = 0.004
-"""Share of the residual that an entry of an effect must remove to be kept,"""
+"""Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
 PREFERRED = 0.012
-"""and that each further parameter must for a larger effect to be preferred: a hull's error is alike on all
-stretches, so that data left out do not fine it for what follows that error."""
+"""Penalty of each parameter when effects are compared, as a share of the residual.  The hull's error is alike
+on all stretches, so that held-out data alone do not penalise parameters that follow it."""
 FOLLOWS = 0.2
-"""Part of what an effect absorbs of a hull (`absorbs`) that it takes of the error of the hull's law."""
+"""Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
 ASKED = ("flow", "sensor")
-"""Kinds of effects that change the motion through the water which the hull's wrench is asked about."""
+"""Kinds of effects that change the motion through the water on which the hull force depends."""
 Table = Mapping[str, Any]
 Scored = tuple[float, Table]
-"""What a step promises, and where it leads."""
+"""Score by one step, and the table of values that the step gives."""
 
 
 @dataclass(frozen=True)
 class Contender:
-    """An effect fitted as the change.
+    """Effect fitted as the change.
 
     Attributes:
-        effect: Its name.
-        model: The vehicle with it, over shots with the hull's share taken out.
-        costs: Squared residual of each shot, predicted by the fit to all other folds, (S,).
+        effect: Name of the effect.
+        model: Vehicle with it, over shots corrected for the hull force.
+        costs: Held-out squared residual of each shot, predicted by the fit to all other folds, (S,).
     """
 
     effect: str
@@ -90,19 +96,20 @@ class Contender:
 
     @property
     def left(self) -> float:
-        """Squared residual left out."""
+        """Held-out squared residual."""
         return float(self.costs.sum())
 
-    def fine(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
-        """What it must remove to be preferred to an effect of no parameters.
+    def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
+        """Return the penalty of this effect, in units of squared residual.
 
-        Where one of the rivals leaves no more than the hull's law does, parameters are fined by that: what
-        they remove besides was there.  Else by all that there is, since none is right.
+        If a rival reaches the floor, parameters cost a share of at most FAR floors, because the rest of the
+        residual was due to the change.  Otherwise no candidate is right, and they cost a share of the whole
+        residual.
 
         Args:
-            rivals: All that were fitted.
-            whole: Squared residual without any of them.
-            floor: What the hull's law leaves.
+            rivals: All fitted candidates.
+            whole: Squared residual without a change.
+            floor: Squared residual of the hull model.
         """
         absorbs = CATALOGUE[self.effect].identification.absorbs
         right = min(one.left for one in rivals) <= RIGHT * floor
@@ -112,13 +119,14 @@ class Contender:
 
 @dataclass(frozen=True)
 class Compared:
-    """The recording after, with what the hull does beside its file taken out.
+    """Recording after a change, corrected for the hull force that the file lacks.
 
     Attributes:
-        log: The recording.
-        hull: What the recording before has taught.
-        problem: The shots as measured, weighed by the floor.
-        fold: What is left out with each, (S,).
+        log: Recording.
+        hull: Hull-force model learnt from the earlier recording.
+        problem: Shots as measured, with residuals in units of the floor.
+        fold: Number of the held-out part that each shot belongs to, (S,).
+        weight: Robust weight of each shot, (S,).
     """
 
     log: Preprocessed
@@ -131,27 +139,28 @@ class Compared:
     def of(
         cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
     ) -> tuple[Compared, Model]:
-        """The shots, weighed by the floor and about the errors of a vehicle; and the vehicle as it is."""
+        """Return the shots with residuals in floors and robust weights, and the model of the vehicle."""
         problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
-        first = as_it_is(vehicle, compared.corrected(vehicle))
+        first = unfitted(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first
 
     @property
     def unchanged(self) -> OutputError:
-        """The shots of the recording before without what the hull does beside its file, likewise weighed."""
+        """Shots of the earlier recording, corrected for the hull force and weighted likewise."""
         return self.hull.unchanged.weighed(self.problem.shots.sigma)
 
     def left_out(self, normal: Normal) -> Array:
-        """Weighed squared residual of each shot, predicted by a step to all other folds, (S,)."""
+        """Return the weighted held-out cost of each shot, by one linear step to all other folds, (S,)."""
         weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
         return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
 
     def elsewhere(self, model: Model) -> Array:
-        """The same about a fit, (S,); its residuals where a step beyond its bounds would promise less.
+        """Return the held-out cost of each shot about a fit, (S,), at least the cost of the fit itself.
 
-        Where steps to the other folds lead so far that the linear problem says nothing, folds are left out in
-        earnest: a shot that tumbles would decide alone.
+        Steps beyond a parameter's bounds would promise less than that.  Where the steps lead so far that the
+        linear problem is unreliable, the folds are refitted.  Otherwise one shot that tumbles would decide
+        alone.
         """
         left, here = self.left_out(model.normal), self.weight * model.costs
         if left.sum() > FAR_OFF * here.sum():
@@ -160,31 +169,31 @@ class Compared:
         return left if left.sum() >= here.sum() else here
 
     def settled(self, model: Model) -> bool:
-        """Whether steps from a fit to the other folds stay where the problem about it is nearly linear."""
+        """Return whether linear steps to the other folds stay where the problem is nearly linear."""
         return bool(self.left_out(model.normal).sum() <= FAR_OFF * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
-        """The same by fits to all other folds, begun at this one, (S,); infinite where one diverges."""
+        """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
         shots, found = cast(OutputError, model.problem).shots, np.full(len(self.fold), np.inf)
         for number in np.unique(self.fold):
             out = self.fold == number
             try:
-                there = gone_on(model.over(~out), QUICK).vehicle
+                there = continue_fit(model.over(~out), QUICK).vehicle
             except Diverges:
                 continue
-            found[out] = as_it_is(there, OutputError(shots.of(out))).costs
+            found[out] = unfitted(there, OutputError(shots.of(out))).costs
         return np.asarray(self.weight * found)
 
     def floor(self, model: Model) -> float:
-        """Squared residual of all shots if they left what the model of the hull leaves of those before."""
+        """Return the squared residual of all shots at the floor of the hull model."""
         return float(self.weight @ model.normal.freedoms)
 
     def chi2(self, model: Model) -> float:
-        """Mean squared residual in units of what the model of the hull leaves of the recording before."""
+        """Return the mean squared residual in units of the floor."""
         return float(self.weight @ model.costs) / self.floor(model)
 
     def corrected(self, vehicle: Vehicle) -> OutputError:
-        """The shots without the hull's share, asked for where this vehicle's current and log put it."""
+        """Return the shots corrected for the hull force on the motion that this vehicle's file implies."""
         shots = self.problem.shots
         transitions = Transitions.of(candidate(vehicle), shots)
         wrench = self.hull.law.wrench(vehicle, shots)
@@ -194,17 +203,17 @@ class Compared:
 def contend(
     compared: Compared, last: Model, chosen: Sequence[str], progress: Progress
 ) -> dict[str, Contender]:
-    """Fit the suspects that score most by one Gauss-Newton step, and all that move the water.
+    """Fit the candidates with the best scores by one Gauss-Newton step, and all effects of the flow.
 
     Args:
-        compared: The recordings.
-        last: The vehicle so far.
+        compared: Recordings.
+        last: Vehicle with the changes so far.
         chosen: Effects that are in it as changes already.
-        progress: Called with a few words and the share of the work done.
+        progress: Called with a short text and the share of the work done.
     """
     vehicle, reach = last.vehicle, compared.log.track
     tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
-    ranked = stepped(compared, last, tried)
+    ranked = scored_by_one_step(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = compared.floor(last)
@@ -212,16 +221,16 @@ def contend(
     right = float(np.clip(NEARLY_ALL * whole, RIGHT * floor, FAR * floor))
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
-        progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
+        progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
         fine = _shapes(compared, last, name)
-        table = (stepped(compared, last, fine) if fine else ranked)[name][1]
+        table = (scored_by_one_step(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
     if _least(fits) > right:
         others = {name: scored for name, scored in ranked.items() if name not in always}
         for number, table in enumerate(_at_finer_places(compared, last, others), len(always)):
             if _least(fits) <= (FAR * floor if chosen and number >= MOST_CONTENDERS else right):
                 break
-            progress(f"{table['name']} on stretches left out", min(number / MOST_CONTENDERS, 1.0))
+            progress(f"{table['name']} on held-out stretches", min(number / MOST_CONTENDERS, 1.0))
             _join(fits, compared, last, table)
     if _least(fits) > FAR * floor:
         for table in _from_all_sides(vehicle, fits):
@@ -236,20 +245,20 @@ def contend(
 
 
 def _least(fits: Mapping[str, Contender]) -> float:
-    """What the best of some fits leaves."""
+    """Return the least held-out cost of some fits."""
     return min((fit.left for fit in fits.values()), default=np.inf)
 
 
 def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Scored]) -> list[Table]:
-    """Tables of effects at their best places, coarse or finer, the most promising first."""
+    """Return tables of effects at their best shapes, coarse or finer, the best score first."""
     tried = [one for name in coarse for one in _shapes(compared, last, name)]
-    finer = stepped(compared, last, tried)
+    finer = scored_by_one_step(compared, last, tried)
     best = [max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in coarse.items()]
     return [table for _, table in sorted(best, key=lambda scored: -scored[0])]
 
 
 def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
-    """Where to begin where no derivative about an effect's absence leads: on every side, and twice as far."""
+    """Return starting tables on every side, at two distances, for effects without a derivative at zero."""
     return [
         {"name": name} | {key: times * value for key, value in table.items()}
         for name in _far(fits)
@@ -260,17 +269,17 @@ def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Tab
 
 
 def _far(fits: Mapping[str, Contender]) -> list[str]:
-    """Effects that are begun from several sides."""
+    """Return the effects that need several starting points."""
     return [name for name in fits if CATALOGUE[name].identification.far]
 
 
 def _stepwise(fits: Mapping[str, Contender]) -> list[str]:
-    """Effects with thresholds and delays, which a fit to the end looks for beyond corners that hold it."""
+    """Return the effects with thresholds and delays, whose local minima only a full fit escapes."""
     return [name for name, fit in fits.items() if any(one.resolution for one in fit.model.unknown.entries)]
 
 
 def _shapes(compared: Compared, last: Model, name: str) -> list[Suspect]:
-    """The finer grid of an effect that the vehicle has not: kinks and anchors lie between coarse places."""
+    """Return a finer grid of kinks and anchors of an effect that the vehicle lacks."""
     there = last.vehicle.effects(name)
     return [] if there else shapes(last.vehicle, name, reach=compared.log.track)
 
@@ -282,9 +291,9 @@ def _join(
     table: Table,
     iterations: int = QUICK,
 ) -> None:
-    """Fit an effect from a table, and put it among the fits where it leaves less than the one that is there.
+    """Fit an effect from a table, and keep the fit if it has the least held-out cost of this effect.
 
-    Not where it diverges or kinematics refutes it.
+    A fit that diverges or that kinematics refutes is dropped.
     """
     try:
         fit = fitted(compared, last, table, iterations, _least(fits))
@@ -297,14 +306,14 @@ def _join(
 
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:
-    """Effects of the file that are not linear, about the values that it has: a change of one is as likely."""
+    """Return the nonlinear effects of the file, about their values: each may have changed."""
     there = dict.fromkeys(str(table["name"]) for table in vehicle.effect)
     curved = [name for name in there if name not in without and is_curved(name)]
     return [of_entries(vehicle, name, reach=reach) for name in curved if not wholly_known(vehicle, name)]
 
 
-def stepped(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[str, Scored]:
-    """Score of each effect by one Gauss-Newton step, and the table of its best shape, the best first."""
+def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[str, Scored]:
+    """Return each effect's best score by one Gauss-Newton step and its table, the best first."""
     changed = [vehicle for suspect in tried for vehicle in suspect.changed]
     steps = [step for suspect in tried for step in suspect.steps]
     normal = last.problem.linearise(last.vehicle, changed, steps)
@@ -329,27 +338,27 @@ def stepped(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[s
 def fitted(
     compared: Compared, last: Model, table: Table, iterations: int = QUICK, least: float = np.inf
 ) -> Contender:
-    """An effect fitted from the values of a table, and to what the hull does to a vehicle that has it.
+    """Fit an effect from a table's values, with the hull forces that act on the fitted vehicle.
 
-    One that leaves many times what another does, the `least`, stays as it is: it will not be the best.
+    A first fit with many times the `least` cost of the others is not refined: it cannot become the best.
     """
     model, name = fitted_together(compared, last, [table], iterations), str(table["name"])
     here = compared.weight * model.costs
     if not here.sum() <= HOPELESS * least:
         return Contender(name, model, here)
-    model = answering(compared, last, model)
-    if not compared.settled(model):  # with what the hull does held, too: it changes with the motion there
+    model = with_hull_response(compared, last, model)
+    if not compared.settled(model):  # continue with the hull forces held too: they change with the motion
         with suppress(Diverges):
-            again = gone_on(model, QUICK)
+            again = continue_fit(model, QUICK)
             model = again if again.normal.cost < model.normal.cost else model
-    return lean(compared, last, Contender(name, model, compared.elsewhere(model)))
+    return without_needless_entries(compared, last, Contender(name, model, compared.elsewhere(model)))
 
 
-def answering(compared: Compared, last: Model, model: Model) -> Model:
-    """A fit of effects to what the hull makes of the motion of a vehicle that has them.
+def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
+    """Refit effects with the hull forces evaluated on the motion of the fitted vehicle, until they converge.
 
-    A vehicle of other mass or drag answers otherwise to what the hull does beside the file: of a great change
-    the correction by the last vehicle's answers leaves several floors, and another effect takes them up.
+    A vehicle of different mass or drag responds differently to the same hull force.  After a large change,
+    the correction with the last vehicle's response leaves several floors, which another effect would absorb.
     """
     names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
     for _ in range(AGAIN):
@@ -364,12 +373,12 @@ def answering(compared: Compared, last: Model, model: Model) -> Model:
     return model
 
 
-def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
-    """The contender without entries that are not worth their fine on data left out, the others fitted alone.
+def without_needless_entries(compared: Compared, last: Model, whole: Contender) -> Contender:
+    """Drop entries of a contender whose held-out gain is below their penalty, and refit the others.
 
-    One thruster fails, not all of them, and entries that are free follow the hull's own error.  Which are
-    needed the problem about the fit says; so it is done where an effect is linear in its entries, or the
-    file has values to go back to.
+    Usually one thruster fails, not all of them, and free entries follow the hull's error.  The problem
+    linearised about the fit shows which entries are needed.  So this applies to effects that are linear in
+    their entries, and to effects of the file, whose entries return to the file's values.
     """
     model, count = whole.model, len(whole.model.values)
     curved = is_curved(whole.effect) and not last.vehicle.effects(whole.effect)
@@ -404,14 +413,14 @@ def fitted_together(
     iterations: int = QUICK,
     about: Vehicle | None = None,
 ) -> Model:
-    """Effects fitted together to what a vehicle leaves, from the values of their tables.
+    """Fit effects together to a vehicle's residual, from the values of their tables.
 
     Args:
-        compared: The recordings.
-        last: The vehicle so far.
-        tables: The effects.
-        iterations: Steps at most.
-        about: The vehicle that answers to what the hull does beside the file; by default the last one.
+        compared: Recordings.
+        last: Vehicle with the changes so far.
+        tables: Effects.
+        iterations: Maximum number of steps.
+        about: Vehicle whose response to the hull force is used; by default the last one.
     """
     reach = compared.log.track
     if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):

@@ -1,10 +1,10 @@
-"""Which physical effect is missing in a vehicle file, and how sure is that?
+"""Diagnosis of the effect that a vehicle file lacks, with a confidence.
 
-The file's own effects are first fitted anew, so that a drag coefficient a quarter wrong is not taken for
-something missing.  Then `diagnosis.search` holds the whole catalogue against what is left.  What it names
-comes with its share of the error, the effects that explain it as well (`diagnosis.confidence`), and what to
-do next; so does what the file has with other values, what the recording could not have shown, and what no
-effect explains.
+The file's existing effects are refitted first, so that a drag coefficient that is a quarter wrong is not
+mistaken for a missing effect.  Then `diagnosis.search` tests the whole catalogue against the residual.  Each
+finding states its share of the error, the effects that explain it equally well (`diagnosis.confidence`) and
+the next step.  The result also lists existing effects with other values, effects that the recording does not
+show, and error that no effect explains.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from hydro.core.diagnosis.confidence import (
     RIGHT,
     by_likelihood_confidence,
     change_frequency,
-    doubted,
+    discounted_by_largest,
+    discounted_by_unexplained,
     explained_share,
-    outshone,
     selection_frequency,
     shared,
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding, no_surer, with_implausible
+from hydro.core.diagnosis.findings import Diagnosis, Finding, limited_confidence, with_implausible
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.imperfect import named_by_transfer
@@ -52,11 +52,11 @@ from hydro.core.diagnosis.model import (
     ALPHA,
     Diverges,
     Model,
-    as_it_is,
-    gone_on,
+    continue_fit,
+    unfitted,
 )
 from hydro.core.diagnosis.provisional import ReportingSearch, Told
-from hydro.core.diagnosis.relative_thrust import beside_inertia
+from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.diagnosis.search import Search, candidates
 from hydro.core.diagnosis.status import status
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
@@ -75,9 +75,9 @@ from hydro.core.vehicle.description import Vehicle
 
 CORRECT_FIRST = "Correct this first, or add --correct-thrusters"
 ANSWERED = 0.85
-"""Share of the time of a diagnosis before its findings are checked on held-out data, about: 0.77 to 0.93 of
-three measured ones."""
-DIVERGED_TOGETHER = "the last fit of all together diverged: values are of the one before"
+"""Share of the time of a diagnosis that passes before its findings are checked on held-out data: 0.77 to 0.93
+in three measured runs."""
+DIVERGED_TOGETHER = "the final joint fit diverged: values are of the fit before it"
 
 
 def diagnose(
@@ -91,36 +91,37 @@ def diagnose(
     """Find what is missing in a vehicle file, or what has changed since an earlier recording.
 
     Args:
-        vehicle: The model.
+        vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
-        before: Another one, of the same vehicle before a change.  What its hull does beside the file is
-            learnt from it and held fixed, see `diagnosis.before`.
-        corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
-        progress: Called with a few words and the share of the work done.
+        before: Raw table of the same vehicle before a change.  The hull-force error of the file is learnt
+            from it and held fixed, see `diagnosis.before`.
+        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
+            them.
+        progress: Called with a short text and the share of the work done.
 
     Returns:
-        Findings, the most telling first.  Shares are of the error beyond the noise that is left once the
-        file's own effects are fitted anew; of `retune` of those effects, of the error of the file as given.
-        With `before` they are of the squared residual that the model of the hull leaves.
+        Findings, the largest share first.  Shares are of the baseline fit's error beyond the noise; those of
+        `retune` are of the error of the file as given.  With `before` they are of the squared residual of the
+        file with the hull-force model.
 
     Raises:
         DataError: A recording or the vehicle is at fault, or a recording is too short.
     """
     hull = None
     if before is not None:
-        (progress or silent)("the recording before", 0.0)
+        (progress or silent)("earlier recording", 0.0)
         hull = hull_of(vehicle, before)
     log = preprocess(vehicle, raw, hull)
     return diagnose_log(vehicle, log.as_audited() if corrected else log, hull=hull, progress=progress)
 
 
 def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
-    """What the raw table of an unchanged vehicle teaches of its hull.
+    """Learn the hull-force model from the raw table of an unchanged vehicle.
 
     Args:
-        vehicle: The model.
+        vehicle: Vehicle file.
         before: Raw table.
-        law: The hull's wrench where it is known, as from a network; by default the built-in regression.
+        law: Hull force if it is known, for instance as a network; by default the built-in regression.
 
     Raises:
         DataError: The recording does not fit the vehicle, or is too short.
@@ -142,15 +143,23 @@ def diagnose_log(
     progress: Progress | None = None,
     provisional: Told | None = None,
 ) -> Diagnosis:
-    """The same of a recording that has been preprocessed: from its shots to the findings.
+    """Diagnose a preprocessed recording.
 
-    With `further` the vehicle has changes since the hull's recording already: more is asked of the next. What
-    the vehicle has beyond its `file` was fitted to this very recording: that holds nothing. With `in_vain` a
-    search beside a part of what the vehicle has came nowhere near the noise: where LOUD times the noise is
-    left, what transfers is asked at once. Where the thruster audit contradicts the file, no effect is named:
-    that is the only finding. The search goes on with a log `as_audited`, and with a hull, which was learnt
-    from a recording in order. `provisional` receives the best candidate after the first fits, see
-    `diagnosis.provisional`; not with a hull.
+    Where the thruster audit contradicts the file, that is the only finding and no effect is named.  The
+    search continues with a log `as_audited`, and with a hull, which was learnt from a recording in order.
+
+    Args:
+        vehicle: Vehicle file.
+        log: Preprocessed recording.
+        hull: Hull-force model from a recording before a change.
+        further: Whether the vehicle has changes since the hull's recording already, so that the next must be
+            larger.
+        file: Vehicle whose values are prior knowledge, where `vehicle` was fitted to this very recording.
+        in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where LOUD
+            times the noise remains, candidates are then ranked by transfer at once.
+        progress: Called with a short text and the share of the work done.
+        provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`; not
+            with a hull.
     """
     progress = progress or silent
     if file is not None:
@@ -168,14 +177,14 @@ def answered(
     hull: Hull | None,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Return a diagnosis with its headline, and with the errors before and after stated findings are added.
+    """Return a diagnosis with its status, and with the held-out errors before and after stated findings.
 
     Args:
-        diagnosis: The findings.
-        vehicle: The file.
-        log: The recording.
-        hull: The model of the hull from a recording before a change; None without one.
-        progress: Called with a few words and the share of the work done.
+        diagnosis: Diagnosis.
+        vehicle: Vehicle file.
+        log: Recording.
+        hull: Hull-force model from a recording before a change; None without one.
+        progress: Called with a short text and the share of the work done.
     """
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log, progress)
@@ -201,7 +210,7 @@ def _found_in(
     if hull is not None:
         return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
     start, problem = stable_start(vehicle, log)
-    progress("the file's own effects", 0.05)
+    progress("baseline fit", 0.05)
     calm = replace(refit(vehicle, log, problem, start), file=file)
     baseline = allowing_for_waves(calm)
     found = _searched_for(baseline, progress, in_vain, provisional)
@@ -209,24 +218,24 @@ def _found_in(
         found = _searched_for(calm, progress, in_vain)
     else:
         found = with_waves(found, baseline)
-    return replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
+    return replace(found, findings=tuple(doubted_gain(one, log.record) for one in found.findings))
 
 
 def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
-    """Return the diagnosis of a recording that contradicts the file's thrusters: its faults and nothing else.
+    """Return the diagnosis of a log that contradicts the file's thrusters: its faults only.
 
     Residuals are those of the file with the columns as the audit states them.
     """
-    chi2 = as_it_is(vehicle, stable_start(vehicle, log)[1]).normal.chi2
+    chi2 = unfitted(vehicle, stable_start(vehicle, log)[1]).normal.chi2
     thrusters, *others = log.faults
     told = replace(thrusters, advice=f"{thrusters.advice}. {CORRECT_FIRST}")
     return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
 
 
 def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:
-    """Whether waves that were allowed for are not there beside what was found: it swings as waves do.
+    """Return whether the findings explain the motion that was attributed to waves.
 
-    A vehicle that its buoyancy turns over swings about its balance with a period of some seconds.
+    A vehicle whose buoyancy turns it over swings with a period of some seconds, as in waves.
     """
     if baseline.sea is None or found.vehicle == baseline.vehicle:
         return False
@@ -236,7 +245,7 @@ def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:
 def _searched_for(
     baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
 ) -> Diagnosis:
-    """What is missing beside a baseline; see `diagnose_log` for where no search is made."""
+    """Search from a baseline and return the diagnosis; see `diagnose_log` for `in_vain`."""
     vehicle, log, some = baseline.vehicle, baseline.log, baseline.thinned()
     if in_vain and baseline.refitted.normal.chi2 > LOUD:
         last = Search(some).screen(some.refitted, ())
@@ -248,7 +257,7 @@ def _searched_for(
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, part(progress, 0.4, 1.0))
     outcome = search.settle(outcome, part(progress, 0.45, 0.8))
-    progress("all findings, fitted together", 0.8)
+    progress("joint fit", 0.8)
     outcome = refine(baseline, outcome)
     progress("verdicts", 0.88)
     findings = verdicts(baseline, outcome)
@@ -265,7 +274,7 @@ def _searched_for(
 
 
 def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:
-    """The diagnosis with the waves of the recording as its first finding, where they are new to the file."""
+    """Return the diagnosis with the recording's waves as its first finding, unless the file has them."""
     sea = baseline.sea
     if sea is None:
         return diagnosis
@@ -290,11 +299,11 @@ def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:
 def searched(
     baseline: Baseline, progress: Progress, provisional: Told | None = None
 ) -> tuple[Search, Outcome]:
-    """What a search finds, and the search: one from the file's values where it fits and the first does not.
+    """Search from the refitted values, then from the file's if no model fits, and return search and outcome.
 
-    Fitted without what is missing the file's own effects may run away to where no step leads back from.
-    Where the first effect that joins them leaves LOUD times the noise, the file's values are tried before
-    any other joins.
+    Without the missing effect, refitted values may run away and no step leads back from them.  So where the
+    first effect that joins leaves LOUD times the noise, the file's values are tried before a second joins.
+    The second search is returned only if it fits.
     """
     first = ReportingSearch(baseline, told=provisional)
     again = replace(first, from_file=True)
@@ -310,10 +319,10 @@ def searched(
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
-    """All that was found and the file's own effects fitted together to the end, shrunk to the prior."""
+    """Fit everything found and the existing effects together to convergence, shrunk to the prior."""
     model, warnings = outcome.model, baseline.warnings
     try:
-        model = gone_on(model, ITERATIONS, share=0.0)
+        model = continue_fit(model, ITERATIONS, share=0.0)
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
     model, fit = settled(model, baseline.vehicle)
@@ -321,7 +330,7 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
 
 
 def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
-    """A joint fit shrunk to what the file says, and its values with the standard errors that are printed."""
+    """Return a joint fit shrunk to the file's values, and its values with standard errors."""
     if not model.unknown.entries:
         return model, None
     model = replace(model, values=shrunk_to_prior(model.unknown, model.values, model.normal, file))
@@ -329,14 +338,14 @@ def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
 
 
 def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
-    """What was found, the most telling first; then other values of the file's, and what did not show."""
+    """Return the findings by share, then changed values of existing effects, then effects not shown."""
     model = outcome.model
     remaining = unexplained(baseline, outcome)
     together = float(np.clip(baseline.explained(model), 0.0, 1.0))
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
     if baseline.sea is None:
-        named = outshone(named, model.normal.chi2)
-    findings = [stated(doubted(finding, remaining)) for finding in named] + remaining
+        named = discounted_by_largest(named, model.normal.chi2)
+    findings = [stated(discounted_by_unexplained(finding, remaining)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:
         findings.append(_nothing(baseline, outcome))
@@ -352,7 +361,7 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
 
 
 def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
-    """The finding of one effect that joined the model."""
+    """Return the finding of one effect that joined the model."""
     log, model, effect = baseline.log, outcome.model, found.effect
     without = outcome.without[effect]
     pieces = max(block_length(model.normal.score), 1)
@@ -365,7 +374,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         rivals = [found.rivals[name].vehicle for name in tied]
         try:
             flight = best(rivals, log.noise, start=log.middle)
-        except DataError:  # no manoeuvre stays finite with such values: the general advice stands
+        except DataError:  # no manoeuvre stays finite with such values: use the general advice
             flight = None
         words = advice.separating(list(tied), flight)
     elif known:
@@ -381,7 +390,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         share,
         low,
         high,
-        no_surer(sure, fit.vehicle, effect, errors),
+        limited_confidence(sure, fit.vehicle, effect, errors),
         found.p_value,
         parameters,
         errors,
@@ -391,29 +400,29 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
 
 
 def _change(effect: str, baseline: Baseline, model: Model) -> Change:
-    """The entry of an effect of the file that a model takes farthest from what is known of it."""
+    """Return the entry of an existing effect that a model moves farthest, relative to its prior."""
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
     return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
 def _joint(outcome: Outcome) -> Fit:
-    """The joint fit of an outcome that has free values."""
+    """Return the joint fit of an outcome that has free values."""
     assert outcome.fit is not None
     return outcome.fit
 
 
 def _nothing(baseline: Baseline, outcome: Outcome) -> Finding:
-    """That the file, its own effects fitted anew, explains the recording."""
+    """Return the finding that the refitted file explains the recording."""
     chi2 = baseline.refitted.normal.chi2
     return Finding(
         "nothing_missing",
         p_value=outcome.last.p_value,
-        advice=f"mean squared residual {chi2:.3g} of the noise (1: noise alone)",
+        advice=f"mean squared residual {chi2:.3g} times the noise variance (1: noise alone)",
     )
 
 
 def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Damping that the file has not, and without which its predictions diverge too soon."""
+    """Yield the damping that was added because the file's predictions diverge without it."""
     for name in baseline.effects:
         if not baseline.vehicle.effects(name):
             values, errors = _joint(outcome).table(name)
@@ -422,12 +431,12 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Effects of the file whose values as given would cost much, and that the recording tells from these.
+    """Yield existing effects whose values in the file cost much and differ significantly from the fit.
 
-    Much is measured by the squared error of the model found: so what a share of a poor file's error would
-    pass over does not spoil what is added to it.  Where nothing joined, a good file's error is small beside
-    the noise, and what makes it is told by its share of that.  Values beyond belief are told whatever they
-    cost: a free refit may have taken up with them what is missing.
+    The limit is a share of the squared error of the final model.  A share of a poor file's large error would
+    hide changes that bias the added effects.  Where nothing joined, the limit is a share of the
+    file's excess error, which is small next to the noise in a good file.  Absurd values are reported whatever
+    they cost: a free refit may have absorbed a missing effect with them.
     """
     model = outcome.model
     much = MATERIAL * model.normal.cost
@@ -458,7 +467,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 name,
                 (name,),
                 share,
-                confidence=no_surer(sure, _joint(outcome).vehicle, name, errors),
+                confidence=limited_confidence(sure, _joint(outcome).vehicle, name, errors),
                 p_value=p,
                 parameters=values,
                 standard_errors=errors,

@@ -1,4 +1,4 @@
-"""What a diagnosis says: its verdicts as records and as a table, and what they add to a vehicle."""
+"""Findings of a diagnosis as records and as a table, and the effects that they add to a vehicle."""
 
 from __future__ import annotations
 
@@ -34,37 +34,37 @@ Verdict = Literal[
     "closed_loop",
     "nothing_missing",
 ]
-"""What is the matter.
+"""Verdict of one finding.
 
-Of an effect: `missing` is stated with a confidence of SURE or more, `suspect` with less; `retune` is one that
-the file has with other values; `cannot_tell_apart` one of several that another manoeuvre would part,
-`not_separable` one that no recording parts from what the file has, `not_excited` one that this recording
-could not show.
+About an effect: `missing` is stated with a confidence of SURE or more, and `suspect` has less.  `retune` is
+an existing effect with other values.  `cannot_tell_apart` is one of several effects that another manoeuvre
+would separate.  `not_separable` equals existing effects in every recording.  `not_excited` is an effect that
+this recording does not show.
 
-Of the whole, one at most of three, by the mean squared residual at the end in units of the noise (FIT):
-`nothing_missing` where it is a fit and nothing is structured in what is left; `none_of_the_known` where
-something is, near the noise, or beside findings that explain their part; `far_from_noise` where the fit
-leaves many times the noise and no effect earns any of it, so that no word on what is missing can be had.
-`closed_loop` stands beside others: the commands answer to the motion, and a disturbance may be imitated.
+About the whole, at most one of three, by the final mean squared residual in units of the noise (FIT):
+`nothing_missing` if the model fits and its residual has no structure; `none_of_the_known` if the residual has
+structure, near the noise or in addition to findings; `far_from_noise` if the residual is many times the noise
+and no effect was found, so that the missing effect is unknown.  `closed_loop` is a warning that accompanies
+other findings: the commands react to the motion, and an effect may imitate a disturbance.
 """
 
 SURE = 0.9
-"""Confidence from which a name is stated."""
+"""Minimum confidence of a stated name."""
 FANCIFUL = 0.5
-"""Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
+"""Maximum confidence of a name whose values physics excludes: it stands for another effect."""
 WELL_BEYOND = 2.0
-"""How far from the middle of what physics leaves to them such values are where a model fits, in half widths
-of that range: where a range ends is known to about as much as that."""
+"""Distance of excluded values from the middle of their plausible range, in half widths, where a model fits.
+The ends of a range are uncertain by about that much."""
 FIT = 3.0
-"""Mean squared residual in units of the noise up to which a fit is one."""
+"""Maximum mean squared residual of an acceptable fit, in units of the noise."""
 STATED = ("missing", "retune", "cannot_tell_apart")
-"""Verdicts that are statements about an effect: `hydro add` adds their values unasked."""
+"""Verdicts that state an effect: `hydro add` adds their values by default."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
-"""Verdicts that an error remains which no effect explains."""
+"""Verdicts on error that no effect explains."""
 HEADLINE, PREDICTION = "headline", "prediction"
-"""Names in an artefact of the headline, and of the errors before and after."""
+"""Keys of an artefact for the headline, and for the held-out errors before and after."""
 WITH_VALUES = (*STATED, "suspect")
-"""Verdicts that come with values."""
+"""Verdicts that have values."""
 
 
 @dataclass(frozen=True)
@@ -72,23 +72,23 @@ class Finding:
     """One line of a diagnosis.
 
     Attributes:
-        verdict: What is the matter.
-        effect: The effect that explains it best; empty where none is meant.
-        members: All effects that it may be; of `log_fault`, the columns.
-        share: Part of the error beyond the noise that it explains, with
-        low: the lower and
-        high: the upper end of its 95 % interval; NaN where there is none.
-        confidence: Probability that the name is right, as far as right and wrong names of the benchmarks
-            tell; NaN where none is stated.
-        p_value: That chance alone would show as much; NaN where nothing was tested.
+        verdict: Verdict.
+        effect: Effect that explains the error best; empty where no effect is meant.
+        members: All effects that it may be; columns for `log_fault`.
+        share: Share of the error beyond the noise that it explains.
+        low: Lower end of the 95 % interval of the share; NaN without one.
+        high: Upper end of that interval.
+        confidence: Probability that the name is right, calibrated on the benchmarks; NaN where none is
+            stated.
+        p_value: Probability of such a gain by chance alone; NaN where nothing was tested.
         parameters: Fitted values of the effect's table.
-        standard_errors: Theirs.
+        standard_errors: Standard errors of these values.
         excited: Whether the recording could have shown it.
-        advice: What to do.
-        support: What the confidence was made from: the part of the resampled recordings in which this effect
-            is the best, or the share of left-out error that it removes; NaN where none is stated.
-        error_added: Error of predictions of left-out stretches with this finding alone added to the file
-            [m/s], see `Prediction`; NaN where it was not worked out.
+        advice: Next step for the user.
+        support: Evidence behind the confidence: the share of resamples in which this effect is the best, or
+            the share of held-out error that it removes; NaN where none is stated.
+        error_added: Held-out prediction error with this finding alone added to the file [m/s], see
+            `Prediction`; NaN where it was not computed.
     """
 
     verdict: Verdict
@@ -109,15 +109,17 @@ class Finding:
 
 @dataclass(frozen=True)
 class Prediction:
-    """How well a file predicts the velocities of a recording, before and after findings are added to it.
+    """Prediction errors of a file's velocities, before and after findings are added to it.
 
     Attributes:
-        horizon: How far ahead [s].
-        given: Root mean square error of the file as given, all axes together [m/s].
-        added: The same with all stated findings added, of stretches that their values were not fitted to.
-        spread: Standard error of the difference, by stretches weighed at random [m/s].
-        floor: What noise alone leaves [m/s]; None where a velocity is judged by the way that is gone.
-        axes: The errors of each measured axis, given, added and floor, by its name [m/s, rad/s].
+        horizon: Prediction horizon [s].
+        given: Root mean square error of the file as given, over all axes [m/s].
+        added: Held-out error with all stated findings added, over all axes [m/s].
+        spread: Standard error of the difference, from randomly weighted stretches [m/s].
+        floor: Error due to noise alone [m/s]; None where velocity was not measured and the error is that of
+            the distance covered.
+        axes: Errors of each measured axis by its name: as given, with findings added, and the floor
+            [m/s, rad/s].
     """
 
     horizon: float
@@ -129,26 +131,27 @@ class Prediction:
 
     @property
     def falls(self) -> bool:
-        """Whether what is stated lowers the error, by more than the standard error of the difference."""
+        """Whether the stated findings lower the error by more than the standard error of the difference."""
         return self.given - self.added > self.spread
 
 
 Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
-"""What a diagnosis comes to.
+"""Overall result of a diagnosis.
 
-The log or the thrusters contradict the file, so that nothing else was examined; effects are stated; they are
-only suspected; an error remains that no effect explains; nothing is missing.
+`fault`: the log or the thrusters contradict the file, and nothing else was examined.  `stated`: effects are
+stated.  `uncertain`: effects are only suspected.  `unexplained`: an error remains that no effect explains.
+`nothing`: nothing is missing.
 """
 
 
 @dataclass(frozen=True)
 class Status:
-    """What a diagnosis comes to, in words.
+    """Overall result of a diagnosis, in words.
 
     Attributes:
-        kind: In one word.
-        title: In a few words.
-        sentences: What is stated, a sentence or two for each effect.
+        kind: Kind of result.
+        title: Result in a few words.
+        sentences: Stated effects, a sentence or two for each.
     """
 
     kind: Kind
@@ -157,25 +160,25 @@ class Status:
 
     @property
     def headline(self) -> str:
-        """All of it in one line."""
+        """Title and sentences in one line."""
         return f"{self.title}: {' '.join(self.sentences)}" if self.sentences else f"{self.title}."
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is missing in a vehicle file.
+    """Result of a diagnosis.
 
     Attributes:
-        findings: The most telling first.
-        vehicle: The vehicle with its own effects fitted anew and what was found, all fitted together.
-        chi2: Mean squared residual in units of the noise of the file as given, with its own effects fitted
-            anew, and with what was found; 1 where nothing but noise is left.
-        estimates: All values that were fitted together, with their covariance; None where none were.
-        question: What is left open, for `experiment.flight.advise`.
-        candidates: Scores of every candidate effect that was fitted, step by step.
-        prediction: How well the file predicts before and after; None where no session is long enough, or a
-            recording before has taught the hull.
-        status: What it all comes to, see `diagnosis.status`; None of one step of `explain`.
+        findings: Findings, the largest share first.
+        vehicle: Vehicle with its existing effects and the findings, all fitted together.
+        chi2: Mean squared residual in units of the noise: of the file as given, of the baseline fit, and with
+            the findings.  It is 1 for noise alone.
+        estimates: All values that were fitted together, with their covariance; None without such a fit.
+        question: Open questions for the next experiment, for `experiment.flight.advise`.
+        candidates: Scores of every fitted candidate, step by step.
+        prediction: Held-out errors before and after; None where no session is long enough, or with a
+            hull-force model.
+        status: Overall result, see `diagnosis.status`; None for one step of `explain`.
     """
 
     findings: tuple[Finding, ...]
@@ -189,19 +192,19 @@ class Diagnosis:
 
     @property
     def headline(self) -> str:
-        """Return the status in one line; empty for one step of `explain`."""
+        """Status in one line; empty for one step of `explain`."""
         return self.status.headline if self.status else ""
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Return the numbers and the headline that an artefact keeps with the findings."""
+        """Numbers and headline that an artefact keeps with the findings."""
         kept: dict[str, Any] = {"chi2": [round(value, 4) for value in self.chi2]}
         if self.prediction is not None:
             kept[PREDICTION] = asdict(self.prediction)
         return kept | ({HEADLINE: self.headline} if self.headline else {})
 
     def frame(self) -> pl.DataFrame:
-        """The diagnosis table, one row per finding; effect tables as inline TOML."""
+        """Return the diagnosis table, one row per finding; effect tables as inline TOML."""
         found = self.findings
         columns = {
             "rank": range(1, len(found) + 1),
@@ -223,7 +226,7 @@ class Diagnosis:
 
 
 def inline(table: Mapping[str, Any]) -> str:
-    """An effect's table as inline TOML: `{ v_N = 0.2, v_E = -0.15 }`."""
+    """Return an effect's table as inline TOML: `{ v_N = 0.2, v_E = -0.15 }`."""
     if not table:
         return ""
     return "{ " + ", ".join(f"{key} = {_value(value)}" for key, value in table.items()) + " }"
@@ -240,17 +243,17 @@ def _value(value: Any) -> str:
 
 
 def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """The `[[effect]]` tables of a diagnosis' findings, the most telling first.
+    """Return the `[[effect]]` tables of a diagnosis' findings, the largest share first.
 
     Args:
         diagnosis: Diagnosis table.
-        effects: Names of the findings that are wanted; by default all but suspects.
+        effects: Names of the requested findings; by default all but suspects.
 
     Returns:
         Tables with values and `standard_error`.
 
     Raises:
-        DataError: The diagnosis has nothing to add, or nothing but suspects, or not what is wanted.
+        DataError: The diagnosis has nothing to add, only suspects, or not the requested finding.
     """
     rows = diagnosis.sort("rank").filter(pl.col("verdict").is_in(WITH_VALUES) & (pl.col("parameters") != ""))
     found = {row["effect"]: row for row in rows.iter_rows(named=True)}
@@ -267,14 +270,14 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
 
 
 def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
-    """Confidence in each effect that a diagnosis only suspects, by its name; NaN where none was stated."""
+    """Return the confidence in each suspected effect, by its name; NaN where none was stated."""
     rows = diagnosis.sort("rank").filter(verdict="suspect")
     pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
     return dict(pairs)
 
 
 def by_name(suspected: Mapping[str, float]) -> str:
-    """That suspects are not added unasked, and how one is, in a line."""
+    """Return the one-line message that suspects are not added by default, and how to add one."""
     named = [
         name if math.isnan(sure) else f"{name} (confidence {sure:.0%})" for name, sure in suspected.items()
     ]
@@ -282,9 +285,9 @@ def by_name(suspected: Mapping[str, float]) -> str:
 
 
 def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
-    """The vehicle with these `[[effect]]` tables in the place of those of the same name, or after them.
+    """Return the vehicle with these `[[effect]]` tables in place of those of the same name, or appended.
 
-    Keys that a table does not have stay as they are; those that are None go.
+    Keys that a new table lacks keep their values; keys with the value None are removed.
     """
     changed = {table["name"]: table for table in effects}
     kept = [{**effect, **changed.pop(effect["name"], {})} for effect in vehicle.effect]
@@ -293,7 +296,7 @@ def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
 
 
 def _table(row: dict[str, Any]) -> dict[str, Any]:
-    """One finding as a table."""
+    """Return one finding as an effect table."""
     try:
         values: dict[str, Any] = toml_text.value(row["parameters"])
         errors: dict[str, Any] = toml_text.value(row["standard_errors"] or "{}")
@@ -305,7 +308,7 @@ def _table(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
-    """Why an effect cannot be added."""
+    """Return the reason why an effect cannot be added."""
     for row in rows.iter_rows(named=True):
         if name in row["members"]:
             return (
@@ -315,27 +318,27 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"
 
 
-def no_surer(
+def limited_confidence(
     confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
 ) -> float:
-    """Confidence in a name, FANCIFUL at most where physics does not leave its values to it.
+    """Limit the confidence in a name to FANCIFUL where physics excludes its values.
 
     Args:
-        confidence: Of the name.
-        vehicle: With the values.
-        effect: The name.
-        errors: Where a model fits, standard errors of the values: then these have to lie WELL_BEYOND.
+        confidence: Confidence in the name.
+        vehicle: Vehicle with the values.
+        effect: Name.
+        errors: Standard errors of the values, given where a model fits: the values must then lie WELL_BEYOND.
     """
     beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else WELL_BEYOND)
     return min(confidence, FANCIFUL) if beyond else confidence
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
-    """The finding with a word in its advice on values that lie beyond what physics leaves to them.
+    """Add a warning to a finding's advice about values outside the range that physics allows.
 
     Args:
-        finding: It, with or without values.
-        vehicle: The vehicle that they are for.
+        finding: Finding, with or without values.
+        vehicle: Vehicle that the values are for.
     """
     if not finding.parameters:
         return finding

@@ -1,7 +1,7 @@
-"""How well a vehicle file predicts a recording before and after findings are added to it.
+"""Prediction error of a vehicle file on a recording, before and after findings are added to it.
 
-Findings are added as `hydro add` does: their values stand in the file, and all else in it stays.  The error
-after is that of stretches of the recording which the values were not fitted to.
+Findings are added as by `hydro add`: their values enter the file, and everything else in it stays.  The error
+after is that of held-out stretches, to which the values were not fitted.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.transfer import Squares, by_way, left_out_squares, resolved, squares_ahead
+from hydro.core.diagnosis.transfer import Squares, axes_by_distance, left_out_squares, resolved, squares_ahead
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
@@ -31,23 +31,24 @@ from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
 PART = 96
-"""Shots at most that findings are fitted to again without a stretch: four times as many change an error by
-less than 1 %."""
+"""Maximum number of shots to which findings are refitted without a stretch: four times as many change an
+error by less than 1 %."""
 LEAST = 8
-"""Predictions at least: fewer give no standard error of a difference."""
+"""Minimum number of predictions: fewer give no standard error of a difference."""
 RESAMPLES = 1000
+"""Number of bootstrap resamples."""
 
 
 def predicted(
     diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, progress: Progress = silent
 ) -> Diagnosis:
-    """Return the diagnosis with the errors of predictions; as it is where no session is long enough.
+    """Add the prediction errors to a diagnosis, unless no session is long enough.
 
     Args:
-        diagnosis: What was found.
-        vehicle: The file.
-        log: The recording.
-        progress: Called with a few words and the share of the work done.
+        diagnosis: Diagnosis.
+        vehicle: Vehicle file.
+        log: Recording.
+        progress: Called with a short text and the share of the work done.
     """
     try:
         ahead = log.shots(JUDGED)
@@ -103,7 +104,7 @@ def by_axis(given: Squares, added: Squares, noise: Array | None) -> dict[str, li
 
 
 def can_be_added(finding: Finding) -> bool:
-    """Whether a finding has values that change predictions: waves act by chance, with a mean of zero."""
+    """Return whether a finding's values change predictions; random waves have a mean of zero."""
     effect = CATALOGUE.get(finding.effect.partition(":")[0])
     changes = effect is not None and not effect.is_random
     return finding.verdict in WITH_VALUES and bool(finding.parameters) and changes
@@ -111,15 +112,15 @@ def can_be_added(finding: Finding) -> bool:
 
 @dataclass(frozen=True)
 class _Check:
-    """Predictions of one recording by a vehicle file.
+    """Predictions of one recording with a vehicle file.
 
     Attributes:
-        vehicle: The file.
-        log: The recording.
-        problem: Shots that findings are fitted to again.
-        ahead: What is predicted.
+        vehicle: Vehicle file.
+        log: Recording.
+        problem: Shots to which findings are refitted.
+        ahead: Shots that are predicted.
         given: Squared errors of the file as given.
-        weight: Of the axes, (6,).
+        weight: Weight of each axis, (6,).
     """
 
     vehicle: Vehicle
@@ -137,13 +138,13 @@ class _Check:
         return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)
 
     def squares(self, findings: Sequence[Finding]) -> Squares:
-        """Squared errors with findings added, of stretches that their values were not fitted to."""
+        """Return the squared errors of held-out stretches with findings added."""
         vehicle = extended(self.vehicle, [{"name": one.effect, **one.parameters} for one in findings])
         problem = self.problem.at_measured_states(vehicle)
         return left_out_squares(vehicle, [one.effect for one in findings], problem, self.ahead)
 
     def error(self, squares: Squares) -> float:
-        """Root mean square error of all axes together [m/s]."""
+        """Return the root mean square error over all axes [m/s]."""
         return squares.error(self.weight)
 
     def errors(self, squares: Squares) -> Array:
@@ -153,9 +154,9 @@ class _Check:
         return np.asarray(np.sqrt(means @ self.weight))
 
     def noise(self) -> Array | None:
-        """Return mean squared errors by noise alone, (6,); None for a velocity judged by the way gone."""
+        """Return mean squared errors due to noise alone, (6,); None where distance stands for a velocity."""
         record = self.log.record
-        if by_way(record).size:
+        if axes_by_distance(record).size:
             return None
         motion, pieces = Motion.of(record), Pieces.of(record)
         both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)

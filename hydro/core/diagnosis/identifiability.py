@@ -1,13 +1,13 @@
-"""What a recording does not determine of an effect, in words; and effects that no recording can tell apart.
+"""Entries of an effect that a recording does not determine, and effects that no recording can separate.
 
-Thrusters that never ran, axes that never moved: of such entries the data say nothing, though they may say
-much of the effect's others.  And thrusters that always ran in step have gains of which only the sum is known.
+The data do not determine a thruster that never ran or an axis that never moved.  They may determine the
+effect's other entries.  If thrusters always ran together, only the sum of their gains is known.
 
-A payload without mass is a net buoyancy and a shifted centre of buoyancy: an exact alias in any recording.
-That its forces say, at many states drawn at random, of every attitude, velocity and command.
+A payload without mass equals a net buoyancy and a shifted centre of buoyancy in any recording.  Such exact
+aliases are found by comparing forces at many random states, of every attitude, velocity and command.
 
-What a diagnosis leaves open, effects that explain a recording about as well and what it does not show, is
-the question that the next flight is to answer.
+Open questions of a diagnosis are effects that explain the recording equally well, and effects that it does
+not show.  They are input to the planning of the next experiment.
 """
 
 from __future__ import annotations
@@ -37,11 +37,15 @@ from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.vehicle.description import Vehicle
 
 EXACT = 1e-6
-"""Part of a column that may be left over of it, for rounding alone."""
+"""Largest residual of an exact alias, as a share of its column: rounding only."""
 STATES = 200
+"""Number of random states at which forces are compared."""
 MIDDLE = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
-REACH = np.array([10.0, 10.0, 4.0, 0.6, 1.2, np.pi])  # m and rad, about it
-SPEED = np.array([1.5, 1.5, 1.5, 1.0, 1.0, 1.0])  # m/s and rad/s
+"""Middle of the random poses, NED [m, rad]."""
+REACH = np.array([10.0, 10.0, 4.0, 0.6, 1.2, np.pi])
+"""Half range of the random poses about it [m, rad]."""
+SPEED = np.array([1.5, 1.5, 1.5, 1.0, 1.0, 1.0])
+"""Half range of the random velocities [m/s, rad/s]."""
 VECTORS: Mapping[str, tuple[str, str, str]] = {
     "alpha": ("roll", "pitch", "yaw"),
     "anchor": ("anchor north", "anchor east", "anchor down"),
@@ -51,21 +55,22 @@ VECTORS: Mapping[str, tuple[str, str, str]] = {
 }
 """Names of a vector's entries, where they are not the body's axes."""
 BODY = ("forward", "to starboard", "down")
+"""Names of a vector's entries along the body axes."""
 CLOSEST = 3
-"""Rivals of a suspect, itself among them."""
+"""Maximum number of rivals of a suspect, itself included."""
 
 
 def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple[str, ...]]:
-    """What the recording leaves open of effects that it says something of.
+    """Return the entries that the recording leaves undetermined, of effects that it determines in part.
 
     Args:
-        entries: The free entries.
-        covariance: Of their estimates, (P, P), each in units of its scale: `Evidence.covariance`, or
-            `Fit.covariance` over the product of scales.
+        entries: Free entries.
+        covariance: Covariance of their estimates, (P, P), each in units of its scale: `Evidence.covariance`,
+            or `Fit.covariance` over the product of scales.
 
     Returns:
-        Words by effect, as ("thrusters 5-8",) or ("sway", "yaw"); no effect that is determined wholly, or of
-        which nothing is.
+        Words by effect, as ("thrusters 5-8",) or ("sway", "yaw").  Effects that are determined wholly or not
+        at all are left out.
     """
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found: dict[str, tuple[str, ...]] = {}
@@ -82,12 +87,12 @@ def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple
 
 
 def _together(covariance: Array) -> float:
-    """Standard error of the mean of some entries."""
+    """Return the standard error of the mean of some entries."""
     return float(np.sqrt(max(covariance.mean(), 0.0)))
 
 
 def _words(entries: Sequence[Entry]) -> list[str]:
-    """Entries of one effect in words, thrusters next to each other as a range."""
+    """Return entries of one effect in words, with consecutive thrusters as a range."""
     thrusters = [entry.index[0] + 1 for entry in entries if _per_thruster(entry)]
     words = [_range(thrusters)] if thrusters else []
     return words + [_word(entry) for entry in entries if not _per_thruster(entry)]
@@ -99,7 +104,7 @@ def _per_thruster(entry: Entry) -> bool:
 
 
 def _range(numbers: Sequence[int]) -> str:
-    """`thruster 3`, `thrusters 1, 5-8`."""
+    """Return thruster numbers in words: `thruster 3`, `thrusters 1, 5-8`."""
     cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(numbers)) if b != a + 1), len(numbers)]
     runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise(cuts)]
     listed = ", ".join(f"{a}-{b}" if b > a else f"{a}" for a, b in runs)
@@ -107,7 +112,7 @@ def _range(numbers: Sequence[int]) -> str:
 
 
 def _word(entry: Entry) -> str:
-    """One entry: an axis, two axes of a matrix, or the parameter's own name."""
+    """Return one entry in words: an axis, two axes of a matrix, or the parameter's name."""
     shape = next(p.shape for p in CATALOGUE[entry.effect].parameters if p.name == entry.parameter)
     if shape == (6, 6):
         row, column = (DOF[i] for i in entry.index)
@@ -121,17 +126,17 @@ def _word(entry: Entry) -> str:
 
 
 def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> dict[str, tuple[str, ...]]:
-    """Effects whose forces the model's own effects have already.
+    """Return effects whose forces are combinations of those of the model's effects.
 
-    Inertia that an effect has besides does not count: it shows in accelerations, and is another matter.
+    An effect that also changes inertia is not an alias, because inertia shows in accelerations.
 
     Args:
-        model: The vehicle and its free entries.
-        known: Names of the effects that are in it, which are not asked about.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
+        model: Vehicle and its free entries.
+        known: Names of effects that are in it, which are not tested.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
 
     Returns:
-        The effects of the model that each alias is made of, by the alias' name.
+        The effects of the model that make up each alias, by the name of the alias.
     """
     if not model.unknown.entries:
         return {}
@@ -159,12 +164,12 @@ def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> d
 
 
 def _forces(vehicle: Vehicle, states: Recording) -> Array:
-    """What a vehicle's forces make of some states, (6 N,): its accelerations."""
+    """Return a vehicle's accelerations at some states, (6 N,)."""
     return accelerations(candidate(vehicle), states, states.eta, states.nu).ravel()
 
 
 def _states(thrusters: int) -> Recording:
-    """States that no two effects share by chance: each row on its own."""
+    """Return random states at which no two effects agree by chance, one independent state a row."""
     rng = np.random.default_rng(0)
     return Recording(
         t=np.linspace(0.0, 0.02 * (STATES - 1), STATES),
@@ -179,7 +184,7 @@ def _states(thrusters: int) -> Recording:
 
 
 def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> Question:
-    """The rivals of every finding whose name is not sure, and what the recording does not show."""
+    """Return the rivals of every uncertain finding, and the effects that the recording does not show."""
     model, log = outcome.model, baseline.log
     ties = []
     for found in outcome.found:
@@ -194,7 +199,7 @@ def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding])
 
 
 def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Rival, ...]:
-    """The effects of a tie, or of a suspect the nearest contenders; without any, the model without it."""
+    """Return the effects of a tie; for a suspect the closest contenders, or else the model without it."""
     order = sorted(found.rivals, key=lambda name: float(found.rivals[name].penalised.sum()))
     names = [name for name in members if name in found.rivals]
     if len(names) < 2:
@@ -210,7 +215,7 @@ def _rival(name: str, model: Model) -> Rival:
 
 
 def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Effects, or entries of them, that no recording or not this one could have shown."""
+    """Yield effects, or entries of them, that no recording can separate or that this one does not show."""
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
     known = [*baseline.effects, *outcome.effects]
@@ -231,7 +236,7 @@ def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     vehicles = {name: plain(model.vehicle, name) for name in hidden}
     try:
         flights = showing(model.vehicle, vehicles, log.noise, start=log.middle)
-    except DataError:  # no manoeuvre stays finite with such values: the general advice stands
+    except DataError:  # no manoeuvre stays finite with such values: use the general advice
         flights = {}
     for name, entries_open in hidden.items():
         words = advice.exciting(name, entries_open, flights.get(name))

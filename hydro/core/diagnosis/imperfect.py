@@ -1,8 +1,8 @@
-"""What is said where no model reaches the noise: the change that transfers best, and how far to believe it.
+"""Diagnosis where no model reaches the noise: the change that transfers best, with its confidence.
 
-A hull has no exact form in the catalogue, and many a formula bends to what it leaves.  So one change at a
-time is named, by what it removes of data that it was not fitted to (`diagnosis.transfer`); the rest is the
-hull's own error until a recording from before the change parts the two.
+No formula of the catalogue describes a hull exactly, and a flexible formula can absorb the hull's error.  So
+one change at a time is named, by the error that it removes from held-out data (`diagnosis.transfer`).  The
+rest is the hull-force error of the file, until a recording from before the change separates the two.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from hydro.core.diagnosis.findings import (
     Diagnosis,
     Finding,
     extended,
-    no_surer,
+    limited_confidence,
     with_implausible,
 )
-from hydro.core.diagnosis.misread import misread
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
+from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
+from hydro.core.diagnosis.sensor_errors import sensor_finding
 from hydro.core.diagnosis.transfer import (
     Known,
     Rival,
     Survey,
-    dragged,
+    has_drag,
     one_change,
     resolved,
     survey,
@@ -54,38 +54,38 @@ from hydro.core.progress import Progress, part
 from hydro.core.residual.allowance import Allowance
 
 NAMED = 0.05
-"""Share of the error of left-out data that an effect must remove to be named at all."""
+"""Minimum share of the held-out error that a named effect removes."""
 MOVED = 2.0
-"""Standard deviations of what is known of a value by which a fit must move it to be a finding."""
+"""Minimum change of an existing value that is a finding, in standard deviations of its prior."""
 NEARLY = 0.7
-"""Part of the score of what is named from which others are told beside it."""
+"""Share of the best score from which other effects are listed as nearly as good."""
 ALSO, NEIGHBOURS = 0.5, 3
-"""Part from which they are suspects with values, and how many at most."""
+"""Share of the best score from which an effect is a suspect with values, and most such suspects."""
 OWN = 0.9
-"""Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
+"""Factor on the confidence in an existing effect: its values also absorb other missing effects."""
 LITTLE = 1e-3
-"""Of what is plain to see of a value: less is not there."""
+"""Size of a fitted value, in scales, at or below which the effect counts as absent."""
 OUTDONE = 0.8
-"""The same where another has more evidence and cannot be it."""
+"""Maximum confidence of a name that is not first in the survey."""
 TELLING = 10.0
-"""Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
+"""Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
 ALLOWED = 96
-"""Shots at most that evidence is taken from: what it has to tell is known of as many."""
+"""Maximum number of shots for the evidence, which more shots would not change."""
 CLOSEST = 5
-"""Names whose values are refined beside what the hull may do."""
+"""Number of effects whose values are refined with the hull force free."""
 STEPS = 12
-"""Of the last fit."""
+"""Iterations of the final fit."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """What transfers best.
+    """Change that transfers best.
 
     Attributes:
-        findings: One naming and what is nearly as good, or none.
-        model: The vehicle with it and the file's own effects, fitted within what is known of them.
-        fit: Values and standard errors; None where nothing was fitted.
-        refitted: The file's own effects alone, likewise; the file as it is where they are held.
+        findings: The named effect and those nearly as good; empty if none is named.
+        model: Vehicle with it and the existing effects, fitted within their priors.
+        fit: Values and standard errors; None without a fit.
+        refitted: Existing effects alone, likewise; the file unchanged where they are held.
         rivals: Every effect of the survey, the best first.
     """
 
@@ -97,8 +97,8 @@ class Named:
 
 
 def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
-    """What is said then, see `diagnosis.imperfect`: after what kinematics alone shows of the velocity log."""
-    errors = list(_misread(baseline, outcome))
+    """Return the diagnosis by transfer, after the velocity sensor errors that kinematics shows."""
+    errors = list(_sensor_errors(baseline, outcome))
     read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
     rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
     there = replace(baseline, vehicle=read, effects=rest)
@@ -145,78 +145,78 @@ def _candidates(named: Named) -> Iterator[Candidate]:
         )
 
 
-def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Errors of the velocity log that joined the search and that kinematics shows, with its values."""
+def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
+    """Yield errors of the velocity sensor that joined the search and that kinematics shows, with values."""
     for one in outcome.found:
         test = baseline.sensors.get(one.effect)
         if test is not None and shown(test):
             share = baseline.explained(one.rivals[one.effect])
-            yield misread(test, share, baseline.log.record.dt, baseline.vehicle)
+            yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Name the change that has most evidence, or removes most of the error of data that it was not fitted to.
+    """Name the change with the most evidence, or with the largest share of held-out error removed.
 
-    Where its values are none that physics leaves to it, it stands for something else: the next best within
-    NEARLY of it is named that has such values.
+    If physics excludes its values, it stands for another effect.  Then the next best with plausible values is
+    named, if its score is within NEARLY of the first.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
     try:
         surveyed = survey(baseline, progress)
         refitted, known = tempered(baseline, baseline.problem)
-        surveyed = beside_hull(surveyed, baseline, refitted, known)
-    except Diverges:  # the file's own predictions: there is nothing to begin from
+        surveyed = ranked_by_evidence(surveyed, baseline, refitted, known)
+    except Diverges:  # the file's predictions diverge: no fit can start
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
-    fanciful, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
+    implausible_named, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
-        if rival.score < NAMED:  # what has far less evidence is not named in its place
+        if rival.score < NAMED:  # an effect with far less evidence does not replace it
             least = max(least, NEARLY * surveyed.worth(rival))
             continue
         if rival.own and not _moved(rival, baseline):
             continue
         try:
-            model = _to_the_end(rival, baseline, known)
+            model = _fitted_to_all_shots(rival, baseline, known)
             without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
         fit = model.estimated() if rival.allowed is None else rival.estimated()
-        if not _there(fit, rival.effect):
+        if not _is_present(fit, rival.effect):
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
         others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
         finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
-        rest = _also(rival, surveyed, others, finding, baseline.log.record.dt)
+        rest = _nearly_as_good(rival, surveyed, others, finding, baseline.log.record.dt)
         named = Named((finding, *rest), model, fit, alone, surveyed.rivals)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
         passed.append(rival.effect)
-        if not fanciful.findings:
-            fanciful, least = named, max(NEARLY * surveyed.worth(rival), least)
-    return fanciful
+        if not implausible_named.findings:
+            implausible_named, least = named, max(NEARLY * surveyed.worth(rival), least)
+    return implausible_named
 
 
-def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
-    """The survey by the evidence beside what the hull may do; as it is where that tells nothing.
+def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
+    """Rank the survey by evidence with the hull force free, unless that evidence is too small.
 
-    It tells nothing where the file leaves the hull to others: all its drag is then what a hull may do.
+    A file without drag leaves it to the hull force, so its survey is not ranked by evidence.
 
     Args:
-        surveyed: The survey.
-        baseline: The vehicle file and the shots.
-        refitted: The file's own effects, fitted to all shots within what is known of them.
-        known: That.
+        surveyed: Survey.
+        baseline: Vehicle file and shots.
+        refitted: Existing effects, fitted to all shots within their priors.
+        known: These priors.
     """
-    if not dragged(baseline.vehicle):
+    if not has_drag(baseline.vehicle):
         return surveyed
     allowance = Allowance.of(baseline.vehicle, baseline.problem.some(ALLOWED).shots)
     alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown)).evidence
     found, rivals = [], []
     for rival in surveyed.rivals:
-        if not rival.beyond:  # whatever its evidence, it absorbs all that it removes
+        if not rival.beyond:  # it absorbs all that it removes, whatever its evidence
             rivals.append(rival)
             continue
         unknown, prior = rival.model.unknown, known.releasing(rival.effect).alone(rival.model.unknown)
@@ -233,34 +233,34 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
     return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
 
-def _there(fit: Fit, effect: str) -> bool:
-    """Whether anything of an effect is left once its values are those of a passive hull."""
+def _is_present(fit: Fit, effect: str) -> bool:
+    """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
     return bool((sizes > LITTLE).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
-    """The model with its residuals in units of the noise again."""
+    """Return the model with its residuals in units of the noise again."""
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
     if not names:
-        return as_it_is(model.vehicle, problem)
+        return unfitted(model.vehicle, problem)
     return fit_model(model.vehicle, names, problem, np.zeros((1, 3)), 0)
 
 
 def _moved(rival: Rival, baseline: Baseline) -> bool:
-    """Whether the fit of an effect of the file moves it farther than what is known of it allows for."""
+    """Return whether the fit moves an existing effect farther than its prior allows."""
     unknown = rival.model.unknown
     own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
     entries = [unknown.entries[i] for i in own]
     return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= MOVED
 
 
-def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
-    """The effect and the file's own about all shots, fitted from the values of the survey.
+def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Model:
+    """Fit the effect with the existing effects to all shots, from the values of the survey.
 
-    Where there are values beside what the hull may do they stay: those of a fit hold its error, too.
+    Values that were fitted with the hull force free stay: a plain fit would absorb the hull's error.
     """
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
@@ -273,7 +273,7 @@ def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
-    """The model without the effect, or with the values that the file has of it."""
+    """Return the model without the effect, or with the file's values of it."""
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
@@ -289,7 +289,7 @@ def _finding(
     fit: Fit,
     dt: float,
 ) -> Finding:
-    """The naming, with its share of the error beyond the noise that the model without it leaves."""
+    """Return the named effect, with its share of the error beyond the noise of the model without it."""
     values = fit.table(rival.effect)[0]
     if surveyed.by_evidence:
         sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
@@ -298,33 +298,33 @@ def _finding(
     sure *= OWN if rival.own else 1.0
     if surveyed.rivals[0] is not rival:
         sure = min(sure, OUTDONE)
-    sure = no_surer(sure, fit.vehicle, rival.effect)
+    sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY * surveyed.worth(rival), NAMED)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
-    words += _standing(rival, model, near)
+    words += _evidence_in_words(rival, model, near)
     named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
     if sure < SURE:
         return named
     return replace(named, verdict="retune" if rival.own else "missing", advice=words)
 
 
-def _also(
+def _nearly_as_good(
     rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
 ) -> Iterator[Finding]:
-    """What else transfers at least half as well as what is named, with the values that the survey fitted.
+    """Yield suspects with at least half the score of the named effect, with the values of the survey.
 
-    What the name leaves of all probability they share by their scores, with one part for something else; none
-    is surer than the name, which is better.
+    They share the remaining probability by their scores, with one part for any other effect.  None has more
+    confidence than the named effect.
     """
     worth = surveyed.worth
     near = [one for one in others if worth(one) >= max(ALSO * worth(rival), NAMED)]
     near = [one for one in near if not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(worth(one) for one in near)
-    by = "beside what the hull may do" if surveyed.by_evidence else "on data left out"
+    by = "with any hull force allowed" if surveyed.by_evidence else "on held-out data"
     for one in near:
         fit = one.estimated()
-        if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
+        if not _is_present(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
         words = f"{adding}; {worth(one) / worth(rival):.0%} as good as {rival.effect} {by}"
@@ -333,7 +333,7 @@ def _also(
 
 
 def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
-    """An effect suspected: its values, and its share of the error that the model without it leaves."""
+    """Return an effect as a suspect, with its values and its share of the error of the model without it."""
     pieces = max(block_length(model.normal.score), 1)
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     values, errors = fit.table(rival.effect)
@@ -351,13 +351,13 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
     )
 
 
-def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:
-    """How far the name is to be believed, in words."""
-    evidence = f", and beside what a hull may do the logarithm of its evidence is {rival.evidence:.0f}"
+def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:
+    """Return the evidence for the name, in words."""
+    evidence = f", and its log evidence with any hull force allowed is {rival.evidence:.0f}"
     words = (
-        f"; fitted to the rest it removes {rival.score:.0%} of the error of sessions and regimes left out"
+        f"; it removes {rival.score:.0%} of the error of held-out sessions and regimes"
         f"{evidence * (rival.allowed is not None)}. "
-        f"{model.normal.chi2:.3g} of the noise remain, which is the hull's own error or more that is "
-        "missing: a recording from before the change (`--before`) parts the two"
+        f"The residual is still {model.normal.chi2:.3g} times the noise variance, from the hull or from "
+        "other changes: a recording from before the change (`--before`) separates the two"
     )
     return f"{words}; nearly as good: {', '.join(near)}" if near else words

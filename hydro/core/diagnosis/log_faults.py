@@ -1,4 +1,4 @@
-"""A log preprocessed before anything is fitted to it, and what was wrong with it, for the user."""
+"""Preprocessed log, and the faults that were found in it."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
 MOST_SHOTS = 600
+"""Maximum number of shots of one recording, which bounds the time of a fit."""
 
 
 @dataclass(frozen=True)
 class Preprocessed:
-    """A recording without the faults of its log; what all vehicles need of it is worked out once.
+    """Recording without the faults of its log, with the quantities that all vehicles need of it.
 
     Attributes:
         raw: Raw table.
-        record: The same as arrays.
-        faults: A finding for each kind of fault.
-        wiring: The order of the command columns, where it is another than the vehicle file's.
+        record: Recording as arrays.
+        faults: One finding for each kind of fault.
+        wiring: Order of the command columns if it differs from the vehicle file's; None otherwise.
         tails: Noise of channels with heavy tails.
-        sampled: The recording before a model filled the channels without samples; None where it is `record`.
-        audit: Audit of the thrusters, before anything was put in order; None of a recording too short for it.
+        sampled: Recording before a model filled the channels without samples; None where it is `record`.
+        audit: Thruster audit of the original columns; None of a recording too short for it.
     """
 
     raw: pl.DataFrame
@@ -52,12 +53,12 @@ class Preprocessed:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """One sentence for each thing that was changed in the log."""
+        """One sentence for each change made to the log."""
         return (*(fault.advice for fault in self.faults), *heavy_tails_told(self.tails))
 
     @property
     def observed(self) -> Recording:
-        """The recording without anything that a model filled in."""
+        """Recording without rows that a model filled in."""
         return self.record if self.sampled is None else self.sampled
 
     @property
@@ -69,13 +70,13 @@ class Preprocessed:
         """Refuse a recording that contradicts the directions or the order of the file's thrusters.
 
         Raises:
-            DataError: It does; the line says how to mend it.
+            DataError: It does; the message says how to correct it.
         """
         if self.audit is not None and self.audit.wrong:
-            raise DataError(f"{self.audit.headline()}; or go on as it is with --correct-thrusters")
+            raise DataError(f"{self.audit.headline()}; or continue as it is with --correct-thrusters")
 
     def as_audited(self) -> Preprocessed:
-        """Return the recording with its columns as the audit states them, taken as right."""
+        """Return the recording with its audited columns, accepted as right."""
         return replace(self, audit=None)
 
     @property
@@ -90,7 +91,7 @@ class Preprocessed:
 
     @property
     def middle(self) -> Array:
-        """Where a next manoeuvre would begin: amid the recording, level, (6,)."""
+        """Start of a next manoeuvre: the median pose of the recording, level, (6,)."""
         pose: Array = np.median(self.record.eta, axis=0) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
         return pose
 
@@ -101,19 +102,19 @@ class Preprocessed:
 
     @cached_property
     def sensors(self) -> dict[str, KinematicTest]:
-        """What kinematics alone says of the velocity log's errors, by effect."""
+        """Kinematic tests of velocity sensor errors, by effect."""
         return kinematic_tests(self.record)
 
     @cached_property
     def lateness(self) -> float:
-        """Return the delay of the velocity log where kinematics show one [s]; else 0."""
+        """Delay of the velocity sensor where kinematics shows one [s]; else 0."""
         return lateness(lambda: self.sensors)
 
     def shots(self, seconds: float) -> Shots:
-        """Shots of a length [s], begun where the smoothed log saw the vehicle.
+        """Return shots of a length [s], starting at the smoothed measured states.
 
-        Where kinematics show that the velocity log is late, they begin earlier by the greatest delay: what
-        it shows at first was so before the shot.
+        Where kinematics shows a delay of the velocity sensor, they start earlier by the greatest delay,
+        because the first samples show motion from before the shot.
 
         Raises:
             DataError: No segment is as long as one shot.
@@ -127,13 +128,13 @@ class Preprocessed:
 
 
 def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) -> Preprocessed:
-    """Clean a recording, and put its commands in the order that the accelerations ask for.
+    """Clean a recording, and order its commands as the accelerations require.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: Vehicle file.
         raw: Raw table.
-        hull: What a recording before has taught: what the hull does beside its file is taken out of the
-            accelerations, where it would hide another order of the commands.
+        hull: Hull-force model learnt from an earlier recording.  Its force is subtracted from the
+            accelerations, where it would hide a different order of the commands.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -154,10 +155,10 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
 
 
 def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None) -> Preprocessed:
-    """Clean another recording whose commands have the order that was found in a first one.
+    """Clean another recording, with the order of commands that was found in a first one.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: Vehicle file.
         raw: Raw table.
         wiring: Order of the command columns; None for the vehicle file's.
 
@@ -168,7 +169,7 @@ def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None)
 
 
 def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preprocessed:
-    """Return a cleaned recording with its commands in the order that the vehicle file means."""
+    """Return a cleaned recording with its commands in the vehicle file's order."""
     raw, record = log.raw, log.record
     if wiring is not None:
         raw = in_order(raw, wiring)
@@ -178,7 +179,7 @@ def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preproces
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
-    """The table with its command columns in the order that the vehicle file means."""
+    """Return the table with its command columns in the vehicle file's order."""
     if wiring is None:
         return raw
     return raw.with_columns(
@@ -188,7 +189,7 @@ def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
 
 
 def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
-    """What the hull does beside the file at every row, (N, 6) [N, N m]; None of a log that is too short."""
+    """Return the hull force that the file lacks, (N, 6) [N, N m]; None if the log is too short."""
     try:
         return hull.law.wrench(vehicle, log.shots(SHOT_SECONDS))
     except DataError:

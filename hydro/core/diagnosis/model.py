@@ -1,6 +1,6 @@
-"""A vehicle fitted to short shots, and suspects held against what the fit leaves: the steps of a search.
+"""Steps of a search: a vehicle fitted to short shots, and candidates tested against its residual.
 
-All suspects are linearised together about a model.
+All candidates are linearised together about a model.
 """
 
 from __future__ import annotations
@@ -36,36 +36,40 @@ from hydro.core.recording.shots import kept_evenly
 from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]
-"""Effects to fit: names in the catalogue, or tables with values to begin from."""
+"""Effects to fit: names in the catalogue, or tables with starting values."""
 
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
-COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
-SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
-NARROWEST = 0.01  # scales, of the search for an entry that acts in steps: its name needs no more digits
+COARSE = 0.3
+"""Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
+SLOW = 1e-3
+"""Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
+NARROWEST = 0.01
+"""Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
 WORSE = 4.0
-"""Standard errors of the difference by which a model must be worse on few shots than the best to be out."""
-LEFT = 0.05  # of the noise: where a fit leaves less beyond it, no other valley is looked for
+"""Distance in cost from the best on few shots beyond which a model is dropped, in standard errors of it."""
+LEFT = 0.05
+"""Excess error, as a share of the noise, below which no other local minimum is searched for."""
 
 
 def names_of(wanted: Wanted) -> list[str]:
-    """Names of effects to fit."""
+    """Return the names of effects to fit."""
     return [one if isinstance(one, str) else str(one["name"]) for one in wanted]
 
 
 class Diverges(DataError):
-    """The motion that a vehicle's file predicts leaves all bounds."""
+    """Error that the predicted motion of a vehicle diverges."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """A vehicle in the course of the search.
+    """Vehicle during the search.
 
     Attributes:
-        unknown: Its free entries.
-        values: Their fitted values, (P,).
-        problem: The shots, their initial states moved along.
-        normal: The problem about the values, in units of the entries' scales.
+        unknown: Free entries.
+        values: Fitted values, (P,).
+        problem: Shots, with initial states that follow the fit.
+        normal: Linearised problem about the values, in units of the entries' scales.
     """
 
     unknown: Free
@@ -75,20 +79,20 @@ class Model:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle with the fitted values."""
+        """Vehicle with the fitted values."""
         return self.unknown.at(self.values)
 
     def estimated(self) -> Fit:
-        """The fitted values with their standard errors, on a vehicle that is physically possible."""
+        """Return the fitted values with standard errors, on a vehicle that is physically possible."""
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
 
     def over(self, kept: NDArray[np.bool_]) -> Model:
-        """The model over those of its shots that a mask (S,) keeps."""
+        """Return the model over those of its shots that a mask (S,) keeps."""
         shots = cast(OutputError, self.problem).shots
         return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
 
     def some(self, most: int) -> Model:
-        """The model over at most so many of its shots, spread evenly."""
+        """Return the model over at most so many of its shots, evenly spread."""
         return self.over(kept_evenly(len(self.costs), most))
 
     @property
@@ -109,7 +113,7 @@ class Model:
 
     @property
     def penalised(self) -> Array:
-        """Costs of the shots with the penalty for all parameters, in equal parts, (S,)."""
+        """Costs of the shots, with the penalty for all parameters in equal parts, (S,)."""
         shots = len(self.costs)
         penalised: Array = self.costs + penalty(shots, len(self.values), self.normal.chi2) / shots
         return penalised
@@ -138,22 +142,22 @@ def fit_model(
     share: float = SLOW,
     known: Callable[[Free], Prior] | None = None,
 ) -> Model:
-    """Fit effects to the shots from the values that they have; with none, the vehicle as it is.
+    """Fit effects to the shots from their present values; without effects, return the vehicle as it is.
 
     Args:
-        vehicle: The vehicle.
-        effects: What is fitted.
-        problem: The shots.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
-        iterations: Steps at most; with 0 the values stay as they are.
-        share: Of what is left: a step that would take less ends the fit.
-        known: What is known of the entries beforehand; by default, little.
+        vehicle: Vehicle.
+        effects: Effects to fit.
+        problem: Shots.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
+        iterations: Maximum number of steps; with 0 the values stay as they are.
+        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
+        known: Prior of the entries; by default a weak one.
 
     Raises:
-        Diverges: The predicted motion does.
+        Diverges: The predicted motion diverges.
     """
     if not effects:
-        model = as_it_is(vehicle, problem)
+        model = unfitted(vehicle, problem)
     else:
         unknown = free(vehicle, effects, reach=reach)
         prior = known(unknown) if known is not None else None
@@ -162,33 +166,33 @@ def fit_model(
 
 
 def _settled(model: Model, iterations: int, share: float) -> Model:
-    """A model at the foot of its descent, beyond the corners that hold up its entries that act in steps.
+    """Return a converged model, with entries that have thresholds moved past local minima.
 
     Raises:
-        Diverges: Its predicted motion does.
+        Diverges: The predicted motion diverges.
     """
     if iterations >= ITERATIONS and any(entry.resolution for entry in model.unknown.entries):
         model = _beyond_corners(model, iterations, share)
     if not np.isfinite(model.normal.cost):
         raise Diverges(
             "the vehicle's predicted motion diverges within two seconds; check its damping, "
-            f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
+            f"or start with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
     return model
 
 
 def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
-    """The model that a fit begins from, see `fit_model`."""
+    """Return the model at the start of a fit, see `fit_model`."""
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
-def gone_on(model: Model, iterations: int, share: float = SLOW) -> Model:
-    """The model fitted on from its values, see `fit_model`.
+def continue_fit(model: Model, iterations: int, share: float = SLOW) -> Model:
+    """Continue the fit of a model from its values, see `fit_model`.
 
     Raises:
-        Diverges: The predicted motion does.
+        Diverges: The predicted motion diverges.
     """
     unknown = replace(model.unknown, starts=(model.values,))
     return _settled(
@@ -197,16 +201,16 @@ def gone_on(model: Model, iterations: int, share: float = SLOW) -> Model:
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
-    """The model fitted anew with some of its entries held.
+    """Refit a model with some of its entries held.
 
     Args:
-        model: It.
-        values: Where the held ones stay and the others begin, (P,).
-        held: Which, (P,).
-        iterations: Steps at most.
+        model: Model.
+        values: Held values, and starting values of the others, (P,).
+        held: Mask of the held entries, (P,).
+        iterations: Maximum number of steps.
 
     Raises:
-        Diverges: The predicted motion does.
+        Diverges: The predicted motion diverges.
     """
     return _descended(model.unknown.holding(values, held), model.problem, iterations, SLOW)
 
@@ -219,10 +223,10 @@ def _descended(
     prior: Prior | None = None,
     normal: Normal | None = None,
 ) -> Model:
-    """The model at the foot of the descent from its first starting values, about which `normal` may be known.
+    """Descend from the first starting values; `normal` is the linearised problem there, if known.
 
     Raises:
-        Diverges: No step leads on from them.
+        Diverges: No step from them reduces the cost.
     """
     try:
         values, normal, problem = descend(
@@ -230,12 +234,12 @@ def _descended(
         )
     except np.linalg.LinAlgError as error:
         effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))
-        raise Diverges(f"no step leads on from the values of {effects}") from error
+        raise Diverges(f"no step from the values of {effects} reduces the error") from error
     return Model(unknown, values, problem, normal)
 
 
-def as_it_is(vehicle: Vehicle, problem: Problem) -> Model:
-    """The vehicle with no free entries; its cost is infinite where its predictions diverge."""
+def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
+    """Return the vehicle without free entries; its cost is infinite where its predictions diverge."""
     unfree = Free(vehicle, (), (np.zeros(0),), frozenset())
     return Model(unfree, np.zeros(0), problem, problem.linearise(vehicle, [], []))
 
@@ -243,10 +247,10 @@ def as_it_is(vehicle: Vehicle, problem: Problem) -> Model:
 def fitted_or_kept(
     vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = SLOW
 ) -> tuple[Model, bool]:
-    """The fit to the end, or the vehicle with the values that it has, where that diverges; and which it is.
+    """Fit to convergence, or keep the vehicle's values where that diverges; return whether it converged.
 
     Raises:
-        Diverges: So does the vehicle with the values that it has.
+        Diverges: The vehicle with its present values diverges too.
     """
     try:
         return fit_model(vehicle, effects, problem, reach, ITERATIONS, share), True
@@ -255,7 +259,7 @@ def fitted_or_kept(
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
-    """The model, or a better one with the entries that act in steps where a search along each finds them."""
+    """Return the model, or a better one found by a line search along each entry with thresholds."""
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, NARROWEST)
     if np.array_equal(values, model.values):
         return model
@@ -264,11 +268,11 @@ def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
 
 
 def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = SLOW) -> Model:
-    """The model, or a better one with one of its effects at another place (`initial_guess.elsewhere`).
+    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
 
     Args:
-        model: A fit.
-        problem: The shots, begun where the recording saw the vehicle.
+        model: Fitted model.
+        problem: Shots, starting at the measured states.
         reach: As for `fit_model`.
         share: As for `fit_model`.
     """
@@ -287,16 +291,16 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
 
 @dataclass(frozen=True)
 class Screening:
-    """All suspects about one model.
+    """Test of all candidates about one model.
 
     Attributes:
-        model: The model, perhaps over a part of the shots.
-        ranked: Best shape of each effect with its columns, the most telling first.
+        model: Model, possibly over a part of the shots.
+        ranked: Best shape of each effect with its columns, the largest gain first.
         shapes: Columns of every shape of each effect.
-        normal: The linearised problem, in the units that the columns' steps have.
-        evidence: The same in columns of unit size.
-        own: Columns of the model's own entries.
-        gains: Squared residual that each effect would explain of all shots.
+        normal: Linearised problem, in the units of the columns' steps.
+        evidence: Linearised problem with columns of unit size.
+        own: Columns of the model's entries.
+        gains: Squared residual of all shots that each effect would explain.
     """
 
     model: Model
@@ -309,20 +313,20 @@ class Screening:
 
     @cached_property
     def p_value(self) -> float:
-        """Probability that chance alone would tell as much as the most telling effect."""
+        """Probability that the largest gain is as large by chance alone."""
         return min(p_values(self.evidence, self.own, self.shapes).values(), default=1.0)
 
     @property
     def significant(self) -> bool:
-        """Whether any effect tells more than chance would."""
+        """Whether any gain is larger than chance allows."""
         return self.p_value <= ALPHA
 
     def beginning(self, name: str, information: Array) -> dict[str, Any]:
-        """The table that a fit of an effect begins from: its best shape, as the linearised problem has it.
+        """Return the starting table of an effect: its best shape, with values from the linearised problem.
 
         Args:
-            name: The effect.
-            information: What is known beforehand of the model's own entries and of its, (P,).
+            name: Effect.
+            information: Prior information on the entries of the model and of the effect, (P,).
         """
         suspect, columns = self.ranked[name]
         normal = self.normal.of([*self.own, *columns])
@@ -331,7 +335,7 @@ class Screening:
 
 
 def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
-    """Hold some suspects against what a model leaves, over a part of so many shots or all of them."""
+    """Test candidates against a model's residual, over a part of so many shots or all of them."""
     changed, steps = moved(model.unknown, model.values)
     own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
     for suspect in tried:
@@ -355,14 +359,14 @@ def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
 
 
 def beyond_noise(model: Model) -> float:
-    """Mean squared residual beyond the noise."""
+    """Return the mean squared residual beyond the noise."""
     return model.excess / model.normal.residuals
 
 
 def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
-    """The best of some models, and those that the scatter of its lead does not rule out, the best first.
+    """Return the best model and those whose distance from it is within its scatter, the best first.
 
-    Their shots are the same.
+    All models have the same shots.
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
@@ -370,5 +374,5 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:
-    """The effect whose model explains most for its parameters; None of none."""
+    """Return the effect whose model has the least penalised cost; None without any."""
     return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)

@@ -1,7 +1,7 @@
-"""Rates of turn show the thrust of horizontal thrusters only as a multiple of the file's inertia.
+"""Rates of turn show the thrust of horizontal thrusters only relative to the inertia in the file.
 
-A moment N and an inertia I enter a rate of turn by N / I alone.  Where no sensor shows surge or sway, weak
-thrusters and an inertia that is too small in the file predict the same motion.
+A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
+weak thrusters and too small an inertia in the file predict the same motion.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import HORIZONTAL, Recording
 
 STATED = ("missing", "cannot_tell_apart")
+"""Verdicts that are reduced to a suspicion."""
 WORDS = (
-    "rates alone show thrust only as a multiple of the file's inertia, which may be too small: record "
-    "a velocity or a position, or measure the inertia"
+    "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
+    "velocity or a position, or measure the inertia"
 )
 
 
-def beside_inertia(finding: Finding, record: Recording) -> Finding:
-    """The finding, only suspected where it is a gain of thrusters that a wrong inertia predicts as well."""
+def doubted_gain(finding: Finding, record: Recording) -> Finding:
+    """Reduce a finding of thruster gains to a suspect where a wrong inertia predicts the same motion."""
     if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
         return finding
     sure = min(finding.confidence, FANCIFUL)

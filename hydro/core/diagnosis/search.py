@@ -1,11 +1,11 @@
-"""The search for what a model lacks: hold the whole catalogue against what is left, and fit the best.
+"""Stepwise search for missing effects: test the whole catalogue against the residual, and fit the best.
 
-All suspects are linearised together about the present model, over short shots
-(`prediction.multiple_shooting`).  Those that tell most, by more than chance would let the most telling of
-all do (`evaluation.score_test`), are fitted in earnest with everything that is in the model already; the best
-joins it, and the search goes on.  Where the model leaves far more than the noise, a few shots tell most
-suspects apart, and only those are fitted to all shots that these do not rule out.  Afterwards every finding
-must still be needed beside the others, and be the best in its place.
+All candidates are linearised together about the present model, over short shots
+(`prediction.multiple_shooting`).  A score test asks whether the largest gain exceeds chance
+(`evaluation.score_test`).  The candidates with the largest gains are then fitted together with the model.
+The best joins it, and the search continues.  Where the residual is far above the noise, a few shots separate
+most candidates, and only the rest are fitted to all shots.  Afterwards every finding must still be needed
+with the others, and be the best in its place.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from hydro.core.diagnosis.baseline import VISIBLE, Baseline, Found, Outcome
 from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
-from hydro.core.diagnosis.misread import refuted
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -34,6 +33,7 @@ from hydro.core.diagnosis.model import (
     not_ruled_out,
     screened,
 )
+from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
@@ -47,36 +47,42 @@ from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
-NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
+"""Maximum number of candidates that are fitted in one round."""
+NEAR, NEAR_CURVED = 0.5, 0.1
+"""Share of the best linear gain from which a candidate is fitted; less for nonlinear effects."""
 MOST_FINDINGS = 4
-SURE = 3.0  # standard errors from a plainer effect by which a more general one must be away
+"""Maximum number of effects of one search."""
+SURE = 3.0
+"""Minimum distance of a general effect from its simpler special case, in standard errors."""
 ALMOST_ALL = 0.9
-"""Part of the error from which likelihood names what explains it, though more than noise is left."""
+"""Share of the error from which likelihood names effects, although the residual is above the noise."""
 EACH = 0.25
-"""Part of the error that findings must explain on average for the search to go on; what kinematics alone
-shows may explain little."""
+"""Share of the error that findings must explain on average for the search to continue.  Sensor errors that
+kinematics shows do not count."""
 SAME = 1e-3
-"""Share of what is left by which one search must leave less than another with the same findings to go on."""
-QUICK = 4  # iterations of a contender's fit
-CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
+"""Minimum relative reduction of the cost by which a second search with the same findings continues."""
+QUICK = 4
+"""Iterations of a candidate's first fit."""
+CLOSEST, FAR = 2, 4.0
+"""Maximum number of candidates fitted to convergence, and ratio to the best error above which none is."""
 FEW = 48
-"""Shots on which contenders are compared at first where a model leaves more than RIGHT times the noise,
-and those that are not much worse there than the best fitted to all,"""
+"""Number of shots for a first comparison where the residual is above RIGHT.  Candidates that are not much
+worse than the best are then fitted to all shots."""
 ROOM = 1.5
-"""and times what a fit leaves of the few that the same may leave of all shots."""
+"""Maximum ratio of a candidate's residual on all shots to that on the few."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """The search from a baseline.  `chosen` are everywhere the names of what is in the model beside it.
+    """Search from a baseline.  `chosen` always names the effects that joined the model.
 
     Attributes:
-        baseline: What it starts from.
-        from_file: Whether it, and every fit that leaves far more than the noise, begins at the file's values
-            too: fitted without what is missing, these may run away to where no step leads back from.  It
-            goes on where what it finds first explains ALMOST_ALL: no hull's own error is met with more.
-        made: Fits by what they begin from.  Searches that share them make none twice: where the file has
-            hardly an effect of its own, one from its values goes the same way.
+        baseline: Start of the search.
+        from_file: Whether fits also start at the file's values, if their residual is far above the noise.
+            Without the missing effect, refitted values can run away and no step leads back.  Such a search
+            continues if its first finding explains ALMOST_ALL, because no hull error is explained so well.
+        made: Fits by their starting values.  Searches that share them repeat none, for example where the file
+            has hardly any free effect.
     """
 
     baseline: Baseline
@@ -84,25 +90,25 @@ class Search:
     made: dict[tuple[object, ...], Model] = field(default_factory=dict, repr=False)
 
     def wrong(self, outcome: Outcome) -> bool:
-        """Whether no model that was found is right, though there is something to find.
+        """Return whether the outcome's model is wrong although something is missing.
 
-        What leaves more than FIT is no fit, whatever the tests of single effects say.
+        A residual above FIT is too large for a fit, whatever the tests of single effects show.
         """
         model, left = outcome.model, outcome.model.normal.chi2
         there = bool(outcome.found) or outcome.last.significant or not left <= FIT
         return there and not left <= RIGHT and not self.baseline.explained(model) >= ALMOST_ALL
 
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
-        """Hold all effects that are not in the model against what it leaves."""
+        """Test all effects that are not in the model against its residual."""
         known = [*self.baseline.effects, *chosen]
         return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.track))
 
     def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
-        """Hold some suspects against what a model leaves, see `model.screened`."""
+        """Test some candidates against a model's residual, see `model.screened`."""
         return screened(model, tried, len(self.baseline.problem.shots.starts))
 
     def fewer(self, model: Model) -> Model:
-        """The model over a few of its shots where they tell enough: it leaves far more than the noise."""
+        """Return the model over a few shots where its residual is far above the noise."""
         enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW
         return model.some(FEW) if enough else model
 
@@ -114,14 +120,13 @@ class Search:
         progress: Progress,
         known: Mapping[str, Model] | None = None,
     ) -> dict[str, Model]:
-        """Fit the most telling suspects in earnest, each with all that is in the model.
+        """Fit the candidates with the largest gains together with the model.
 
-        `known` are fits that there are already; they are held against the others.
+        `known` are existing fits, which compete with the new ones.
 
-        That something is missing is tested over all effects at once; which one it is the fits say, and one
-        of many parameters may be it though few blocks cannot test it alone.
-        What the velocity log misreads for all that kinematics shows comes before any force; what kinematics
-        refutes does not come at all.
+        One test over all effects decides whether something is missing; the fits decide which.  An effect with
+        many parameters may be the answer although few blocks cannot test it alone.  Errors of the velocity
+        sensor that kinematics shows come before any force.  Errors that kinematics refutes are dropped.
         """
         known = known or {}
         if not screening.significant:
@@ -136,7 +141,7 @@ class Search:
         if not any(
             self.baseline.belongs(name, model.normal.cost - fits[name].normal.cost, model) for name in new
         ):
-            # Refuted, or no better: what else is missing spoils what the dynamics say of the log.
+            # Refuted, or no better: a missing force biases the sensor errors that the dynamics suggest.
             rest = {name: gain for name, gain in gains.items() if name not in material}
             fits = self.fitted(model, chosen, screening, rest, part(progress, 0.3, 1.0), known)
         return fits
@@ -150,14 +155,14 @@ class Search:
         progress: Progress,
         known: Mapping[str, Model],
     ) -> dict[str, Model]:
-        """Quick fits of some suspects, with the closest of them fitted to the end; see `contend`."""
+        """Fit some candidates quickly, and the closest of them to convergence; see `contend`."""
         few = screening.model is not model
         rivals = {name: fit.some(FEW) if few else fit for name, fit in known.items()}
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
         for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
-            progress(f"{name}, fitted to the end", 0.6 + 0.4 * number / CLOSEST)
+            progress(f"{name}, fitted to convergence", 0.6 + 0.4 * number / CLOSEST)
             if beyond_noise(fits[name]) > FAR * least:
                 continue
             if name not in known:
@@ -169,9 +174,9 @@ class Search:
         return self.with_plainer(last, chosen)
 
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
-        """The fits, and those of the plainer effects which the best of them nearly is, begun from there.
+        """Return the fits, with simpler special cases of the best effect, started from its values.
 
-        Where one does as well, to within SURE standard errors of what else the best has, it takes its place.
+        A special case that fits equally well, to within SURE standard errors, replaces the general effect.
         """
         best = leader(fits)
         if best is None:
@@ -193,7 +198,7 @@ class Search:
         known: Mapping[str, Model],
         progress: Progress,
     ) -> dict[str, Model]:
-        """Quick fits of those suspects that tell nearly as much as the most telling of them."""
+        """Fit those candidates quickly whose gain is close to the largest."""
         most, fits, vehicle = max(gains.values(), default=0.0), dict(known), screening.model.vehicle
         for name in gains:
             if name in known:
@@ -202,30 +207,30 @@ class Search:
             near = (NEAR_CURVED if is_curved(name) and not all_explained else NEAR) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
-            progress(f"{name} against what is left", 0.6 * len(fits) / CONTENDERS)
+            progress(f"{name} against the residual", 0.6 * len(fits) / CONTENDERS)
             fine = shapes(vehicle, name, reach=self.baseline.log.track)
             try:
                 finer = self.screened(screening.model, fine) if fine else screening
                 fit = self.joined(chosen, finer, name)
-            except Diverges:  # wherever it begins: no contender
+            except Diverges:  # from every start: not a contender
                 continue
             if not refuted(self.baseline.sensors, name, fit.vehicle):
                 fits[name] = fit
         return fits
 
     def converged(self, quick: Model, before: Model, chosen: Sequence[str]) -> Model:
-        """A contender fitted to the end, over all shots: a name rests on the difference of two fits.
+        """Fit a contender to convergence over all shots: a name rests on the difference of two fits.
 
-        Begun again where the recording saw the vehicle: what a poor model has made of the initial states may
-        hold a good one back.  Where both diverge it stays as it is.
+        The fit restarts at the measured states, because initial states fitted with a poor model can hold a
+        good one back.  If both starts diverge, the quick fit is returned.
 
         Args:
-            quick: Its quick fit.
-            before: The model that it joins.
-            chosen: Names of what is in the model beside the baseline's effects.
+            quick: Quick fit.
+            before: Model that it joins.
+            chosen: Names of the effects in the model, apart from the baseline's.
 
         Raises:
-            Diverges: Both do, and the quick fit was to a few of the shots.
+            Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
         few = len(quick.costs) < len(before.costs)
         enough = quick.normal.chi2 * (ROOM if few else 1.0)
@@ -249,7 +254,7 @@ class Search:
         return best
 
     def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
-        """The model with a suspect, fitted from where the linearised problem says that both should be."""
+        """Return the model with a candidate, fitted from the solution of the linearised problem."""
         model, (suspect, columns) = screening.model, screening.ranked[name]
         both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
         _, step[both] = linear_step(screening.normal, both)
@@ -257,11 +262,11 @@ class Search:
         vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
         begun = msgspec.structs.replace(vehicle, effect=(*vehicle.without(name).effect, table))
         cost, along = model.problem.cost(begun, step, screening.normal)
-        if cost > model.normal.cost:  # too far for a linear guess: the effect begins alone
+        if cost > model.normal.cost:  # too far for a linear step: only the effect starts from it
             vehicle, along = model.vehicle, model.problem
         try:
             return self._fit(vehicle, [*chosen, table], along, QUICK)
-        except Diverges:  # and too far even so: it begins as the vehicle has it
+        except Diverges:  # too far even so: the effect starts from its default values
             return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
     def grow(
@@ -271,10 +276,10 @@ class Search:
         other: Outcome | None = None,
         far: float = np.inf,
     ) -> Outcome:
-        """Let the best effect join until nothing more is significant and material.
+        """Add the best effect until no other is significant and material.
 
-        It goes on from an earlier outcome `start` where there is one, and ends where it only goes the way of
-        an `other` search, or where the first effect leaves more than `far` times the noise.
+        It continues from an earlier outcome `start` if one is given.  It ends where it only repeats an
+        `other` search, or where the first effect leaves more than `far` times the noise.
         """
         model, found = (start.model, list(start.found)) if start else (self.baseline.refitted, list[Found]())
         while True:
@@ -287,7 +292,7 @@ class Search:
                 screening = self.screen(begun, chosen)
             if len(found) == MOST_FINDINGS or not self.telling(screening, begun):
                 break
-            known = self.from_afar(begun) if begun is not model else {}
+            known = self.from_distant_starts(begun) if begun is not model else {}
             fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0), known)
             best = leader(fits)
             if best is None or not self.baseline.belongs(
@@ -305,24 +310,24 @@ class Search:
         return Outcome(model, tuple(found), screening)
 
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
-        """Whether a model with what was found leaves so much that no other effect is looked for."""
+        """Return whether the findings explain so little that the search ends."""
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
         least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
-        """Whether another search comes before a second effect: the first leaves `far` times the noise."""
+        """Return whether another search precedes a second effect: the first leaves `far` times the noise."""
         return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
     def telling(self, screening: Screening, model: Model) -> bool:
-        """Whether any effect promises to matter: of a curved one the shapes of a grid tell but a part."""
+        """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
         return any(
             self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if is_curved(name) else 1.0), model)
             for name, gain in screening.gains.items()
         )
 
-    def from_afar(self, filed: Model) -> dict[str, Model]:
-        """The file with those effects to which no derivative about their absence leads from far away."""
+    def from_distant_starts(self, filed: Model) -> dict[str, Model]:
+        """Return fits of the file with effects that need distant starting values."""
         fits = dict[str, Model]()
         few = self.fewer(filed)
         for name in CATALOGUE:
@@ -339,7 +344,7 @@ class Search:
         return fits
 
     def settle(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Reconsider what was found, and go on where a swap makes room for what could not be told."""
+        """Reconsider the findings, and continue the search if a swap may reveal a further effect."""
         kept = self.reconsider(outcome, part(progress, 0.0, 0.4))
         if kept.effects == outcome.effects or not kept.found:
             return kept
@@ -349,7 +354,7 @@ class Search:
         return self.reconsider(further, part(progress, 0.8, 1.0))
 
     def reconsider(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Drop what the others have made needless, and swap what another effect does better in its place."""
+        """Drop findings that the others make needless, and swap those that another effect replaces better."""
         model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
         for number, one in enumerate(outcome.found):
@@ -373,14 +378,14 @@ class Search:
                 model = fits[best]
             without[kept[place].effect] = lesser
         if len(kept) == 1 < len(outcome.found):
-            # Beside what has been dropped it may have looked larger than it is.
+            # With the dropped finding in the model it may have looked larger than it is.
             without[kept[0].effect] = first
             if not self.baseline.belongs(kept[0].effect, first.normal.cost - model.normal.cost, first):
                 return Outcome(first, (), outcome.last)
         return Outcome(model, tuple(kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
-        """The model without one of its findings, all others fitted anew; the first where that diverges."""
+        """Return the model without one finding, the others refitted; the baseline where that diverges."""
         in_file = [table for table in self.baseline.refitted.vehicle.effect if table["name"] == effect]
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
@@ -390,7 +395,7 @@ class Search:
             return self.baseline.refitted
 
     def _fit(self, vehicle: Vehicle, chosen: Wanted, problem: Problem, iterations: int) -> Model:
-        """A vehicle's own effects and those chosen, fitted together."""
+        """Fit the baseline's effects and the chosen ones together."""
         wanted, shots = [*self.baseline.effects, *chosen], cast(OutputError, problem).shots
         begun = (repr((vehicle.effect, wanted, iterations)), shots.starts.tobytes(), shots.first.tobytes())
         if begun not in self.made:
@@ -399,7 +404,7 @@ class Search:
 
 
 def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
-    """Whether a search has found what another one found first, and no better values of it."""
+    """Return whether a search repeats the findings of another without better values."""
     if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
@@ -407,12 +412,12 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
 
 
 def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:
-    """Yield every candidate of a search, and the model without any at each step.
+    """Yield every candidate of a search, and at each step the model without a new effect.
 
     Args:
-        first: The file's own effects, fitted.
-        found: The effects that joined, in their order.
-        file: The vehicle file.
+        first: Baseline fit.
+        found: Effects that joined, in their order.
+        file: Vehicle file.
     """
     without, size = first, 2
     for step, one in enumerate(found):
@@ -426,7 +431,7 @@ def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[
 
 
 def _candidate(step: int, name: str, chosen: bool, model: Model, size: int, file: Vehicle) -> Candidate:
-    """Return one candidate of a search, or the model without any for an empty name."""
+    """Return one candidate of a search; an empty name stands for the model without a new effect."""
     return Candidate(
         "likelihood",
         step,

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis in one headline, from which no finding may differ."""
+"""Overall result of a diagnosis as one headline, consistent with all findings."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
 
 LIKELY = 0.6
-"""Confidence from which a name that is not stated is called likely; below, it is possible."""
+"""Confidence from which a name that is not stated is called likely; below it, the name is called possible."""
 
 
 def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float | None = None) -> Status:
-    """Return the answer that findings amount to.
+    """Return the overall result of some findings.
 
     Args:
-        findings: Of one diagnosis, the most telling first.
-        vehicle: The file that was diagnosed.
+        findings: Findings of one diagnosis, the largest share first.
+        vehicle: Vehicle file.
         dt: Sample time of the recording [s].
-        left: Of changes since a recording before, the squared residual that they leave, in floors of the
-            hull model; None of a diagnosis without one.
+        left: Squared residual with all changes since an earlier recording, in floors of the hull model; None
+            without one.
     """
     changed = left is not None
     named = [one for one in findings if one.verdict in (*STATED, "suspect")]
@@ -39,7 +39,7 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
     if suspected:
         best = max(suspected, key=_likely)
         told = [f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."]
-        formula = np.isnan(best.confidence) and not changed  # which explains all that others do
+        formula = np.isnan(best.confidence) and not changed  # a formula explains all that effects explain
         rest = ["No effect explains all of the error."] if remains and not formula else []
         return Status("uncertain", "Not certain", (*told, *rest, *faults))
     if remains:
@@ -57,12 +57,12 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
 
 
 def _is_unsure(one: Finding) -> bool:
-    """Return whether a finding is a suspect, or other values of the file's that may as well be right."""
+    """Return whether a finding is a suspect, or an existing effect with uncertain other values."""
     return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
 def _likely(one: Finding) -> float:
-    """Return the confidence of a suspect; 1 of a formula, which has none and explains all that others do."""
+    """Return the confidence of a suspect; 1 for a formula, which has none and explains the most."""
     return 1.0 if np.isnan(one.confidence) else one.confidence
 
 
@@ -75,7 +75,7 @@ def in_words(confidence: float) -> str:
 
 
 def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
-    """Return a finding's sentence; its name where it has no values."""
+    """Return a finding's sentence; the name alone if it has no values."""
     if not one.parameters:
         return f"The file's {one.effect.replace('_', ' ')} does not fit this log."
     told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt)
@@ -86,7 +86,7 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
 
 
 def _counted(stated: Sequence[Finding], changed: bool) -> str:
-    """Return how many effects are missing, and how many have other values."""
+    """Return the number of missing effects, and the number with other values, in words."""
     other = sum(one.verdict == "retune" for one in stated)
     missing = len(stated) - other
     if changed:

@@ -1,20 +1,19 @@
-"""Names by transfer: what an effect removes of the error on data that it was not fitted to.
+"""Ranking of effects by transfer: the error that an effect removes from held-out data.
 
-Where no model reaches the noise, likelihoods compare how well wrong models bend, and the most flexible wins.
-Physics holds elsewhere too: an effect that is there removes error in sessions and in regimes of motion that
-had no part in its values, and one that merely absorbs the hull's own error does not.  Drag is on every hull:
-where a file says nothing of any that grows faster than speed, it comes before faults that could pass for it.
+Where no model reaches the noise, likelihood compares wrong models, and the most flexible wins.  Physics also
+holds on other data: a real effect removes error in sessions and regimes of motion to which it was not fitted.
+An effect that merely absorbs the hull's error does not.  Every hull has drag: in a file without drag that
+grows faster than speed, drag is named before faults that could imitate it.
 
-Every effect is fitted together with the file's own, from the values of the file, which hold to what is known
-of them.  Where the file states how well it knows all of its own, they were fitted before, to what the hull
-does, and stay as they are: one change at a time is held against the file (`one_change`).  Free, they take up
-what is missing, and with it what would tell of it.
+Every effect is fitted together with the existing effects, which have priors about the file's values.  Where
+the file states a standard error of each existing effect, these values stay fixed and one change at a time is
+tested (`one_change`).  If free, they would absorb the missing effect and hide the evidence for it.
 
-What bends to the hull's own error may transfer, too: the hull goes through all regimes.  So a rival may have
-its evidence beside what a hull may do (`residual.allowance`), and the order may be by that.
+An effect that absorbs the hull's error can transfer as well, because the hull is present in all regimes.  So
+an effect may have evidence with the hull force free (`residual.allowance`), and the rank may be by that.
 
-The squared residual is tempered: divided by its own mean and by the length for which errors of a model last,
-so that what is known weighs something beside ten thousands of numbers that err alike.
+The squared residual is tempered: divided by its mean and by the length of its autocorrelation.  Otherwise the
+prior would have no weight against ten thousands of correlated residuals.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.contenders import FINE
-from hydro.core.diagnosis.model import Diverges, Model, begun, fit_model, gone_on
+from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
@@ -53,46 +52,48 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion
 
 CORRELATED = 10.0
-"""Numbers of a shot that err alike where a model is wrong."""
+"""Number of correlated residuals of a shot that count as one where a model is wrong."""
 SUSPECT = 2.0
-"""Standard deviation of an effect that may be missing, in scales about its absence."""
+"""Prior standard deviation of an effect that may be missing, in scales about 0."""
 SURVEY_SHOTS = 48
-"""Shots on which all effects are fitted."""
+"""Number of shots to which all effects are fitted."""
 STEPS = 4
-"""Of a fit in the survey."""
+"""Iterations of a fit in the survey."""
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
-"""Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
-filtered log only smoother."""
+"""Minimum standard deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s].  No sensor is
+more accurate; a filtered log is only smoother."""
 FOLDS = 6
-"""Parts at most of which each is left out of a fit once."""
+"""Maximum number of parts of a recording, each held out of one fit."""
 AGAIN = 3
-"""Steps from a fit to all shots to one where some are left out."""
+"""Iterations from a fit of all shots to a fit without one fold."""
 DRAG = frozenset(with_role(Role.DRAG))
+"""Effects that are drag which grows faster than speed."""
 BEFORE_OTHERS = 0.7
-"""Part of the best score from which drag is named first where the file has none."""
+"""Share of the best score from which drag is named first if the file has none."""
 KEPT = 1.0 / 3.0
-"""Part of an effect's information that must remain where a regime is left out, and of the shots where a
-session is."""
+"""Minimum share of an effect's information that remains without a held-out regime.  Also the minimum share of
+shots in other sessions where whole sessions are held out."""
 GAPS = 30.0
-"""Logarithm of the evidence that a law of the hull may have of an unchanged one that no library holds,"""
+"""Log evidence that a hull law may have on an unchanged hull, because no library is complete."""
 HULLS = ("inertia", "damping", "hull", "memory")
-"""and families of effects that are such laws."""
+"""Families of effects that are hull laws."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """An effect, fitted together with the file's own.
+    """Effect fitted together with the file's existing effects.
 
     Attributes:
-        effect: Its name.
+        effect: Name of the effect.
         own: Whether the file has it.
-        model: The vehicle with it, or with its own values anew.
-        sessions: Share of the error of left-out sessions or stretches that it removes.
-        regimes: The same of left-out regimes of motion.
+        model: Vehicle with it, or with refitted values of it.
+        sessions: Share of the error of held-out sessions or stretches that it removes.
+        regimes: Share of the error of held-out regimes of motion that it removes.
         absorbs: Share that such an effect absorbs of a hull that no formula describes.
-        evidence: Its logarithm beside what the hull may do, beyond that of the file alone, by as much of what
-            it removes as such an effect does not absorb; 0 where none is asked for.
-        allowed: How its values and those fitted with it stand there, in the order of the model's entries.
+        evidence: Log evidence with the hull force free, beyond that of the file alone, times `beyond`; 0
+            where it was not computed.
+        allowed: Posterior of its values and those fitted with it, with the hull force free, in the order of
+            the model's entries.
     """
 
     effect: str
@@ -106,21 +107,21 @@ class Rival:
 
     @property
     def entries(self) -> int:
-        """How many numbers it has."""
+        """Number of its parameters."""
         return sum(entry.effect == self.effect for entry in self.model.unknown.entries)
 
     @property
     def score(self) -> float:
-        """The lesser of both, beyond what such an effect absorbs."""
+        """Lesser of both shares, beyond the share that such an effect absorbs."""
         return (min(self.sessions, self.regimes) - self.absorbs) / (1.0 - self.absorbs)
 
     @property
     def values(self) -> Array:
-        """Of its entries and those fitted with it, beside what the hull may do where that was asked for."""
+        """Values of all fitted entries, with the hull force free if that was computed."""
         return self.model.values if self.allowed is None else self.allowed.best
 
     def estimated(self) -> Fit:
-        """Its values and their standard errors."""
+        """Return its values and their standard errors."""
         fit = replace(self.model, values=self.values).estimated()
         if self.allowed is None:
             return fit
@@ -129,24 +130,24 @@ class Rival:
 
     @property
     def lead(self) -> float:
-        """Evidence that counts for a lead: of a law of the hull itself, beyond GAPS of the library."""
+        """Log evidence that counts for the lead: for a hull law, the excess over GAPS."""
         return self.evidence - (GAPS if CATALOGUE[self.effect].family in HULLS else 0.0)
 
     @property
     def beyond(self) -> float:
-        """Part of what it removes that such an effect does not absorb; 0 where it removes nothing."""
+        """Part of the removed error that such an effect does not absorb; 0 where it removes nothing."""
         return self.score / min(self.sessions, self.regimes) if self.score > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class Survey:
-    """All effects of the catalogue about one file.
+    """Fits of all effects of the catalogue to one file.
 
     Attributes:
-        refitted: The file's own effects, fitted within what is known of them.
-        rivals: Every effect that could be fitted, the best first: by its score less a fine for its entries,
-            or by its evidence.
-        by_evidence: Whether it is by that.
+        refitted: Existing effects, fitted within their priors.
+        rivals: Every effect that could be fitted, the best first: by score less a penalty for its entries,
+            or by evidence.
+        by_evidence: Whether they are ranked by evidence.
     """
 
     refitted: Model
@@ -154,13 +155,13 @@ class Survey:
     by_evidence: bool = False
 
     def worth(self, rival: Rival) -> float:
-        """How good one is: its score, or its evidence as a share of the best."""
+        """Return a rival's score, or its evidence as a share of the best."""
         return rival.evidence / self.rivals[0].evidence if self.by_evidence else rival.score
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the entries of a fit, for a file and a mean squared residual.
+    """Priors of the entries of a fit, for a file and a mean squared residual.
 
     Attributes:
         file: The vehicle file.
@@ -173,16 +174,16 @@ class Known:
     released: frozenset[str] = frozenset()
 
     def releasing(self, effect: str) -> Known:
-        """The same, but that one effect may have any plausible values."""
+        """Return the priors with one effect free to have any plausible values."""
         return replace(self, released=frozenset({effect}))
 
     def __call__(self, unknown: Free) -> Prior:
-        """Normal priors about the values of the file, and about the absence of what it has not, tempered."""
+        """Return normal priors about the file's values, and about 0 for new effects, tempered."""
         prior = self.alone(unknown)
         return replace(prior, information=CORRELATED * self.temper * prior.information)
 
     def alone(self, unknown: Free) -> Prior:
-        """The same as they are."""
+        """Return the priors without tempering."""
         scales = unknown.scales
         spread = deviations(self.file, unknown.entries) / scales
         names = np.array([entry.effect for entry in unknown.entries])
@@ -193,7 +194,7 @@ class Known:
 
 
 def one_change(baseline: Baseline) -> Baseline:
-    """The baseline with none of its own effects free, where its file says how well it knows each of them."""
+    """Return the baseline with its existing effects fixed, if the file states an uncertainty of each."""
     file, own = baseline.beforehand, baseline.effects
     known = all(
         file.effects(name) and np.isfinite(stated(file, free(file, [name]).entries)).any() for name in own
@@ -202,16 +203,16 @@ def one_change(baseline: Baseline) -> Baseline:
 
 
 def resolved(problem: OutputError) -> OutputError:
-    """The problem with no channel weighed by less than RESOLUTION."""
+    """Return the problem with the noise of each channel at least RESOLUTION."""
     return problem.weighed(np.maximum(problem.shots.sigma, RESOLUTION))
 
 
 def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
-    """Fit every effect of the catalogue together with the file's own, and score it by what transfers.
+    """Fit every effect of the catalogue together with the existing ones, and score it by transfer.
 
     Args:
-        baseline: The vehicle file and the shots, begun where the recording saw the vehicle.
-        progress: Called with a few words and the share of the work done.
+        baseline: Vehicle file and shots, starting at the measured states.
+        progress: Called with a short text and the share of the work done.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
     problem = baseline.problem.some(SURVEY_SHOTS)
@@ -219,7 +220,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     refitted, known = tempered(baseline, problem)
 
     def without(name: str) -> Rival | None:
-        """One of the file's own effects against its values there; None where the fit diverges."""
+        """Return an existing effect compared with its values in the file; None where the fit diverges."""
         try:
             held = fit_model(file, [n for n in own if n != name], problem, reach, STEPS, known=known)
         except Diverges:
@@ -227,7 +228,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         return _rival(name, refitted, held, known, labels, own=True)
 
     def beside(one: tuple[str, dict[str, Any]]) -> Rival | None:
-        """An effect from a table to begin with; None where the fit diverges."""
+        """Return an effect fitted from a starting table; None where the fit diverges."""
         name, released = one[0], known.releasing(one[0])
         try:
             model = fit_model(file, [*own, one[1]], problem, reach, STEPS, known=released)
@@ -238,28 +239,28 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     candidates, found = _beginnings(baseline, refitted, known), list(shared(without, own))
     for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
         if progress is not None:
-            progress(f"{name} was held against data that it was not fitted to", number / len(candidates))
+            progress(f"{name} tested on held-out data", number / len(candidates))
         found.append(rival)
     rivals = [rival for rival in found if rival is not None]
-    if dragged(file):
+    if has_drag(file):
         return Survey(refitted, ranked([weighed(one) for one in rivals]))
     return Survey(refitted, ranked(rivals, DRAG))
 
 
-def dragged(file: Vehicle) -> bool:
-    """Whether a file says anything of drag that grows faster than speed."""
+def has_drag(file: Vehicle) -> bool:
+    """Return whether a file has drag that grows faster than speed."""
     return any(file.effects(name) for name in DRAG)
 
 
 def weighed(rival: Rival) -> Rival:
-    """The rival where the file describes the hull: only what it removes beyond what it absorbs counts."""
+    """Return the rival for a file that describes the hull: only error beyond what it absorbs counts."""
     return replace(rival, absorbs=CATALOGUE[rival.effect].identification.absorbs)
 
 
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
-    """By score less a fine for each entry; the best of those that are to come `first` does so, before all.
+    """Rank rivals by score less a penalty for each entry.
 
-    They come so from BEFORE_OTHERS of the best score on.
+    The best of the effects `first` comes before all others if it has BEFORE_OTHERS of the best score.
     """
     order = sorted(rivals, key=lambda one: FINE * one.entries - one.score)
     best = order[0].score if order else 0.0
@@ -272,9 +273,9 @@ def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tu
 
 
 def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
-    """The file's own effects fitted within what is known of them, from the values of the file.
+    """Fit the existing effects within their priors, from the file's values.
 
-    The temper is that of what the fit itself leaves: found twice.
+    The temper is the mean squared residual of that fit, so it is computed twice.
     """
     vehicle, own, reach = baseline.vehicle, list(baseline.effects), baseline.log.track
     model = fit_model(vehicle, [], problem, reach, 0)
@@ -285,12 +286,12 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
 
 
 def sessions_of(shots: Shots) -> Rows:
-    """What is left out together first: sessions, or stretches where there are few."""
+    """Return the parts to hold out together, (S,): sessions, or stretches where there are few sessions."""
     return folds(shots.session)
 
 
 def regimes_of(shots: Shots) -> Rows:
-    """Regime of motion of each shot: its largest mean velocity, in units of the log's, and its sign, (S,)."""
+    """Return each shot's regime of motion, (S,): axis and sign of its largest relative mean velocity."""
     nu = shots.measured[..., 7:]
     with np.errstate(invalid="ignore"):
         size = np.sqrt(np.nanmean(nu**2, axis=(0, 1))) + 1e-12
@@ -300,9 +301,10 @@ def regimes_of(shots: Shots) -> Rows:
 
 
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
-    """Squared residual of each shot, see `confidence.left_out_costs`, the entries held to what is known.
+    """Return the held-out squared residual of each shot, with entries held to their priors, (S,).
 
-    NaN where the other folds keep less than KEPT of the information on the entries `new`.
+    See `confidence.left_out_costs`.  It is NaN where the other folds keep less than KEPT of the information
+    on the entries `new`.
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
@@ -328,22 +330,22 @@ class Squares:
         return average
 
     def error(self, weights: Array) -> float:
-        """Root mean square error of all axes together [m/s].
+        """Return the root mean square error over all axes [m/s].
 
         Args:
-            weights: Of the axes, (6,).
+            weights: Weight of each axis, (6,).
         """
         return float(np.sqrt(weights @ self.mean))
 
 
 def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots) -> Squares:
-    """Predict each stretch of a recording by a fit of effects to the others.
+    """Predict each stretch of a recording with a fit of effects to the other stretches.
 
     Args:
-        vehicle: The vehicle with the fitted values.
-        effects: Names of what was fitted.
-        problem: The shots that are fitted to, begun where the vehicle's log has it.
-        ahead: Predictions over the same recording, as far ahead as the error is to tell of.
+        vehicle: Vehicle with the fitted values.
+        effects: Names of the fitted effects.
+        problem: Shots of the fit, starting at the measured states.
+        ahead: Shots of the same recording that are predicted, as long as the horizon of the error.
 
     Returns:
         The squared errors; those of velocities BEYOND all bounds where a fit diverges.
@@ -357,8 +359,8 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
 
     def predicted(number: int) -> Squares:
-        """Squared errors of the stretches of one fold."""
-        there = gone_on(whole.over(fold != number), AGAIN).vehicle
+        """Return the squared errors of the stretches of one fold."""
+        there = continue_fit(whole.over(fold != number), AGAIN).vehicle
         return squares_ahead(there, ahead.of(within == number))
 
     sums, counts = np.zeros((2, len(ahead.starts), 6))
@@ -382,11 +384,11 @@ def _predicted_together(shots: Shots) -> Rows:
 
 
 def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
-    """Return the squared errors of the velocities that a vehicle as it is predicts.
+    """Return the squared errors of a vehicle's predicted velocities.
 
     Args:
-        vehicle: The vehicle.
-        ahead: What it predicts.
+        vehicle: Vehicle.
+        ahead: Shots that are predicted.
     """
     count = len(ahead.starts)
     if not count:
@@ -406,12 +408,12 @@ def squares_at_rest(ahead: Shots) -> Squares:
 def _squares(predicted: Array, shots: Shots) -> Squares:
     """Return the squared errors of predicted states, (S, T, 13), over shots.
 
-    A velocity without samples is judged by the way that is gone, over the time of a stretch, where the
-    position on its axis has samples.
+    A velocity without samples is judged by the distance covered in a stretch, divided by its duration, where
+    the position on its axis has samples.
     """
     error = predicted[..., 7:] - shots.measured[..., 7:]
     seen = np.ones(error.shape, bool) if shots.seen is None else shots.seen[..., 6:].copy()
-    if shots.seen is not None and (axes := by_way(shots.record)).size:
+    if shots.seen is not None and (axes := axes_by_distance(shots.record)).size:
         way = (predicted[..., :3] - shots.measured[..., :3]) * shots.seen[..., :3]
         body = np.einsum("sij,sti->stj", rotation_from_quaternion(shots.first[:, 3:7]), way)
         error[..., axes] = body[..., axes] / (error.shape[1] * shots.record.dt)
@@ -421,7 +423,7 @@ def _squares(predicted: Array, shots: Shots) -> Squares:
     return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))
 
 
-def by_way(record: Recording) -> Rows:
+def axes_by_distance(record: Recording) -> Rows:
     """Return the linear axes, of 0 to 2, whose position has samples and whose velocity has none."""
     if record.seen is None:
         return np.zeros(0, np.int64)
@@ -432,7 +434,7 @@ def by_way(record: Recording) -> Rows:
 def _rival(
     name: str, model: Model, without: Model, known: Known, labels: tuple[Rows, Rows], *, own: bool
 ) -> Rival:
-    """An effect scored against the model without it, or with the values that the file has of it."""
+    """Score an effect against the model without it, or with the file's values of it."""
     new = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
     shares = []
     for fold in labels:
@@ -445,7 +447,7 @@ def _rival(
 
 
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
-    """The table that a fit of each effect begins from: its best shape, as the linearised problem has it."""
+    """Return the starting table of each effect: its best shape, with values from the linearised problem."""
     file, own = baseline.vehicle, baseline.effects
     tried = suspects(file, without=own, reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)
@@ -453,7 +455,7 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
     for name, (_, columns) in screening.ranked.items():
         new = np.full(len(columns), weight * SUSPECT**-2)
         tables[name] = screening.beginning(name, np.concatenate([held, new]))
-    for table in file.effect:  # effects of the file of which no grid tells begin from its values
+    for table in file.effect:  # effects of the file that have no grid start from their values
         name = str(table["name"])
         if name not in own and not wholly_known(file, name):
             tables.setdefault(name, dict(table))

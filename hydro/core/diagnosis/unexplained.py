@@ -1,8 +1,8 @@
-"""What no effect explains: whether there is any, on which axis, where most, and how it grows with speed.
+"""Error that no effect explains: its size, main axis, place in the recording and growth with speed.
 
-Errors of a model show as forces that last: over two seconds a steady wrench of the shot's own takes up most
-of what a current that comes and goes, a wall or a swell does.  White noise of the sensors it takes up by six
-numbers' worth a shot, and no more.
+Errors of a model appear as slowly varying forces.  Over two seconds a steady wrench, free in each shot,
+absorbs most of the effect of a varying current, a wall or a swell.  Of white sensor noise it absorbs only six
+numbers per shot.
 """
 
 from __future__ import annotations
@@ -41,31 +41,37 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion
 
 STRUCTURED = 0.05
-"""Share of the noise that error which no effect explains must reach to be a finding."""
+"""Minimum size of unexplained error that is a finding, as a share of the noise."""
 LEFT = 0.05
-"""Share of the error beyond the noise which it must reach besides."""
-PULL = 0.01  # of the vehicle's weight
+"""Minimum size of unexplained error that is a finding, as a share of the error beyond the noise."""
+PULL = 0.01
+"""Size of a trial pull, as a share of the vehicle's weight; responses are linear at that size."""
 WRENCH = 6
+"""Number of components of a wrench."""
 LEAST_PIECES = 50
-BINS = 8  # of speed, equally full
-FLAT = 0.3  # exponent below which a force is said not to grow
+"""Minimum number of pieces of a log for the growth with speed."""
+BINS = 8
+"""Number of speed bins, with equal counts."""
+FLAT = 0.3
+"""Exponent of speed at or below which a force is reported as not growing."""
 
 
 def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -> list[Finding]:
-    """That structured error remains which no effect explains; nothing where only noise does.
+    """Return the finding that structured error remains which no effect explains, if any.
 
-    Structured is what some effect answers to by more than chance, or, where the sensors' noise is white,
-    what a steady force in each shot would.  A mean squared residual above FIT is structured whatever the
-    tests say: noise does not leave it.  Where nothing was found either, the verdict is `far_from_noise`.
+    Error is structured if an effect of the catalogue reduces it by more than chance, or, with white sensor
+    noise, if a steady force in each shot would.  A mean squared residual above FIT is structured whatever the
+    tests show, because noise does not cause it.  Where nothing was found either, the verdict is
+    `far_from_noise`.
 
     Args:
-        baseline: The file and the shots.
-        outcome: What was found.
+        baseline: Vehicle file and shots.
+        outcome: Result of the search.
         stated: Whether an effect is stated that no search found, as by transfer.
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
-    whole = first.excess / max(1.0 - baseline.calmed, 1e-9)  # what waves hid of it included
+    whole = first.excess / max(1.0 - baseline.calmed, 1e-9)  # with the part that waves explain
     if not far and model.excess < max(LEFT * whole, STRUCTURED * model.normal.residuals):
         return []
     if not (far or last.significant or (_white(baseline) and _steady_share(model) >= STRUCTURED)):
@@ -78,8 +84,9 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     alone = far and not (outcome.found or stated)
     if alone:
         words = (
-            f"mean squared residual {model.normal.chi2:.3g} of the noise (a fit leaves at most {FIT:g}), and "
-            f"no effect of the catalogue earns it: {where.words()}{where.growing()}; {where.experiment()}"
+            f"mean squared residual {model.normal.chi2:.3g} times the noise variance (a fit has at most "
+            f"{FIT:g}), and no effect of the catalogue explains it: {where.words()}{where.growing()}; "
+            f"{where.experiment()}"
         )
     return [
         Finding(
@@ -94,10 +101,9 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
 
 
 def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Effects held as known that explain more of the error with other values than anything that was found.
+    """Yield effects with known values that would explain more error with other values than any finding.
 
-    They are tested as if they were not known, where nothing has joined the model yet: what joins may stand
-    for them.
+    They are tested as if free, before any effect joins the model: such an effect may absorb their error.
     """
     search, first = Search(baseline), baseline.refitted
     joined = outcome.found[:1]
@@ -121,28 +127,28 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def released(vehicle: Vehicle, name: str) -> Vehicle:
-    """The vehicle with nothing of an effect held as known."""
+    """Return the vehicle with the values of an effect no longer known."""
     tables = (t | {"known": False} if t["name"] == name else t for t in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
 
 def _white(baseline: Baseline) -> bool:
-    """Whether the noise of all sensors is white, so that nothing else is steady over a shot."""
+    """Return whether all sensor noise is white, so that no noise is steady over a shot."""
     weights, log = baseline.problem.shots.sigma, baseline.log
     return np.array_equal(weights, log.noise) and not drawn(log.record)
 
 
 def _steady_share(model: Model) -> float:
-    """What steady forces explain of what a model leaves."""
+    """Return the share of a model's residual that steady forces explain."""
     return steady_disturbance(steady_wrenches(cast(OutputError, model.problem), model.vehicle))
 
 
 def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
-    """The linearised problem whose six columns are steady wrenches: forces in NED, moments about body axes.
+    """Return the linearised problem of six steady wrenches: forces in NED, moments about the body axes.
 
     Args:
-        problem: The shots.
-        vehicle: What they are predicted by.
+        problem: Shots.
+        vehicle: Vehicle that predicts them.
     """
     disturbed = list(steadily_disturbed(vehicle))
     normal = problem.linearise(vehicle, disturbed, [1.0] * len(disturbed))
@@ -157,7 +163,7 @@ def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
 
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
-    """The vehicle under a small steady pull north, east or down, at CO, ahead, to starboard or below."""
+    """Yield the vehicle under a small steady pull along one NED axis, at CO, ahead, to starboard or below."""
     pull = PULL * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
     for place in (np.zeros(3), *np.eye(3)):
@@ -167,11 +173,11 @@ def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
 
 
 def wrenches_of_pulls(rotation: Array) -> Array:
-    """How the twelve pulls of `steadily_disturbed` make six independent wrenches at any attitude.
+    """Return the amounts of the twelve pulls of `steadily_disturbed` that make six independent wrenches.
 
-    Levers are fixed to the body and pulls to the world, so that one pull off CO may have no moment: it turns
-    with the attitude.  Three pulls e_k x e_i at the ends of the body's axes e_i, each with its opposite at
-    CO, are the couple 2 e_k at every attitude, without a force.
+    Levers are fixed in the body and pulls in the world, so the moment of one pull off CO changes with
+    attitude. Three pulls e_k x e_i act at the ends of the body axes e_i, each with its opposite at CO.
+    Together they are the couple 2 e_k at every attitude, without a force.
 
     Args:
         rotation: Body to world, (S, 3, 3).
@@ -192,13 +198,13 @@ def wrenches_of_pulls(rotation: Array) -> Array:
 
 
 def steady_disturbance(normal: Normal) -> float:
-    """How much of the residual steady wrenches explain beyond chance, in units of the noise's square.
+    """Return the residual that steady wrenches explain beyond chance, in units of the noise variance.
 
     Args:
-        normal: The problem of `steady_wrenches`.
+        normal: Problem of `steady_wrenches`.
 
     Returns:
-        0 where nothing but white noise is left, of whatever size.
+        Share; 0 on average where the residual is white noise of any size.
     """
     kept = np.isfinite(normal.gram[:, -1, -1])
     matrix, score, cost = normal.matrix[kept], normal.score[kept], normal.gram[kept, -1, -1]
@@ -213,15 +219,15 @@ def steady_disturbance(normal: Normal) -> float:
 
 @dataclass(frozen=True)
 class Leftover:
-    """Where the wrench that a model leaves out is greatest, and how it grows.
+    """Axis, place and growth with speed of the wrench that a model lacks.
 
     Attributes:
-        axis: Of the wrench, 0 to 5; None where what is left is no more than noise in the forces.
-        share: Part of the whole that is on this axis.
-        name: The axis' name.
-        place: Where most of that is, in words; empty where it is everywhere.
-        power: Exponent of its growth with speed; None where that is not seen.
-        powers: The same with the size of each velocity u to r alone.
+        axis: Axis with the largest wrench, 0 to 5; None where the residual is noise in the forces.
+        share: Share of the residual that is on this axis.
+        name: Name of the axis.
+        place: Part of the recording with most of it, in words; empty where it is everywhere.
+        power: Exponent of its growth with speed; None where the data do not show one.
+        powers: Exponents of its growth with each velocity u to r alone.
     """
 
     axis: int | None = None
@@ -232,9 +238,9 @@ class Leftover:
     powers: tuple[float | None, ...] = (None,) * len(VELOCITY)
 
     def words(self) -> str:
-        """Axis, place and growth with speed."""
+        """Return axis, place and growth with speed, in words."""
         if self.axis is None:
-            return "what is left is no more than noise in the forces: look at the log's own errors"
+            return "the residual is noise in the forces: check the log's sensors"
         text = f"mostly {self.name} ({self.share:.0%} of it)"
         if self.place:
             text += f", most of it {self.place}"
@@ -245,23 +251,23 @@ class Leftover:
         return f"{text}; it does not grow with speed"
 
     def growing(self) -> str:
-        """Growth with each velocity that it grows with, the steepest first; empty of none."""
+        """Return the growth with each velocity, the steepest first; empty without any."""
         told = ", ".join(f"{VELOCITY[i]} to the power {self.powers[i]:.1f}" for i in self._steepest())
         return f"; by velocities, it grows with {told}" if told else ""
 
     def experiment(self) -> str:
-        """What to fly so that this part of the error stands alone."""
+        """Return an experiment that isolates this part of the error."""
         if self.axis is None:
             return "check the log with `hydro import`, its units, axes and time stamps"
         grown = self._steepest()
         if grown:
             return (
-                f"to tell: one velocity at a time, {DOF[grown[0]]} first, at four speeds or more, both ways, "
-                "and coast down without thrust after each"
+                f"to identify it, fly one velocity at a time, {DOF[grown[0]]} first, at four speeds or more "
+                "in both directions, and coast down without thrust after each"
             )
         return (
-            f"to tell: hold still without thrust at several headings, tilts and depths, then each thruster "
-            f"alone at several commands, and see which of them brings the error in {DOF[self.axis]}"
+            f"to identify it, stay without thrust at several headings, tilts and depths, then run each "
+            f"thruster alone at several commands, and find which of them causes the error in {DOF[self.axis]}"
         )
 
     def _steepest(self) -> list[int]:
@@ -270,12 +276,12 @@ class Leftover:
 
 
 def leftover(vehicle: Vehicle, log: Preprocessed, seed: int = 0) -> Leftover:
-    """Where the wrench that a model leaves out is greatest, and how it grows.
+    """Locate the wrench that a model lacks, and estimate how it grows with speed.
 
     Args:
-        vehicle: The model with all that was found.
-        log: The recording.
-        seed: Of the noise that the noise floor is found with.
+        vehicle: Model with all findings.
+        log: Recording.
+        seed: Seed of the noise from which the noise floor is computed.
     """
     record = log.record
     motion, pieces = Motion.of(record), Pieces.of(record)
@@ -305,11 +311,11 @@ def leftover(vehicle: Vehicle, log: Preprocessed, seed: int = 0) -> Leftover:
 
 
 def growth(speed: Array, square: Array) -> float | None:
-    """Exponent n in force ~ speed^n, from means over equally full bins of speed; None where it is not seen.
+    """Return the exponent n in force ~ speed^n, from means over speed bins; None where the data show none.
 
     Args:
-        speed: Of each piece [m/s], (P,).
-        square: Mean squared force beyond the noise, (P,).
+        speed: Speed of each piece [m/s], (P,).
+        square: Mean squared force beyond the noise of each piece, (P,).
     """
     if len(speed) < LEAST_PIECES:
         return None

@@ -1,1 +1,1 @@
-"""How two vehicle files differ: in words, and in what they predict."""
+"""Differences of two vehicle files, in words and in prediction error."""

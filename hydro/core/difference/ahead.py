@@ -1,7 +1,7 @@
-"""Errors of vehicle files 5 s ahead where another vehicle file is the truth, or a recording is.
+"""Prediction errors of vehicle files 5 s ahead, where another vehicle file or a recording is the truth.
 
-Without a recording the true vehicle flies the manoeuvres of the library itself, without noise: what another
-file predicts of these flights is then off by how it differs, and by nothing else.
+Without a recording the true vehicle flies the manoeuvres of the library without noise.  The error of another
+file on these flights is due to its differences only.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 
 ERROR = "error 5 s ahead [m/s]"
-"""What tables call it."""
+"""Name of the column in tables."""
 
 
 def flights(vehicle: Vehicle) -> pl.DataFrame:
-    """Raw table of what a vehicle does under the manoeuvres of the library, open loop, from rest.
+    """Simulate the manoeuvres of the library open loop from rest, as a raw table.
 
     Raises:
-        DataError: It has no thrusters, or its motion diverges in all of them.
+        DataError: The vehicle has no thrusters, or its motion diverges in every manoeuvre.
     """
     flown, reason = list[pl.DataFrame](), ""
     for manoeuvre in library(vehicle):
@@ -38,18 +38,18 @@ def flights(vehicle: Vehicle) -> pl.DataFrame:
 
 
 class Errors:
-    """Errors of vehicle files 5 s ahead.
+    """Prediction errors of vehicle files 5 s ahead.
 
     Attributes:
-        own: Error of the true vehicle itself [m/s]: of smoothing alone where it flew the manoeuvres.
+        own: Error of the true vehicle itself [m/s]; due to smoothing alone on simulated manoeuvres.
     """
 
     def __init__(self, vehicle: Vehicle, raw: pl.DataFrame | None = None) -> None:
-        """Fly the manoeuvres, where there is no recording.
+        """Simulate the manoeuvres if no recording is given.
 
         Args:
-            vehicle: The true vehicle; axes are weighed by its inertia.
-            raw: A recording of it.
+            vehicle: True vehicle, whose inertia weights the axes.
+            raw: Raw table of a recording of it.
 
         Raises:
             DataError: The vehicle cannot fly, or the recording does not fit it.
@@ -60,7 +60,7 @@ class Errors:
         self.own = self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Root mean square error of the velocity 5 s ahead [m/s], as in `compare` and `explain`.
+        """Return the root mean square velocity error 5 s ahead [m/s], as in `compare` and `explain`.
 
         Raises:
             DataError: The vehicle does not fit the commands.
@@ -68,7 +68,7 @@ class Errors:
         return self._ahead.of(self._logged(vehicle))
 
     def _logged(self, vehicle: Vehicle) -> Vehicle:
-        """The vehicle, its velocity log without errors where it is the true motion that is predicted."""
+        """Return the vehicle, without errors of its velocity sensor on simulated manoeuvres."""
         if self._recorded:
             return vehicle
         kept = (table for table in vehicle.effect if CATALOGUE[table["name"]].kind != "sensor")

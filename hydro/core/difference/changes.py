@@ -1,4 +1,4 @@
-"""What is different in a vehicle file, part by part, in words, and the file with one part as it was."""
+"""Differences of two vehicle files, part by part in words, and the file with one difference undone."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster, Vehicle
 
 Unit = Callable[[str, Index], str]
-"""Unit of an entry of a key."""
+"""Function from a key and the index of an entry to the entry's unit."""
 PARTS = ("environment", "rigid_body", "buoyancy", "hull", "battery")
-"""Tables of a vehicle file of which there is one each."""
+"""Tables that a vehicle file has at most once."""
 UNITS = {
     "water_density": "kg/m^3",
     "gravity": "m/s^2",
@@ -41,18 +41,19 @@ UNITS = {
     "lag_step": "s",
     "delay": "s",
 }
-"""Of the keys of a vehicle file, but for effects, whose records have theirs."""
+"""Units of the keys of a vehicle file; units of effects are in their records."""
 NOTHING, EVERYTHING = "nothing", "everything"
+"""Rows of the table for the second file unchanged, and for the first file."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """One part of a file that is different.
+    """One part of a file that differs.
 
     Attributes:
-        part: `rigid_body`, `thruster T1, T2`, `effect` and its name.
-        words: What it was and what it is.
-        undone: The second vehicle with this part as in the first; None where a file cannot be so.
+        part: `rigid_body`, `thruster T1, T2`, or `effect` and its name.
+        words: Former and present values.
+        undone: Second vehicle with this part as in the first; None if no file can have it.
     """
 
     part: str
@@ -61,9 +62,9 @@ class Change:
 
 
 def changes(first: Vehicle, second: Vehicle) -> list[Change]:
-    """What is different in the second of two vehicle files.
+    """Return the differences of the second of two vehicle files from the first.
 
-    What a fit leaves beside values, and what is held as known, makes no difference.
+    The bookkeeping of a fit, such as standard errors, and the mark `known` are not compared.
     """
     found = []
     for part in PARTS:
@@ -75,17 +76,17 @@ def changes(first: Vehicle, second: Vehicle) -> list[Change]:
 
 
 def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> pl.DataFrame:
-    """What is different in the second of two vehicle files, and what each difference makes of predictions.
+    """Return the differences of two vehicle files, with the prediction error that each one causes.
 
     Args:
-        first: A vehicle file.
-        second: Another one, which is taken for the truth where there is no recording.
-        raw: A recording.
+        first: Vehicle file.
+        second: Other vehicle file, which is the truth without a recording.
+        raw: Raw table of a recording.
 
     Returns:
-        `undone`, `change` and the error 5 s ahead of the second file with that part as it was in the first:
-        of nothing undone, of each part, and of everything, which is the first file. The errors are null
-        where the files have other numbers of commands.
+        Columns `undone`, `change` and the error 5 s ahead of the second file with that part as in the first.
+        The rows are the second file unchanged, each part, and the first file.  Errors are null where the
+        files have different numbers of commands.
 
     Raises:
         DataError: The second vehicle cannot fly, or the recording does not fit it.
@@ -99,7 +100,7 @@ def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> p
             return None
         try:
             return errors.of(vehicle)
-        except DataError:  # half of a change may be no vehicle
+        except DataError:  # a partly changed file may not be a valid vehicle
             return None
 
     rows = [(NOTHING, "the second file as it is", None if errors is None else errors.own)]
@@ -110,9 +111,9 @@ def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> p
 
 
 def _of_thrusters(first: Vehicle, second: Vehicle) -> Iterator[Change]:
-    """Differences of thrusters, those alike in all of them as one."""
+    """Yield differences of thrusters; thrusters with the same difference share one entry."""
     if len(first.thruster) != len(second.thruster):
-        words = f"{len(first.thruster)} -> {len(second.thruster)}: no commands are those of both files"
+        words = f"{len(first.thruster)} -> {len(second.thruster)}: the files do not share commands"
         yield Change("thruster", words, None)
         return
     alike: dict[str, list[int]] = {}
@@ -130,7 +131,7 @@ def _of_thrusters(first: Vehicle, second: Vehicle) -> Iterator[Change]:
 
 
 def _of_effects(first: Vehicle, second: Vehicle) -> Iterator[Change]:
-    """Differences of effects, those of one name together in the order of the file."""
+    """Yield differences of effects, one entry for each name, in the order of the file."""
     names = dict.fromkeys(str(table["name"]) for table in (*first.effect, *second.effect))
     for name in names:
         was, now = ([_values(one) for one in vehicle.effects(name)] for vehicle in (first, second))
@@ -145,7 +146,7 @@ def _of_effects(first: Vehicle, second: Vehicle) -> Iterator[Change]:
 
 
 def _effect_words(name: str, was: Sequence[Table], now: Sequence[Table]) -> str:
-    """What is different in the effects of one name, counted where there are several."""
+    """Return the differences of the effects of one name in words, numbered if there are several."""
 
     def unit(key: str, index: Index) -> str:
         given = [one.unit_at(index) for one in CATALOGUE[name].parameters if one.name == key]
@@ -165,28 +166,28 @@ def _effect_words(name: str, was: Sequence[Table], now: Sequence[Table]) -> str:
 
 
 def _values(table: Mapping[str, Any]) -> Table:
-    """What an effect's table says, without what a fit leaves beside values."""
+    """Return the values of an effect's table, without the bookkeeping of a fit."""
     return {key: value for key, value in table.items() if key not in BOOKKEEPING}
 
 
 def _table(part: Any) -> Table:
-    """A part of a vehicle file as a mapping; empty where there is none."""
+    """Return a part of a vehicle file as a mapping; empty if the part is missing."""
     return {} if part is None else dict(msgspec.structs.asdict(part))
 
 
 def _own_unit(key: str, index: Index) -> str:
-    """Unit of a key that is no effect's."""
+    """Return the unit of a key that belongs to no effect."""
     return UNITS.get(key, "")
 
 
 def _listed(table: Table, unit: Unit) -> str:
-    """A table's values with their units."""
+    """Return a table's values with units, in words."""
     kept = (key for key in table if key != "name")
     return ", ".join(f"{key} {_said(table[key])}{_common(key, table[key], unit)}" for key in kept)
 
 
 def _words(was: Table, now: Table, unit: Unit) -> str:
-    """What two tables differ in, entry by entry."""
+    """Return the differences of two tables in words, entry by entry."""
     said = []
     for key in dict.fromkeys((*was, *now)):
         if was.get(key) != now.get(key):
@@ -195,7 +196,7 @@ def _words(was: Table, now: Table, unit: Unit) -> str:
 
 
 def _entries(key: str, was: Any, now: Any, unit: Unit) -> list[str]:
-    """What two values of one key differ in: entry by entry where both are numbers of one shape."""
+    """Return the differences of two values of one key, entry by entry for number arrays of one shape."""
     before, after = _numbers(was), _numbers(now)
     if before is None or after is None or before.shape != after.shape:
         one = was if now is None else now
@@ -209,13 +210,13 @@ def _entries(key: str, was: Any, now: Any, unit: Unit) -> list[str]:
 
 
 def _apart(was: float, now: float) -> str:
-    """Two numbers with as many digits as tell them apart, four at least."""
+    """Return two numbers with enough digits to distinguish them, at least four."""
     digits = next((n for n in range(4, 17) if f"{was:.{n}g}" != f"{now:.{n}g}"), 17)
     return f"{was:.{digits}g} -> {now:.{digits}g}"
 
 
 def _numbers(value: Any) -> Array | None:
-    """A value as an array of numbers; None where it is none."""
+    """Return a value as an array of numbers; None if it has others."""
     if value is None or isinstance(value, str | Mapping | msgspec.Struct):
         return None
     try:
@@ -225,7 +226,7 @@ def _numbers(value: Any) -> Array | None:
 
 
 def _said(value: Any) -> str:
-    """A value as a vehicle file would have it, shortly."""
+    """Return a value in short, as a vehicle file would have it."""
     if value is None:
         return "none"
     if isinstance(value, msgspec.Struct):

@@ -1,1 +1,1 @@
-"""How large the errors of a model are, and where they lie."""
+"""Evaluation: the size of a model's errors, and the conditions in which they occur."""

@@ -1,9 +1,10 @@
-"""A model against a recording: how large its errors are, beside noise, and where they lie.
+"""Comparison of a model with a recording: errors, noise floor, and the conditions with the largest errors.
 
-Two levels: the wrench that the model leaves out, and predictions of 1, 5 and 20 s begun again and again along
-the recording and of the whole run (`evaluation.misfit`).  Shares of the unexplained error are of the sum of
-squares above the noise floor.  All axes together, `all` or `pose`, are weighed as `evaluation.weights` says;
-beside the predictions stand those of simple predictors (`evaluation.yardsticks`).
+There are two levels (`evaluation.misfit`).  The force level is the wrench that the model lacks.  The replay
+level is the error of predictions over 1, 5 and 20 s from restarts along the recording, and over the whole
+run.  Shares of the unexplained error are of the sum of squares above the noise floor.  `all` and `pose`
+combine axes with the weights of `evaluation.weights`.  Simple predictors give reference errors
+(`evaluation.yardsticks`).
 """
 
 from __future__ import annotations
@@ -34,15 +35,15 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
-"""Part of its own size to which the noise floor is known, in squares."""
+"""Relative uncertainty of the noise floor, in squares."""
 SURE_PART = 0.5
-"""Percentile of the bootstrap from which an axis' errors must stay clear of noise, for six axes."""
+"""Percentile of the bootstrap at which an axis' errors must exceed the noise; low because of six axes."""
 
 Line = dict[str, Any]
 
 KEY = ("level", "horizon", "axis", "by", "place")
 NEEDED_COLUMNS = (*KEY, "rmse", "rank", "weight")
-"""Columns of an earlier comparison that are read."""
+"""Columns that are read from an earlier comparison."""
 
 
 def compare(
@@ -55,30 +56,30 @@ def compare(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Hold a vehicle file against a recording.
+    """Compare a vehicle file with a recording.
 
     Args:
-        vehicle: The model.
+        vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
-        record: The cleaned recording as arrays; by default the table as it was logged.
-        against: An earlier comparison with the same recording: its places are looked at again, and its errors
-            stand beside the new ones. It gives the weights of the axes.
-        yardstick: Weights and simple predictors of an earlier file; by default by this one, and each session
-            is predicted by least squares fitted to the others.
-        seed: Of the noise that the noise floor is found with, and of the bootstrap.
-        progress: Called with a few words and the share of the work done.
+        record: Cleaned recording as arrays; by default the table as it was logged.
+        against: Earlier comparison with the same recording.  Its places are evaluated again, its errors are
+            listed with the new ones, and its weights of the axes are used.
+        yardstick: Weights and simple predictors of an earlier file.  By default they come from this file, and
+            each session is predicted by least squares fitted to the others.
+        seed: Seed of the bootstrap and of the noise from which the noise floor is computed.
+        progress: Called with a short text and the share of the work done.
 
     Returns:
-        The comparison table, one row per level, horizon, axis and place: `rmse` (over the horizon) with the
-        95 % interval of a block bootstrap, `noise_floor`, `share` of the unexplained error, and the `rank` of
-        the places that hold most of it; `rows` are its samples, and an axis without any has no row;
-        `at_horizon` is the error at the end of the predictions, `weight`
-        that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names, those
-        of the level `recording` the noise of each channel and the sample time of each session.  With
-        `against` also `before`, the earlier rmse.
+        The comparison table, one row per level, horizon, axis and place.  `rmse` (over the horizon) has the
+        95 % interval of a block bootstrap.  `noise_floor` is the error due to noise alone, and `share` the
+        share of the unexplained error.  `rank` numbers the places that hold most of it.  `rows` counts
+        samples; an axis without any has no row.  `at_horizon` is the error at the end of the predictions, and
+        `weight` that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by`
+        names. Rows of the level `recording` hold the noise of each channel and the sample time of each
+        session. With `against`, `before` is the earlier rmse.
 
     Raises:
-        DataError: The recording or the vehicle is at fault, or `against` is no comparison.
+        DataError: The recording or the vehicle is at fault, or `against` is not a comparison.
     """
     report = progress or silent
     if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
@@ -134,12 +135,12 @@ class _Lines:
         if self.drawn is not None:
             by_block = _by_block(clear, np.zeros(len(clear), np.int64), 1, misfit.block)[:, 0]
             sure &= np.percentile(self.drawn @ by_block, SURE_PART, axis=0) > 0.0
-        # Where an axis' errors are no more than noise, none of it is unexplained.
+        # The error of an axis within the noise is not unexplained.
         self.axis_share = np.where(sure, sums, 0.0) / max(float(sums[sure].sum()), 1e-300)
         self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)
 
     def of(self, found: Sequence[Family], *, whole: bool = True) -> Iterator[Line]:
-        """Rows of all data together and of every condition of every family."""
+        """Yield rows of all data together and of every condition of every family."""
         misfit = self.misfit
         if whole:
             everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
@@ -153,13 +154,13 @@ class _Lines:
             yield from self._family(family)
 
     def place(self, place: failure_regimes.Place, rank: int | None) -> Line:
-        """The row of one place on one axis."""
+        """Return the row of one place on one axis."""
         family = Family("place", (place.words,), np.where(place.met, 0, -1), doing=False)
         line = next(line for line in self._family(family) if line["axis"] == self.misfit.axes[place.axis])
         return line | {"share": place.share, "rank": rank}
 
     def _family(self, family: Family) -> Iterator[Line]:
-        """Every condition, axis by axis and all axes together."""
+        """Yield the rows of every condition, axis by axis and for all axes together."""
         misfit, count = self.misfit, len(family.words)
         rows, squares, noise = (
             _by_block(values, family.code, count, misfit.block)
@@ -192,7 +193,7 @@ class _Lines:
                 }
 
     def _interval(self, rows: Array, squares: Array) -> tuple[Array, Array]:
-        """Bootstrap interval of the rmse of each condition and axis, (K, A) each; NaN where there is none."""
+        """Return the bootstrap interval of the rmse by condition and axis, (K, A) each; NaN without one."""
         blocks, count, axes = squares.shape
         nothing = np.full((count, axes + 1), np.nan)
         if self.drawn is None:
@@ -209,13 +210,13 @@ class _Lines:
         return low, high
 
     def _root(self, sums: Array, number: Array) -> Array:
-        """Root mean squares of sums (..., A) over so many samples, and of all axes together, (..., A + 1)."""
+        """Return root mean squares of sums (..., A) over so many samples, and of all axes, (..., A + 1)."""
         return np.sqrt(_all_too(sums / np.maximum(number, 1.0), self.misfit.weight))
 
     def _shares(self, family: Family) -> Array:
-        """Share of the unexplained error of every condition on every axis and on all of them, (K, A + 1).
+        """Return the share of the unexplained error by condition, on every axis and on all, (K, A + 1).
 
-        What noise makes negative counts as nothing, and the rest as parts of the axis' own share.
+        Sums that noise makes negative count as zero, and the others as parts of the share of the axis.
         """
         once = np.zeros(len(family.code), np.int64)
         positive = np.maximum(_by_block(self.unexplained, family.code, len(family.words), once)[0], 0.0)
@@ -226,7 +227,7 @@ class _Lines:
 
 
 def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None) -> Iterator[Line]:
-    """Rows of the places where the model fails, and of the earlier comparison's places where they differ."""
+    """Yield rows of the places where the model fails, and of other places of the earlier comparison."""
     listed = failure_regimes.rank(lines.unexplained, lines.misfit.rows, lines.misfit.block, found)
     for number, place in enumerate(listed):
         yield lines.place(place, number + 1)
@@ -243,7 +244,7 @@ def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None
 
 
 def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterator[Line]:
-    """What the recording is: the noise of its channels, and the rows and sample time of its sessions."""
+    """Yield the noise of the recording's channels, and the rows and sample time of its sessions."""
 
     def line(axis: str, by: str, place: str, rows: int, size: float, unit: str) -> Line:
         key = {
@@ -271,16 +272,16 @@ def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterat
 
 
 def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
-    """The table with the earlier errors as the column `before`; null where there was none."""
+    """Return the table with the earlier errors as the column `before`; null where there was none."""
     same = against.filter(
         pl.col("place") != failure_regimes.ELSEWHERE
-    )  # which depends on the places beside it
+    )  # whose extent depends on the other places
     earlier = same.select(*KEY, before="rmse").unique(KEY, keep="first")
     return table.join(earlier, on=KEY, how="left", nulls_equal=True, maintain_order="left")
 
 
 def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
-    """Sums of values of pieces (P, A) over each block and code, (B, count, A); code -1 is left out."""
+    """Return sums of values of pieces (P, A) by block and code, (B, count, A); code -1 is left out."""
     blocks, of = int(block.max()) + 1, code >= 0
     place = block[of] * count + code[of]
     sums = [np.bincount(place, column[of], blocks * count) for column in values.T]
@@ -289,5 +290,5 @@ def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
 
 
 def _all_too(squares: Array, weight: Array) -> Array:
-    """Squares of the axes (..., A) and of all together, (..., A + 1)."""
+    """Return squares of the axes (..., A) and of all together, (..., A + 1)."""
     return np.concatenate([squares, squares @ weight[:, None]], axis=-1)

@@ -1,10 +1,10 @@
-"""Where a model fails: axes and conditions that hold much of the unexplained error in little of the time.
+"""Conditions in which a model fails: much of the unexplained error of an axis in little of the time.
 
-All single conditions and all pairs are tried.  The quality of a place weighs its share e of an axis' error
-against its share t of the time by (e - t) / sqrt(t), in proportion to the standard deviations by which it
-would stand out if the error fell anywhere alike (Klösgen 1996).  Every other block of the recording must bear
-it out, and the lesser quality of the two halves counts.  The best place is taken, what it explains is set
-aside, and the search goes on, so that the list does not say one thing in ten ways (sequential covering).
+All single conditions and all pairs are tried.  A place with share e of an axis' error and share t of the time
+has the quality (e - t) / sqrt(t).  This is proportional to the number of standard deviations above an even
+distribution of the error (Klösgen 1996).  The lesser quality of the even and the odd blocks of the recording
+counts.  The best place is taken, the error in it is removed, and the search continues
+(sequential covering).  So the list does not repeat one place in other words.
 """
 
 from __future__ import annotations
@@ -19,27 +19,34 @@ from hydro.core.columns import Array, Mask, Rows
 from hydro.core.evaluation.regimes import PIECE_SECONDS, Condition, Family, conditions, phrase
 
 LEAST_TIME = 0.01
-"""Share of the time that a place must last, and at least LEAST_SECONDS."""
+"""Minimum duration of a place, as a share of the time."""
 LEAST_SECONDS = 4.0
+"""Minimum duration of a place [s]."""
 MATERIAL_SHARE = 0.02
-"""Share of all unexplained error that a place must add to be told of."""
-STANDS_OUT = 1.5  # error in a place over what its share of the time would hold
-NEW = 0.5  # part of a place's error that no place before it has accounted for
-SIMPLER = 1.2  # quality of a pair over that of either of its conditions alone
+"""Minimum share of all unexplained error that a place adds to be listed."""
+STANDS_OUT = 1.5
+"""Minimum ratio of the error in a place to that of an even distribution over time."""
+NEW = 0.5
+"""Minimum share of a place's error that is not in an earlier place."""
+SIMPLER = 1.2
+"""Minimum ratio of a pair's quality to that of each of its conditions alone."""
 MOST_SESSIONS = 100
+"""Maximum number of conditions, such as sessions, of a family that is searched."""
 ELSEWHERE = "elsewhere"
+"""Name of the rest of an axis, beyond the listed places."""
 MOST_PLACES = 12
+"""Maximum number of listed places."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where and when.
+    """Condition in which a model fails, on one axis.
 
     Attributes:
-        words: What a pilot would call it.
+        words: Description in a pilot's words.
         axis: Number of the axis.
         met: Pieces that belong to it, (P,).
-        share: Of the unexplained error, without what places named before it hold.
+        share: Share of the unexplained error, without the error of places named before it.
     """
 
     words: str
@@ -49,17 +56,17 @@ class Place:
 
 
 def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family]) -> list[Place]:
-    """The places where a model fails, the greatest share of the error first; what is left elsewhere last.
+    """Return the places where a model fails, the largest share of the error first and the rests last.
 
     Args:
-        unexplained: Share of all unexplained error in each piece and axis, (P, A); noise may make some
+        unexplained: Share of all unexplained error in each piece and axis, (P, A).  Noise may make some
             negative; the sum is at most 1.
         rows: Rows of each piece, (P,).
-        block: Block of each piece, (P,); odd blocks must bear out what even blocks say.
+        block: Block of each piece, (P,); odd blocks must confirm even blocks.
         families: Conditions.
 
     Returns:
-        Places that do not overlap, and for each axis what is left elsewhere; shares sum to 1 at most.
+        Places that do not overlap, and the rest of each axis; shares sum to 1 at most.
     """
     tried = [c for c in conditions(families) if len(c.family.words) <= MOST_SESSIONS]
     search = _Search(tried, rows, block % 2 == 0, unexplained)
@@ -75,14 +82,14 @@ def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family
     rests = [_rest(axis, left[:, axis], found) for axis in range(unexplained.shape[1])]
     material = [rest for rest in rests if rest.share >= MATERIAL_SHARE]
     listed = [*sorted(found, key=_share, reverse=True), *sorted(material, key=_share, reverse=True)]
-    # Noise makes some of what is left negative: the parts of an axis' error must not exceed the whole.
+    # Noise makes some of the rest negative: the parts of an axis' error must not exceed the whole.
     parts = [sum(place.share for place in listed if place.axis == axis) for axis in range(len(rests))]
     scale = np.minimum(unexplained.sum(axis=0) / np.maximum(parts, 1e-300), 1.0)
     return [replace(place, share=place.share * float(scale[place.axis])) for place in listed]
 
 
 def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:
-    """All of the time on one axis but for the places found on it."""
+    """Return all of the time on one axis without the places found on it."""
     taken = [place.met for place in found if place.axis == axis]
     met = ~np.logical_or.reduce([np.zeros(len(left), bool), *taken])
     return Place(ELSEWHERE if taken else "throughout", axis, met, float(left.sum()))
@@ -93,7 +100,7 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """The pieces (P,) of places named before; those that these families have not are left out."""
+    """Return the pieces (P,) of places named before; places that these families lack are left out."""
     tried, found = list(conditions(families)), dict[str, Mask]()
     free = [c for c in tried if not c.family.alone]
     pairs = ((a, b) for a, b in itertools.combinations(free, 2) if a.family is not b.family)
@@ -106,12 +113,12 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """What a pilot would call conditions that are met together."""
+    """Return a pilot's words for conditions that are met together."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 
 class _Search:
-    """All conditions and pairs of conditions, and what each axis' error is in them, half by half."""
+    """Search over all conditions and pairs of conditions, with each axis' error in both halves."""
 
     def __init__(self, tried: Sequence[Condition], rows: Array, half: Mask, unexplained: Array) -> None:
         self.tried = tried
@@ -130,20 +137,20 @@ class _Search:
         self.known: dict[int, tuple[float, int, int] | None] = {}
 
     def _together(self, values: Array) -> Array:
-        """Sum of values (P,) over the pieces that meet both of two conditions, in each half, (2, K, K)."""
+        """Return sums of values (P,) over pieces that meet both of two conditions, by half, (2, K, K)."""
         weighted = self.met * values[:, None].astype(np.float32)
         return np.array([self.met[half].T @ weighted[half] for half in self.halves], np.float64)
 
     def _halves(self, values: Array) -> Array:
-        """Sum of values (P, ...) over each half, (2, ...); at least 0."""
+        """Return sums of values (P, ...) over each half, (2, ...); at least 0."""
         return np.array([np.maximum(values[half].sum(axis=0), 0.0) for half in self.halves])
 
     def forget(self, axis: int) -> None:
-        """What is left on this axis has changed."""
+        """Discard the result of an axis whose remaining error has changed."""
         self.known.pop(axis, None)
 
     def best(self, left: Array) -> tuple[int, tuple[Condition, ...]] | None:
-        """Axis and conditions of the best place in what is left, (P, A); None where none stands out."""
+        """Return axis and conditions of the best place of the remaining error, (P, A); None without one."""
         if not self.tried:
             return None
         for axis in range(left.shape[1]):
@@ -157,7 +164,7 @@ class _Search:
         return axis, several
 
     def _best_on(self, axis: int, left: Array) -> tuple[float, int, int] | None:
-        """Quality and numbers of the two conditions (the same twice for one) of the best place on an axis."""
+        """Return quality and two conditions of the best place on an axis, equal if it has only one."""
         error, own = self._together(left), self.own[axis]
         part = self.time / self.length[:, None, None]
         even = part * self._halves(left)[:, None, None]

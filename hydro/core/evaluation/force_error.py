@@ -1,10 +1,10 @@
-"""The force that a model leaves out of a recording, beside what noise alone would leave.
+"""Force that a model lacks in a recording, and the part of it that is due to noise alone.
 
-The measured velocity less the integral of the model's acceleration along the smoothed motion changes only
-where the model's forces are wrong; its smoothed derivative times M is the wrench that is missing.  The
-smoother thus never blurs what the model knows, such as the jump of a thrust, and of a true model noise alone
-is left.  What changes faster than FASTEST is nearly all noise in any log: it counts among the bands of
-frequency only.
+The model's acceleration is integrated along the smoothed motion and subtracted from the measured velocity.
+The difference changes only where the model's forces are wrong.  Its smoothed derivative times M is the
+missing wrench.  So the smoother never blurs a force that the model has, such as a jump of thrust, and a true
+model leaves noise alone.  Changes faster than FASTEST are nearly all noise in any log: they count in the
+frequency bands only.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ BANDS = (
     ("in motions of 0.5 to 2 s", 0.5, FASTEST),
     ("in motions faster than 0.5 s", FASTEST, np.inf),
 )
-"""Bands of frequency [Hz], by the time that a motion takes."""
+"""Frequency bands [Hz], named by the period of the motion."""
 SLOW_BAND = ("", 0.0, FASTEST)
+"""Band of all changes that count."""
 
 
 def force(
@@ -47,23 +48,23 @@ def force(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit, Family]:
-    """The wrench ON the vehicle that the model leaves out.
+    """Return the squares of the wrench ON the vehicle that the model lacks.
 
     Args:
-        model: The model.
-        record: The recording.
-        motion: Its smoothed motion.
-        pieces: What to sum over.
-        seed: Of the noise.
-        weights: Of the axes; by default by the model's own inertia.
+        model: Model.
+        record: Recording.
+        motion: Smoothed motion of the recording.
+        pieces: Pieces of time over which squares are summed.
+        seed: Seed of the noise.
+        weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
-        Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after
-        the other; and the family that tells the bands apart.
+        Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after the
+        other; and the family that names the bands.
     """
     rng = np.random.default_rng(seed)
     found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
-    # The smoothers are linear: what they make of noise is added to what they made of the recording.
+    # The smoothers are linear: smoothed noise is added to the smoothed recording.
     extra = drawn_between(rng.standard_normal((record.rows, CHANNELS)) * motion.sigma, record)
     pose = motion.eta + smoothing.smooth(extra[:, :6], record.segments, motion.pose)[:, :, 0]
     nu = motion.nu + smoothing.smooth(extra[:, 6:], record.segments, motion.velocity)[:, :, 0]
@@ -99,10 +100,10 @@ def force(
 def missing_wrench(
     model: Candidate, record: Recording, eta: Array, nu: Array, design: smoothing.Design
 ) -> Array:
-    """The wrench ON the vehicle about CO that a model leaves out, row by row, (N, 6) [N, N m].
+    """Return the wrench ON the vehicle about CO that a model lacks, row by row, (N, 6) [N, N m].
 
-    M times the smoothed derivative of measured less modelled velocity; the model accounts for its thrusters,
-    weight and buoyancy, effects and C(nu) of its whole mass matrix.
+    It is M times the smoothed derivative of the measured minus the modelled velocity.  The model accounts for
+    its thrusters, weight and buoyancy, effects and C(nu) of its whole mass matrix.
     """
     known = accelerations(model, record, eta, true_velocity(model, record, nu))
     left = true_velocity(model, record, record.nu).copy()
@@ -116,7 +117,7 @@ def missing_wrench(
 
 
 def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, float]]) -> Iterator[Array]:
-    """Parts of a wrench (N, 6) in each band; segment by segment, as if each were followed by its mirror."""
+    """Yield the parts of a wrench (N, 6) in each band; each segment is extended by its mirror image."""
     spectra = [dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
     for _, low, high in bands:
         out = np.empty_like(wrench)
@@ -128,7 +129,7 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Noise of samples (N, 12) as rows without one have it: on lines between those beside them."""
+    """Return noise (N, 12) with rows without a sample interpolated linearly between samples."""
     if record.seen is None:
         return noise
     out = np.zeros_like(noise)

@@ -1,11 +1,11 @@
-"""The force that a vehicle file leaves over, against each velocity, beside the force that it exerts there.
+"""Force residual of a vehicle file against each velocity, with the force that the file exerts there.
 
-The force left over is the wrench ON the vehicle that the file's thrusters, weight, buoyancy, effects and
-rigid body (C_RB and M_RB among them) do not account for: of a drag that is too small it has the drag's own
-sign, against the motion.  Along each axis it is averaged in bins of velocity of equal counts.  Its interval
-rests on blocks of the recording, not on rows: neighbouring rows share their errors (a cluster-robust variance
-with leverage correction, Bell and McCaffrey 2002, and Student's t of as many degrees of freedom as the bin
-has effective blocks, Kish 1965, less one).
+The force residual is the wrench ON the vehicle that the file does not account for.  The file
+accounts for thrusters, weight, buoyancy, effects and rigid body (C_RB and M_RB among them).  For a drag that
+is too small it points against the motion, as the drag does.  Along each axis it is averaged in bins of
+velocity of equal counts.  Its interval rests on blocks of the recording, because neighbouring rows share
+their errors: a cluster-robust variance with leverage correction (Bell and McCaffrey 2002), and Student's t
+with as many degrees of freedom as the bin has effective blocks (Kish 1965), less one.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 BINS = 10
-"""Bins of velocity, of as many pieces of the recording each."""
+"""Number of velocity bins, with equally many pieces of the recording."""
 CURVE_POINTS = 33
-"""Points of the file's own curve, evenly from the least to the greatest velocity."""
+"""Number of points of the file's force curve, evenly spaced over the velocity range."""
 RANGE = (0.5, 99.5)
 """Percentiles of the velocity that bound the curve."""
 SAMPLED = 0.9
-"""Share of rows that must have a sample of attitude and velocity."""
+"""Minimum share of rows that have a sample of attitude and velocity."""
 NEEDED = slice(3, 12)
 """Attitude and velocity among the twelve channels."""
 PLAINER = 0.05
-"""By how much more of the variance another velocity must explain than the axis' own to be shown too."""
+"""Minimum additional share of the variance that another velocity explains to be shown too."""
 PLAIN = 0.1
-"""Least share of the variance that it explains."""
+"""Minimum share of the variance that such a velocity explains."""
 LEVEL = 0.975
+"""Probability below the upper end of a two-sided 95 % interval."""
 DEEP = 1e3
-"""Depth of the curve [m]: no surface is near."""
+"""Depth at which the curve is computed [m], away from the surface."""
 
 Line = dict[str, Any]
 
@@ -56,20 +57,20 @@ Line = dict[str, Any]
 def leftover(
     vehicles: Mapping[int, Vehicle], raw: pl.DataFrame, record: Recording | None = None
 ) -> pl.DataFrame:
-    """Mean force left over in bins of velocity, and the files' own curves.
+    """Return the mean force residual in bins of velocity, and the files' force curves.
 
     Args:
-        vehicles: The vehicle files by the number of their step; the first one says which velocities an axis
-            is shown against: its own, and another that explains plainly more of what is left over.
+        vehicles: Vehicle files by the number of their step.  The first one decides which velocities an axis
+            is shown against: its own, and another that explains clearly more of the residual.
         raw: Raw table of the measured motion and commands.
-        record: The cleaned recording as arrays; by default the table as it was logged.
+        record: Cleaned recording as arrays; by default the table as it was logged.
 
     Returns:
-        The leftover table: `step`, `axis` of the force, `against` which velocity (through the water, as the
-        file has it, at CO in body axes), `velocity` [m/s, rad/s], and of a bin of it the mean `force` left
-        over [N, N m] with its 95 % interval `low` to `high` (null with fewer than two effective `blocks`) and
-        its `rows`; rows without `force` are points of the curve.  `model` is the force that the file exerts
-        at that velocity, steady, level and deep, at rest in the other axes.  `unit` is that of the forces,
+        The leftover table: `step`, `axis` of the force, `against` which velocity (through the water according
+        to the file, at CO in body axes), and `velocity` [m/s, rad/s].  A bin has the mean residual `force`
+        [N, N m], its 95 % interval `low` to `high` (null with fewer than two effective `blocks`) and its
+        `rows`.  Rows without `force` are points of the curve.  `model` is the force that the file exerts at
+        that velocity, steady, level and deep, at rest in the other axes.  `unit` is that of the forces,
         `velocity_unit` that of the velocity.
 
     Raises:
@@ -96,7 +97,7 @@ def leftover(
 
 
 def with_samples(record: Recording) -> Mask:
-    """Rows with a sample of attitude and velocity, (N,).
+    """Return the mask of rows with a sample of attitude and velocity, (N,).
 
     Raises:
         DataError: They are too few.
@@ -119,7 +120,7 @@ def with_samples(record: Recording) -> Mask:
 
 
 def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
-    """Velocity of CO through the water that a vehicle file has, nu_r in body axes, (N, 6)."""
+    """Return the velocity of CO through the water of a vehicle file, nu_r in body axes, (N, 6)."""
     flow = constants_of(model.program.flat)[FLOW]
     return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu), record.t)
 
@@ -129,9 +130,9 @@ class Means:
     """Means over pieces of a fifth of a second.
 
     Attributes:
-        force: Force left over, (P, 6) [N, N m].
+        force: Force residual, (P, 6) [N, N m].
         velocity: Velocity through the water, (P, 6) [m/s, rad/s].
-        rows: Rows with samples, (P,).
+        rows: Number of rows with samples, (P,).
         block: Block of each piece, (P,).
     """
 
@@ -142,7 +143,7 @@ class Means:
 
     @classmethod
     def of(cls, force: Array, velocity: Array, counted: Mask, pieces: Pieces) -> Means:
-        """Average rows (N, 6) that are counted (N,) over the pieces; pieces without one are left out."""
+        """Average rows (N, 6) over the pieces by a mask (N,); pieces without a row are left out."""
         rows = pieces.total(counted.astype(np.float64))
         some = rows > 0.0
         force, velocity = (
@@ -151,20 +152,20 @@ class Means:
         return cls(force, velocity, rows[some], pieces.block[some])
 
     def code(self, against: int) -> Rows:
-        """Bin of each piece by one velocity, as many pieces in each as its ties allow, (P,)."""
+        """Return the bin of each piece by one velocity, with equal counts apart from ties, (P,)."""
         speed = self.velocity[:, against]
         edges = np.quantile(speed, np.arange(1, BINS) / BINS)
         code: Rows = np.searchsorted(edges, speed, side="right")
         return code
 
     def explained(self, axis: int, against: int) -> float:
-        """Share of the variance of the force left over that means in bins of a velocity hold."""
+        """Return the share of the variance of the force residual that means in bins of a velocity explain."""
         force, code = self.force[:, axis], self.code(against)
         within = sum(np.var(force[code == one]) * np.mean(code == one) for one in np.unique(code))
         return float(1.0 - within / max(float(np.var(force)), 1e-300))
 
     def worth_showing(self) -> list[tuple[int, int]]:
-        """Axes of force and the velocities to show them against: the own, and what explains plainly more."""
+        """Return force axes with the velocities to show: the same axis, and one that explains more."""
         pairs = [(axis, axis) for axis in range(6)]
         for axis in range(6):
             shares = [self.explained(axis, against) for against in range(6)]
@@ -175,7 +176,7 @@ class Means:
 
 
 def _bins(means: Means, program: Program, axis: int, against: int) -> Iterator[Line]:
-    """The mean force left over in each bin, and the file's own at the bin's mean velocity."""
+    """Yield the mean force residual in each bin, and the file's force at the bin's mean velocity."""
     code, speed = means.code(against), means.velocity[:, against]
     for one in np.unique(code):
         there = code == one
@@ -193,7 +194,7 @@ def _bins(means: Means, program: Program, axis: int, against: int) -> Iterator[L
 
 
 def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[Line]:
-    """Points of the file's own force."""
+    """Yield points of the file's force curve."""
     slowest, fastest = np.percentile(means.velocity[:, against], RANGE)
     speeds = np.unique(np.linspace(float(slowest), float(fastest), CURVE_POINTS))
     for speed, force in zip(speeds, steady_force(program, speeds, against)[:, axis], strict=True):
@@ -202,15 +203,15 @@ def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[
 
 
 def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
-    """Mean of values whose errors are shared within blocks, with its interval.
+    """Return the mean of values whose errors are shared within blocks, with its interval.
 
     Args:
-        values: (P,).
-        rows: How much each counts, (P,).
+        values: Values, (P,).
+        rows: Weight of each, (P,).
         block: Block of each, (P,).
 
     Returns:
-        The mean; half of its 95 % interval, None with fewer than two effective blocks; their number.
+        The mean; half of its 95 % interval, None with fewer than two effective blocks; the number of these.
     """
     _, number = np.unique(block, return_inverse=True)
     count = np.bincount(number, rows)
@@ -224,10 +225,10 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
-    """Which bins differ from zero at a level of 5 % for all of them together (Bonferroni).
+    """Return which bins differ from zero at a level of 5 % for all of them together (Bonferroni).
 
     Args:
-        bins: Rows of a leftover table; one without an interval never does.
+        bins: Rows of a leftover table; a row without an interval never differs.
     """
     force, high, blocks = bins.select(pl.col("force", "high", "blocks").cast(pl.Float64).fill_null(np.nan))
     freedom = blocks.to_numpy() - 1.0
@@ -237,16 +238,18 @@ def stands_out(bins: pl.DataFrame) -> pl.Series:
 
 
 def steady_force(program: Program, speeds: Array, against: int) -> Array:
-    """Force that the water exerts on a level vehicle, deep and in steady motion along one axis.
+    """Return the force that the water exerts on a level vehicle, deep and in steady motion along one axis.
 
-    Effects of the vehicle file, their memories settled, and -C_A(nu_r) nu_r, less what they give at rest.
+    It sums the effects of the vehicle file, with settled memories, and -C_A(nu_r) nu_r, minus their values at
+    rest.
 
     Args:
-        program: The vehicle.
+        program: Vehicle.
         speeds: Velocity through the water along that axis, (K,) [m/s, rad/s].
-        against: Number of the axis; at rest in all others.
+        against: Number of the axis; the others are at rest.
 
     Returns:
+        Force, (K, 6) [N, N m] about CO in body axes.
         (K, 6) [N, N m] about CO in body axes.
     """
     moving = np.array([_fluid_wrench(program, speed * np.eye(6)[against]) for speed in speeds])
@@ -255,7 +258,7 @@ def steady_force(program: Program, speeds: Array, against: int) -> Array:
 
 
 def _fluid_wrench(program: Program, nu_r: Array) -> Array:
-    """Effects and added-mass Coriolis terms of one steady motion, (6,)."""
+    """Return effects and added-mass Coriolis terms of one steady motion, (6,)."""
     flat, s, tau, coriolis = program.flat, np.zeros(MOTION), np.zeros(6), np.zeros(6)
     memory, rates = np.zeros(program.states), np.zeros(program.states)
     s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6] = s[OVER_GROUND : OVER_GROUND + 6] = nu_r

@@ -1,7 +1,7 @@
-"""Errors of a model per axis, with intervals from a block bootstrap; and the paper's single figures.
+"""Errors of a model per axis, with block-bootstrap intervals, and the single figures of the paper.
 
-The paper (Table II) mixes newtons and newton metres: its RMSE and MAE are over all rows and all six axes as
-they are.  They stand under the axis `all` for comparison, and its mean R^2 under `mean`.
+The paper (Table II) combines newtons and newton metres: its RMSE and MAE are over all rows and all six axes.
+They have the axis `all` here, and its mean R^2 has the axis `mean`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Sums(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """What errors are of, the first columns of their rows: a model, on which data, and how it was used."""
+    """Subject of the errors, the first columns of their rows: model, data and variant of use."""
 
     model: str
     dataset: str
@@ -45,20 +45,20 @@ def measure(
     axes: Sequence[str] = WRENCH,
     seed: int = 0,
 ) -> pl.DataFrame:
-    """Root mean square error, mean absolute error and R^2 of each axis and of all together.
+    """Return root mean square error, mean absolute error and R^2 of each axis and of all together.
 
     Args:
-        truth: What was measured, shape (N, 6).
-        predicted: What the model says, shape (N, 6).
+        truth: Measured values, shape (N, 6).
+        predicted: Predicted values, shape (N, 6).
         blocks: Block of each row, shape (N,): ids or numbers; see `consecutive`.
-        subject: What the errors are of.
+        subject: Subject of the errors.
         axes: Names of the axes, columns that `hydro.core.columns` knows the units of.
         seed: Seed of the bootstrap.
 
     Returns:
         A metrics table: `rmse`, `mae`, `r2` of each axis, `rmse` and `mae` of axis `all`, `r2` of axis
-        `mean`; `low` and `high` are the 95 % interval, null where there is none, as with fewer than two
-        blocks.  R^2 of an axis that never changes has no meaning and no row.
+        `mean`.  `low` and `high` are the 95 % interval, null where it is undefined, as with fewer than two
+        blocks.  R^2 of a constant axis is undefined and has no row.
 
     Raises:
         DataError: There are no rows, the shapes differ, or a value is not finite.
@@ -83,11 +83,11 @@ def measure(
 
 
 def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, float, str]]) -> pl.DataFrame:
-    """Rows of a metrics table.
+    """Return rows of a metrics table.
 
     Args:
-        subject: What the numbers are of.
-        lines: Axis, metric, value, the ends of its interval, NaN where there is none, and unit.
+        subject: Subject of the numbers.
+        lines: Axis, metric, value, ends of its interval (NaN without one) and unit.
     """
     table = pl.DataFrame(
         list(lines),
@@ -101,7 +101,7 @@ def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, floa
 
 
 def _interval(drawn: Array | None) -> tuple[float, float]:
-    """Percentile interval of bootstrap values; NaN where a draw of few blocks left a value undefined."""
+    """Return the percentile interval of bootstrap values; NaN where a draw left a value undefined."""
     if drawn is None or not np.isfinite(drawn).all():
         return np.nan, np.nan
     low, high = interval(drawn)
@@ -109,12 +109,12 @@ def _interval(drawn: Array | None) -> tuple[float, float]:
 
 
 def consecutive(rows: int, length: int) -> NDArray[np.int64]:
-    """Block number of each of `rows` rows, in blocks of `length` rows; the last takes the remainder."""
+    """Return the block number of each of `rows` rows, in blocks of `length`; the last takes the remainder."""
     return np.minimum(np.arange(rows) // length, max(rows // length, 1) - 1)
 
 
 def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
-    """Sums of every block, arrays of shape (B, 6)."""
+    """Return sums of every block, arrays of shape (B, 6)."""
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
     error = predicted - truth
@@ -127,7 +127,7 @@ def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
 
 
 def _bootstrap(by_block: Sums, seed: int) -> Sums:
-    """Sums of recordings drawn from the blocks, arrays (SAMPLES, 6)."""
+    """Draw sums of recordings from the blocks, arrays (SAMPLES, 6)."""
     drawn = redrawn(np.concatenate(by_block, axis=1), seed)
     edges = np.cumsum([part.shape[1] for part in by_block])[:-1]
     return Sums(*np.split(drawn, edges, axis=1))
@@ -136,7 +136,7 @@ def _bootstrap(by_block: Sums, seed: int) -> Sums:
 def _measures(
     whole: Sums, spread: Sums | None, axes: Sequence[str]
 ) -> Iterator[tuple[str, str, float, str, Array | None]]:
-    """Axis, metric, value, unit and bootstrap values of every line of the table."""
+    """Yield axis, metric, value, unit and bootstrap values of every line of the table."""
     units = [UNITS[axis] for axis in axes]
     together = ", ".join(dict.fromkeys(units))
     moving = _variance(whole) > 0.0
@@ -156,7 +156,7 @@ def _measures(
 
 
 def _merged(sums: Sums) -> Sums:
-    """All axes as one: the paper's single figures."""
+    """Return all axes as one, for the single figures of the paper."""
     axes = sums.squares.shape[-1]
     return Sums(sums.rows * axes, *(part.sum(axis=-1, keepdims=True) for part in sums[1:]))
 
@@ -170,7 +170,7 @@ def _mae(sums: Sums) -> Array:
 
 
 def _variance(sums: Sums) -> Array:
-    """Variance of the truth, exactly 0 where rounding is all there is."""
+    """Return the variance of the truth, exactly 0 where it is due to rounding."""
     mean_square = sums.values_squared / sums.rows
     variance = mean_square - (sums.values / sums.rows) ** 2
     return np.where(variance > 1e-12 * mean_square, variance, 0.0)

@@ -1,8 +1,7 @@
-"""Squared errors of a model on a recording, piece by piece, beside those that noise alone makes.
+"""Squared errors of a model on a recording, piece by piece, with those that noise alone causes.
 
-Noise floor.  The recording is disturbed by noise of the size that it has already, and the beginning of each
-prediction by the uncertainty of the smoothed motion, often enough that chance does not show: the change is
-what noise does to the errors.
+For the noise floor, noise of the measured size is added to the recording, and the uncertainty of the smoothed
+motion to the start of each prediction.  It is the mean change of the errors over enough draws.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ class Misfit:
 
     Attributes:
         level: `force` or `replay`.
-        horizon: Of the replay [s]; None for forces and for the whole run.
-        axes: Names of the A axes, and of all of them together.
-        units: Their units.
-        weight: What a square on each axis counts for beside the others, (A,): see `evaluation.weights`.
-        rows: Rows compared in each piece, (P,).
-        counts: Samples compared in each piece, (P, A); None where every row has one of every axis.
+        horizon: Horizon of the replay [s]; None for forces and for the whole run.
+        axes: Names of the A axes, and the name of all of them together.
+        units: Units of the A axes.
+        weight: Weight of a square on each axis, (A,): see `evaluation.weights`.
+        rows: Number of rows compared in each piece, (P,).
+        counts: Number of samples compared in each piece, (P, A); None where every row has one of every axis.
         squares: Sums of squared errors, (P, A).
-        noise: The same of what noise alone does, (P, A).
+        noise: Sums of squared errors due to noise alone, (P, A).
         block: Block of each piece, (P,).
         end: Root mean square error at the end of the predictions, (A,); None for forces.
     """
@@ -46,12 +45,12 @@ class Misfit:
 
     @property
     def numbers(self) -> Array:
-        """Samples of each piece and axis, (P, A)."""
+        """Number of samples of each piece and axis, (P, A)."""
         if self.counts is not None:
             return self.counts
         return np.repeat(self.rows[:, None], len(self.units), axis=1)
 
 
 def counted(values: Array, seen: Mask | None) -> Array:
-    """Values (N, C) where there is a sample, 0 elsewhere."""
+    """Return values (N, C) where there is a sample, and 0 elsewhere."""
     return values if seen is None else values * seen

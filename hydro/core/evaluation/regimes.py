@@ -1,8 +1,8 @@
-"""What a vehicle was doing in every fifth of a second of a recording, in a pilot's words.
+"""Activity of a vehicle in every fifth of a second of a recording, in a pilot's words.
 
-Errors are summed over such pieces of time, and pieces are told apart by families of conditions: turning
-left or right, a range of speed, a heading, a level of command.  All of it is read from the recording and from
-where the thrusters sit, never from a model's forces, so that two models are compared in the same places.
+Errors are summed over such pieces of time.  Families of conditions classify the pieces: turning left or
+right, a range of speed, a heading, a level of command.  The conditions follow from the recording and the
+positions of the thrusters, never from a model's forces, so that two models are compared in the same places.
 """
 
 from __future__ import annotations
@@ -25,11 +25,15 @@ from hydro.core.vehicle.thrusters import MAX_THRUST, configuration_matrix, thrus
 PIECE_SECONDS = 0.2
 """Length of a piece [s]."""
 BLOCK_SECONDS = 20.0
-"""Length of the blocks that a bootstrap draws [s]; shorter where a recording has fewer than LEAST_DRAWN."""
+"""Length of the bootstrap blocks [s]; shorter where a recording has fewer than LEAST_DRAWN."""
 LEAST_DRAWN = 8
-HOVERING_SPEED = 0.1  # m/s below which a vehicle hovers and its drift angle says nothing
+"""Minimum number of blocks in a recording."""
+HOVERING_SPEED = 0.1
+"""Speed at or below which a vehicle hovers and its drift angle is undefined [m/s]."""
 TILTED = math.radians(5.0)
-IDLE = 0.05  # of full command
+"""Pitch or roll from which a vehicle counts as tilted [rad]."""
+IDLE = 0.05
+"""Command below which a thruster counts as off, as a share of full command."""
 SHOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "turn": (("psi",), ("r",)),
     "depth change": (("z",), ("w",)),
@@ -39,13 +43,14 @@ SHOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "pitch": (("theta",),),
     "roll": (("phi",),),
 }
-"""Channels that show the quantity of a family, alternatives to one another; a model's own values do not."""
+"""Channels that measure the quantity of a family, as alternatives; a model's values do not count."""
 NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
+"""Round numbers for the edges of ranges, within a decade."""
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """A recording cut into pieces of a fifth of a second and blocks of many pieces.
+    """Recording cut into pieces of a fifth of a second, and into blocks of many pieces.
 
     Attributes:
         starts: First row of each piece, (P,).
@@ -75,23 +80,23 @@ class Pieces:
         return cls(np.concatenate(starts), np.concatenate(block), np.concatenate(segment))
 
     def total(self, values: Array) -> Array:
-        """Sums over each piece of values of every row, (N, ...) -> (P, ...)."""
+        """Return sums over each piece of values of every row, (N, ...) -> (P, ...)."""
         sums: Array = np.add.reduceat(values, self.starts, axis=0)
         return sums
 
 
 @dataclass(frozen=True)
 class Family:
-    """Conditions of one kind, of which a piece meets one at most.
+    """Conditions of one kind, of which each piece meets at most one.
 
     Attributes:
         by: Name of the kind.
-        words: What each says.
-        code: Which one each piece meets, (P,); -1 none.
-        doing: The words say what the vehicle does and follow `while`; others qualify it.
-        unions: Words for several conditions together, and which.
-        alone: Not to be met together with another family: there are so many of these conditions that some
-            pair would fit anything.
+        words: Words of each condition.
+        code: Condition that each piece meets, (P,); -1 for none.
+        doing: Whether the words name an activity and follow `while`; otherwise they qualify one.
+        unions: Words for several conditions together, and their numbers.
+        alone: Whether the conditions are not combined with other families: there are so many of them that
+            some pair would fit by chance.
     """
 
     by: str
@@ -104,7 +109,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition or several of a family: its words, and which pieces meet it, (P,)."""
+    """Condition, or union of conditions, of a family: its words and the pieces that meet it, (P,)."""
 
     family: Family
     words: str
@@ -120,19 +125,19 @@ def families(
     nu_dot: Array,
     names: Sequence[str],
 ) -> list[Family]:
-    """All families that tell pieces of a recording apart.
+    """Return all families that distinguish pieces of a recording.
 
     Args:
-        record: The recording.
-        vehicle: Where its thrusters sit, and their names.
-        pieces: How it is cut.
+        record: Recording.
+        vehicle: Vehicle, with the positions and names of its thrusters.
+        pieces: Pieces of the recording.
         eta: Smoothed pose with unwrapped angles, (N, 6).
         nu: Smoothed velocity, (N, 6).
-        nu_dot: Its derivative, (N, 6).
+        nu_dot: Derivative of the velocity, (N, 6).
         names: Name of each segment's session.
 
     Returns:
-        Families that the recording's sensors show, with at least two conditions that occur.
+        Families that the recording's sensors measure, with at least two conditions that occur.
     """
     rows = pieces.total(np.ones(record.rows))[:, None]
     motion = pieces.total(np.hstack([eta, nu, nu_dot])) / rows
@@ -151,7 +156,7 @@ def families(
 
 
 def conditions(found: Sequence[Family]) -> Iterator[Condition]:
-    """All conditions of families and their unions; those that no piece meets are left out."""
+    """Yield all conditions of families and their unions, without those that no piece meets."""
     for family in found:
         single = tuple((words, (code,)) for code, words in enumerate(family.words))
         for words, codes in single + family.unions:
@@ -161,7 +166,7 @@ def conditions(found: Sequence[Family]) -> Iterator[Condition]:
 
 
 def phrase(several: Sequence[tuple[str, bool]]) -> str:
-    """One to three conditions' words (and whether each is a doing) as a pilot would say them together."""
+    """Join the words of one to three conditions; each has a flag that tells whether it is an activity."""
     doing = [words for words, is_doing in several if is_doing]
     being = [words for words, is_doing in several if not is_doing]
     return " ".join(["while " + " and ".join(doing)] * bool(doing) + [" and ".join(being)] * bool(being))
@@ -175,7 +180,7 @@ def _sessions(pieces: Pieces, names: Sequence[str]) -> Family:
 
 
 def _manoeuvres(motion: Array) -> Iterator[Family]:
-    """Turn, climb, change of speed, speed and drift angle of pieces' mean motion (P, 18)."""
+    """Yield turn, climb, change of speed, speed and drift angle of the pieces' mean motion (P, 18)."""
     nu, nu_dot = motion[:, 6:12], motion[:, 12:]
     R = rotation(*motion[:, 3:6].T)
     sinking = np.einsum("kj,kj->k", R[:, 2], nu[:, :3])
@@ -214,7 +219,7 @@ def _drift(nu: Array) -> Family:
 
 
 def _surroundings(motion: Array) -> Iterator[Family]:
-    """Depth, heading, pitch and roll of pieces' mean motion (P, 18)."""
+    """Yield depth, heading, pitch and roll of the pieces' mean motion (P, 18)."""
     z, phi, theta, psi = motion[:, 2:6].T
     yield _ordered(
         "depth",
@@ -239,7 +244,7 @@ def _surroundings(motion: Array) -> Iterator[Family]:
 
 
 def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
-    """Level of all commands, wrench that they ask for, and command of each thruster, of pieces (P, n)."""
+    """Yield the level of all commands, the commanded wrench and each thruster's command, of pieces (P, n)."""
     if not command.shape[1]:
         return
     yield _ordered_words(
@@ -282,7 +287,7 @@ def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
 
 
 def _signed(by: str, value: Array, words: tuple[str, str, str], both: str) -> Family:
-    """Below, about and above zero, by half the root mean square of the value but 0.02 to 0.1 [SI units]."""
+    """Return the ranges below, about and above zero, divided at half the rms or 0.02 to 0.1 [SI units]."""
     least = float(np.clip(0.5 * np.sqrt(np.mean(value**2)), 0.02, 0.1))
     return Family(by, words, np.digitize(value, [-least, least]), unions=((both, (0, 2)),))
 
@@ -295,7 +300,7 @@ def _ordered(
     above: Callable[[float], str] | None = None,
     below: Callable[[float], str] | None = None,
 ) -> Family:
-    """Ranges of a quantity, and all that is above or below each of their edges."""
+    """Return ranges of a quantity, with unions of all above or below each edge."""
     over = above or (lambda e: f"above {e:g} {unit}")
     under = below or (lambda e: f"below {e:g} {unit}")
     if not edges:
@@ -309,12 +314,12 @@ def _ordered(
 
 
 def _ordered_words(by: str, value: Array, edges: Sequence[float], words: tuple[str, ...]) -> Family:
-    """Ranges of a quantity that have words of their own."""
+    """Return ranges of a quantity with given words."""
     return Family(by, words, np.digitize(value, edges))
 
 
 def _edges(value: Array, first: float | None = None) -> list[float]:
-    """Round numbers near the quartiles of positive values, and `first`."""
+    """Return round numbers near the quartiles of positive values, and `first`."""
     if not len(value):
         return []
     quartiles = np.maximum(np.quantile(value, [0.25, 0.5, 0.75]), 1e-3)

@@ -1,7 +1,7 @@
-"""Errors of predictions of a recording, beside what noise alone makes of them.
+"""Errors of predictions of a recording, with the part that noise alone causes.
 
-Predictions of a few seconds begin again and again along the recording, at the smoothed motion; and one
-prediction runs from the first row of every session to its last.
+Predictions of a few seconds restart along the recording at the smoothed motion.  One further prediction runs
+from the first row of every session to its last.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states
 
 HORIZONS = (1.0, 5.0, 20.0)
-"""How far ahead predictions look [s]."""
+"""Prediction horizons [s]."""
 AHEAD = 5.0
-"""How far ahead vehicles are compared [s]."""
+"""Prediction horizon at which vehicles are compared [s]."""
 FASTEST = 2.0
 """Frequency of the fastest change of force that counts [Hz]."""
 BANDS = (
@@ -48,13 +48,15 @@ BANDS = (
     ("in motions of 0.5 to 2 s", 0.5, FASTEST),
     ("in motions faster than 0.5 s", FASTEST, np.inf),
 )
-"""Bands of frequency [Hz], by the time that a motion takes."""
+"""Frequency bands [Hz], named by the period of the motion."""
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
-"""Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion diverges."""
-PREDICTIONS_TOGETHER = 64  # predictions of one piece of work
-DRAWS = (3, 16)  # of the uncertain beginning of a prediction, until they settle what noise does
+"""Bound on errors where a predicted motion diverges [m, rad, m/s, rad/s]."""
+PREDICTIONS_TOGETHER = 64
+"""Maximum number of predictions in one unit of parallel work."""
+DRAWS = (3, 16)
+"""Draws of a prediction's uncertain start: for all predictions, and for those that are not settled then."""
 SETTLED = 0.2
-"""Standard error to which they do, over the squares of all predictions: a tenth of the errors."""
+"""Relative standard error of the noise in the squares of all predictions: a tenth in the errors."""
 
 
 def replay(
@@ -66,20 +68,20 @@ def replay(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit] | None:
-    """Errors of predictions, root mean square over the horizon: of velocity, and of position and attitude.
+    """Return root mean square errors of predictions over a horizon, of velocity and of pose.
 
     Args:
-        model: The model.
-        record: The recording.
-        motion: Its smoothed motion, at which every prediction begins.
-        pieces: What to sum over.
+        model: Model.
+        record: Recording.
+        motion: Smoothed motion of the recording, at which every prediction starts.
+        pieces: Pieces of time over which squares are summed.
         horizon: Length of a prediction [s]; None for whole segments.
-        seed: Of the noise.
-        weights: Of the axes; by default by the model's own inertia.
+        seed: Seed of the noise.
+        weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
-        Squares of the velocity's errors, and of the errors of x, y, z in NED and of the rotation from the
-        predicted to the measured attitude about the body's axes, as `phi`, `theta`, `psi`; None where no
+        Squares of the velocity errors, and of the errors of x, y, z in NED and of the rotation from the
+        predicted to the measured attitude about the body axes, as `phi`, `theta` and `psi`.  None where no
         segment is as long as the horizon.
     """
     if (found := _predictions(model, record, motion, horizon, seed)) is None:
@@ -102,10 +104,10 @@ def replay(
 
 
 class Ahead:
-    """Errors of vehicles on one recording, 5 s ahead, axes weighed by the first one's inertia.
+    """Prediction errors of vehicles on one recording, 5 s ahead, weighted by the first one's inertia.
 
     Attributes:
-        floor: What noise alone would leave of the first [m/s].
+        floor: Error of the first vehicle due to noise alone [m/s].
     """
 
     def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
@@ -116,10 +118,10 @@ class Ahead:
         self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Root mean square error of the velocity [m/s].
+        """Return the root mean square error of the velocity [m/s].
 
         Raises:
-            DataError: No session is as long.
+            DataError: No session lasts that long.
         """
         both = replay(candidate(vehicle), self.record, self.motion, self.pieces, AHEAD, 0)
         if both is None:
@@ -137,11 +139,11 @@ class _Predictions(NamedTuple):
 
     Attributes:
         compared: 1 where a prediction was compared with the row, (N,).
-        squares: Its squared errors, pose and then velocity, (N, 12).
-        noise: The same of what noise alone does, and the waves of the file.
+        squares: Squared errors, pose and then velocity, (N, 12).
+        noise: Squared errors due to noise and to the waves of the file, (N, 12).
         end: Root mean square errors in the last row of the predictions, or of their last samples, (12,); NaN
             of a channel without samples.
-        counted: Which rows are samples of each channel, (N, 12); None where all are.
+        counted: Mask of the samples of each channel, (N, 12); None where every row is one.
     """
 
     compared: Array
@@ -169,7 +171,7 @@ def _predictions(
     sums, typical = np.zeros((len(starts), DRAWS[-1], CHANNELS)), np.zeros((len(starts), CHANNELS))
 
     def shots_of(part: Rows) -> tuple[Prepared, Shots, Rows]:
-        """Some predictions of one length, and their rows."""
+        """Return some predictions of one length, and their rows."""
         rows = starts[part, None] + np.arange(lengths[part[0]])
         there = replace(
             every,
@@ -213,7 +215,7 @@ def _predictions(
 
 
 def last_samples(errors: Array, seen: Mask | None) -> Array:
-    """Errors (S, K, C) of S predictions at their last rows, or at their last samples; NaN without any."""
+    """Return errors (S, K, C) of S predictions at their last rows, or their last samples; NaN without any."""
     if seen is None:
         return np.asarray(errors[:, -1])
     last = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
@@ -222,23 +224,23 @@ def last_samples(errors: Array, seen: Mask | None) -> Array:
 
 
 def root_mean_square(errors: Array) -> Array:
-    """Of each column of (S, C), NaN left out; NaN where there is nothing else."""
+    """Return the root mean square of each column of (S, C) without NaN; NaN of an empty column."""
     there = np.isfinite(errors)
     squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
     return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)
 
 
 def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
-    """Write what noise does to the predictions that are open, (S,), and say which remain so.
+    """Store the squared error due to noise of open predictions, and return the mask (S,) of those still open.
 
-    It is the mean of the draws where they settle it, and the median where they do not: a few draws in which a
-    prediction diverges do not say what noise does to a recording.
+    It is the mean of the draws if their scatter is small enough, and the median otherwise: a few draws in
+    which a prediction diverges are not representative of a recording.
 
     Args:
-        sums: Squares by uncertain beginnings, of each prediction in each draw, (S, D, C).
-        known: What else noise adds to the squares of all predictions, (C,).
-        open_: Which predictions the draws are of.
-        typical: Written: what noise does to each, (S, C).
+        sums: Squared errors due to uncertain starts, of each prediction in each draw, (S, D, C).
+        known: Squared errors of all predictions due to other noise, (C,).
+        open_: Mask of the predictions that were drawn.
+        typical: Output: squared error due to noise of each prediction, (S, C).
     """
     mean = np.where(open_[:, None], sums.mean(axis=1), typical)
     error = np.std(sums, axis=1, ddof=1) / np.sqrt(sums.shape[1])
@@ -249,7 +251,7 @@ def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
 
 
 def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
-    """First row, segment and rows of predictions: end to end over all segments, or one for each of them."""
+    """Return first row, segment and length of predictions: end to end over all segments, or one for each."""
     if horizon is None:
         begin, end = record.segments.T
         return begin, np.arange(len(begin)), end - begin
@@ -260,7 +262,7 @@ def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
 
 
 def _batches(lengths: Rows) -> list[Rows]:
-    """Runs of at most PREDICTIONS_TOGETHER predictions of one length."""
+    """Return runs of at most PREDICTIONS_TOGETHER predictions of one length."""
     edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
     return [
         np.arange(at, min(at + PREDICTIONS_TOGETHER, end))
@@ -270,14 +272,14 @@ def _batches(lengths: Rows) -> list[Rows]:
 
 
 def _begun_elsewhere(shots: Shots, motion: Motion, rng: np.random.Generator) -> Shots:
-    """The shots with beginnings as uncertain as the smoothed motion is."""
+    """Return the shots with random starts that have the uncertainty of the smoothed motion."""
     at_edge = shots.starts == shots.record.segments[shots.segment, 0]
     shift = rng.standard_normal((len(shots.starts), CHANNELS)) * motion.uncertainty[np.where(at_edge, 0, 1)]
     return replace(shots, first=displaced(shots.first, shift))
 
 
 def _bounded(error: Array) -> Array:
-    """Errors within BEYOND, the attitude's as a rotation vector, not twice a quaternion's vector part."""
+    """Return errors within BEYOND; attitude as a rotation vector, not as twice a quaternion's vector part."""
     out = np.nan_to_num(error, nan=np.inf, posinf=np.inf, neginf=-np.inf)
     half = np.clip(0.5 * np.linalg.norm(out[..., 3:6], axis=-1, keepdims=True), 0.0, 1.0)
     out[..., 3:6] *= np.where(half > 1e-9, np.arcsin(half) / np.maximum(half, 1e-9), 1.0)

@@ -1,7 +1,7 @@
-"""Measured motion beside what vehicle files predict of it, begun anew every so many seconds.
+"""Measured motion and its predictions by vehicle files, restarted at regular intervals, for plots.
 
-For the eye: over minutes any prediction drifts away from any recording, and from 20 s of it one sees which
-of two models flies like the vehicle.
+Over minutes any prediction drifts away from the recording.  Predictions of 20 s show which of two models
+moves like the vehicle.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 
 MEASURED = "measured"
 RESTART_INTERVAL = 20.0
-"""From one beginning to the next [s]."""
+"""Time between restarts [s]."""
 SHOWN_SECONDS = 120.0
-"""Shown of a session [s], from its first row."""
+"""Length of a session that is shown [s], from its first row."""
 MOST_SESSIONS = 12
-"""Sessions shown, the first ones."""
+"""Maximum number of sessions that are shown, the first ones."""
 FEW_DRAWS = 40
-"""Vehicles drawn for a band."""
+"""Number of vehicles drawn for a band."""
 SHOWN_RATE = 10.0
-"""Least rate of the rows [Hz]: a few rows in a second show all that a vehicle does."""
+"""Minimum rate of the rows in a plot [Hz], fast enough for a vehicle's motion."""
 
 
 def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFrame:
-    """Predict a recording again and again from its own smoothed motion.
+    """Predict a recording with restarts from its smoothed motion.
 
     Args:
-        vehicles: The vehicles by the names of their variants.
+        vehicles: Vehicles by the names of their variants.
         raw: Raw table of the measured motion and commands.
 
     Returns:
@@ -73,17 +73,17 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
 def restarted_bands(
     vehicle: Vehicle, estimates: Estimates, raw: pl.DataFrame, *, draws: int = FEW_DRAWS, seed: int = 0
 ) -> pl.DataFrame:
-    """The 95 % bands of such predictions: what the covariance of a vehicle's numbers leaves open.
+    """Return the 95 % bands of such predictions, due to the covariance of a vehicle's estimates.
 
     Args:
-        vehicle: The vehicle.
-        estimates: Its estimated numbers.
+        vehicle: Vehicle.
+        estimates: Estimated values of the vehicle.
         raw: Raw table of the measured motion and commands.
-        draws: Vehicles drawn.
-        seed: Of the draws.
+        draws: Number of vehicles drawn.
+        seed: Seed of the draws.
 
     Returns:
-        The bands table in float32, its rows those of `restarted`, but for those in which the motion diverges.
+        The bands table in float32, with the rows of `restarted` without those in which the motion diverges.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -103,20 +103,20 @@ def restarted_bands(
 
 
 def _heads(raw: pl.DataFrame) -> pl.DataFrame:
-    """The first SHOWN_SECONDS of the first sessions."""
+    """Return the first SHOWN_SECONDS of the first sessions."""
     since = pl.col("t") - pl.col("t").first().over("session")
     first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
     return raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
 
 
 def _thinned(record: Recording) -> Rows:
-    """Every so many rows of each segment, from its first."""
+    """Return evenly spaced rows of each segment, from its first, at SHOWN_RATE or faster."""
     every = max(int(1.0 / (SHOWN_RATE * record.dt) + 1e-9), 1)
     return np.concatenate([np.arange(a, b, every, dtype=np.int64) for a, b in record.segments])
 
 
 def _predicted(vehicle: Vehicle, record: Recording) -> Array:
-    """Pose and velocity as a vehicle would have logged them, (N, 12); NaN where they know no bounds."""
+    """Return pose and velocity as a vehicle would log them, (N, 12); NaN where they diverge."""
     model, length = candidate(vehicle), max(round(RESTART_INTERVAL / record.dt), 1)
     eta, nu = smoothed(record)
     calm = body_states(eta, nu)
@@ -142,7 +142,7 @@ def _predicted(vehicle: Vehicle, record: Recording) -> Array:
 
 
 def _angles(motion: Array) -> Array:
-    """Position, quaternion and velocity (K, 13) as pose and velocity (K, 12); NaN where not finite."""
+    """Convert position, quaternion and velocity (K, 13) to pose and velocity (K, 12); keep NaN."""
     out = np.full((len(motion), 12), np.nan)
     fine = np.isfinite(motion).all(axis=1)
     pose, quaternion, nu = np.split(motion[fine], [3, 7], axis=1)

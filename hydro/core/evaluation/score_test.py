@@ -1,8 +1,8 @@
-"""Is a group of columns needed?  Gains, tests and standard errors from the pieces of a linearised problem.
+"""Score tests, gains and standard errors of groups of columns of a linearised problem.
 
-All questions are of the same form: given the columns that are in the model already, what does a group of
-further columns explain, and could chance do as much?  Chance is asked by flipping the signs of whole blocks
-of the score (Hemerik, Goeman and Finos 2020): it needs no noise model, only blocks that are independent.
+A group of columns is tested given the columns that are in the model already: what it explains, and the
+probability of as much by chance.  The chance is found by flipping the signs of whole blocks of the score
+(Hemerik, Goeman and Finos 2020).  This needs independent blocks, but no noise model.
 """
 
 from __future__ import annotations
@@ -19,21 +19,24 @@ from hydro.core.columns import Array
 from hydro.core.prediction.normal_equations import Normal, block_length
 
 Columns = Sequence[int]
-
+"""Numbers of columns."""
 FLIPS = 1999
-RIDGE = 1e-9  # of each column's own size: columns that are alike share what they explain
-FLOOR = 1e-9  # of the mean variance of a group's score
+"""Number of sign flips: the smallest p-value is 1 / 2000."""
+RIDGE = 1e-9
+"""Ridge of each column, relative to its own size: columns that are alike share their gain."""
+FLOOR = 1e-9
+"""Floor of a score's variance, relative to the mean variance of its group."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A linearised problem in columns of unit size.
+    """Linearised problem in columns of unit size.
 
     Attributes:
         matrix: X^T X of each piece, (S, P, P).
         score: X^T e of each piece, (S, P).
         error: e^T e of each piece, (S,).
-        size: What each column was divided by, (P,).
+        size: Divisor of each column, (P,).
     """
 
     matrix: Array
@@ -43,7 +46,7 @@ class Evidence:
 
     @classmethod
     def of(cls, normal: Normal) -> Evidence:
-        """Scale the columns of a problem; pieces whose prediction diverges are dropped."""
+        """Scale the columns of a problem, and drop pieces whose prediction diverges."""
         kept = np.isfinite(normal.gram[:, -1, -1])
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
@@ -58,33 +61,35 @@ class Evidence:
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
-        """Least-squares amounts of some columns, all others absent, in units of `size`; (p,)."""
+        """Return the least-squares amounts of some columns without all others, in units of `size`, (p,)."""
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def gain(self, given: Columns, group: Columns) -> float:
-        """How much less squared residual is left when a group joins the given columns."""
+        """Return the reduction of the squared residual when a group joins the given columns."""
         return self._explained([*given, *group]) - self._explained(given)
 
     def scores(self, columns: Columns) -> Array:
-        """X^T e of each piece for some columns, e what is left with all of them, (S, p)."""
+        """Return X^T e of each piece for some columns, e the residual with all of them, (S, p)."""
         found, matrix = self.solve(columns), self.matrix[:, columns][:, :, columns]
         left: Array = self.score[:, columns] - matrix @ found
         return left
 
     def _explained(self, columns: Columns) -> float:
-        """What the least-squares amounts of some columns explain of the squared residual."""
+        """Return the squared residual that the least-squares amounts of some columns explain."""
         found = self.solve(columns)
         matrix = self.total[np.ix_(columns, columns)]
         return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
 
     def covariance(self, given: Columns, group: Columns, scale: float) -> Array:
-        """Of a group's amounts beside the given columns, (p, p), in the problem's own units.
+        """Return the covariance of a group's amounts with the given columns in the model, (p, p).
+
+        It is in the units of the problem.
 
         Args:
             given: Columns in the model.
             group: Further columns.
-            scale: Mean square of what is left.
+            scale: Mean square of the residual.
         """
         both, size = [*given, *group], self.size[list(group)]
         matrix = self.total[np.ix_(both, both)] + RIDGE * np.eye(len(both))
@@ -95,24 +100,24 @@ class Evidence:
 def p_values(
     evidence: Evidence, given: Columns, groups: Mapping[str, Sequence[Columns]], seed: int = 0
 ) -> dict[str, float]:
-    """Probability that, nothing being missing, the most striking group is as striking as each one.
+    """Return for each group the probability that, by chance, the largest statistic of all reaches its own.
 
-    The statistic of a group is m^T V^-1 m of its score m against the model without it, on the scale of a
-    normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
-    that white noise gives it, for what the fit took of a block depends on the signs of the others (De Santis,
-    Goeman, Hemerik, Davenport and Finos 2022): so the level is kept where a group is wide and where few
-    blocks have most of the leverage.
+    The statistic of a group is m^T V^-1 m, with m its score against the model without it.  It is converted to
+    a normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
+    that white noise gives it.  The reason is that the fit's share of a block depends on the signs of the
+    others (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for wide groups, and
+    where few blocks have most of the leverage.
 
-    Blocks are as long as what the plainest group leaves is correlated: what it explains is no noise.
-    Of a group with several shapes the most striking one counts, chosen in every flip anew: chosen beforehand
-    it would tell more than chance does.  So does the most striking part of a shape with more than half as
-    many columns as there are blocks.
+    A block is as long as the residual with the group of largest gain is correlated.  The reason is that the
+    part that this group explains is not noise.  Of a group with several shapes the shape with the largest
+    statistic counts, chosen again in every flip; a choice made beforehand would bias the test.  The same
+    holds for the parts of a shape with more than half as many columns as there are blocks.
 
     Args:
-        evidence: The problem.
+        evidence: Linearised problem.
         given: Columns in the model already.
         groups: Columns of each shape of each group.
-        seed: Of the flips.
+        seed: Seed of the flips.
     """
     if not groups:
         return {}
@@ -135,11 +140,11 @@ def p_values(
 
 
 def _deviates(form: Array, columns: int) -> Array:
-    """Quadratic forms of so many columns, of which the first is observed, as normal deviates."""
+    """Convert quadratic forms of so many columns, of which the first is observed, to normal deviates."""
     form = form * (columns / max(float(form[1:].mean()), 1e-300))
     with np.errstate(divide="ignore"):
         tail = np.log(chdtrc(columns, form))
-    # Beyond what a double can tell the form itself keeps the order.
+    # Beyond the range of a double the form itself keeps the order.
     deviates: Array = np.where(tail > -700.0, -ndtri(np.exp(np.maximum(tail, -700.0))), np.sqrt(form))
     return deviates
 
@@ -147,12 +152,12 @@ def _deviates(form: Array, columns: int) -> Array:
 def _forms(
     evidence: Evidence, given: Columns, group: Columns, starts: NDArray[np.int64], signs: Array
 ) -> Array:
-    """m^T V^-1 m of a group's score under each row of signs, (F,), with the V of white noise of size 1.
+    """Return m^T V^-1 m of a group's score under each row of signs, (F,), with the V of unit white noise.
 
-    White noise gives a block's score s_b the covariance A_b; the fit to the given columns X leaves
-    s_b - A_bX T_X^-1 s_X, T the sum of A_b.  With P the part of the group that is orthogonal to X, the sum of
-    g_b P (s_b - A_bX T_X^-1 s_X) has the covariance P T P^T - C T_X^-1 C^T, C the sum of g_b P A_bX; for
-    g_b^2 = 1, and C is 0 where all signs are as observed.
+    White noise gives a block's score s_b the covariance A_b.  The fit to the given columns X leaves
+    s_b - A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  The
+    sum of g_b P (s_b - A_bX T_X^-1 s_X) has the covariance P T P^T - C T_X^-1 C^T for g_b^2 = 1.  C is the
+    sum of g_b P A_bX.  It is 0 where all signs are as observed.
     """
     both, own = np.array([*given, *group]), len(given)
     blocks = np.add.reduceat(evidence.matrix[:, both[:, None], both], starts, axis=0)
@@ -163,7 +168,7 @@ def _forms(
     left = (scores - across @ np.linalg.solve(inner, scores[:, :own].sum(axis=0))) @ turn.T
     flipped, mixed = signs @ left, np.tensordot(signs, turn @ across, axes=1)
     spread = turn @ total @ turn.T
-    # all flips at once: each on its own would factorise the same matrix anew
+    # all flips at once: separate solutions would factorise the same matrix each time
     held = np.linalg.solve(inner, mixed.reshape(len(signs) * len(group), own).T).T.reshape(mixed.shape)
     each = spread - mixed @ held.transpose(0, 2, 1)
     each += FLOOR * np.trace(spread) / len(group) * np.eye(len(group))

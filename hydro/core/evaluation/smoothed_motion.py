@@ -1,4 +1,4 @@
-"""The smoothed motion of a recording, and how uncertain it is."""
+"""Smoothed motion of a recording, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from hydro.core.recording.shots import CHANNELS
 from hydro.core.vehicle.frames import euler_from_quaternion
 
 STEEP = 0.3
-"""Cosine of the pitch from which roll and heading are no channels to smooth: they jump at the vertical."""
-IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
+"""Cosine of the pitch below which roll and heading are not smoothed: they jump at the vertical."""
+IMPULSE_REACH = 1000
+"""Rows on each side of the impulse from which the smoother's weights are computed."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The smoothed motion of a recording.
+    """Smoothed motion of a recording.
 
     Attributes:
         eta: Pose with unwrapped angles, (N, 6).
         nu: Velocity as logged, (N, 6).
-        nu_dot: Its derivative, (N, 6).
-        sigma: Noise of the twelve channels; 0 of one without samples.
+        nu_dot: Derivative of the velocity, (N, 6).
+        sigma: Noise of the twelve channels; 0 for one without samples.
         uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
             its ends, (2, 12).
         pose: Smoother of the pose.
@@ -44,7 +45,7 @@ class Motion:
 
     @classmethod
     def of(cls, record: Recording) -> Motion:
-        """Smooth a recording, its noise found from it.
+        """Smooth a recording, with the noise estimated from it.
 
         Raises:
             DataError: A segment has a single row, or none has eight.
@@ -102,7 +103,7 @@ def _turned_back(attitude: Array, correction: Array) -> Array:
 
 
 def _doubt(record: Recording, sigma: Array) -> Array:
-    """Standard deviation of what fills channels without samples, (12,): of slopes by noise of the pose."""
+    """Return the standard deviation of filled channels, (12,); of velocities from the noise of the pose."""
     pose = np.repeat([sigma[:3].max(), sigma[3:6].max()], 3)
     doubt = np.concatenate([sigma[:6], pose * slope_noise(record.dt)])
     if record.seen is None or record.doubt is None:
@@ -112,9 +113,9 @@ def _doubt(record: Recording, sigma: Array) -> Array:
 
 
 def _weights(design: smoothing.Design) -> Array:
-    """Of a row's smoothed value: weight of its own measurement and sum of the squares of all weights.
+    """Return the weight of a row's own measurement in its smoothed value, and the sum of all squared weights.
 
-    In the first row of a segment, and far from its ends; (2, 2, 6).
+    They are for the first row of a segment, and far from its ends; (2, 2, 6).
     """
     impulse = np.zeros((2, 2 * IMPULSE_REACH + 1, 6))
     impulse[0, 0] = impulse[1, IMPULSE_REACH] = 1.0
@@ -125,15 +126,15 @@ def _weights(design: smoothing.Design) -> Array:
 
 
 def _uncertainty(weights: Array, sigma: Array, left: Array) -> Array:
-    """Standard deviation of the smoothed channels in the first row and in the middle, (2, 12).
+    """Return the standard deviation of the smoothed channels in the first row and in the middle, (2, 12).
 
-    Noise passes with the sum of squared weights.  What smoothing took away beyond its share of the noise was
-    motion, and is missing from the smoothed value.
+    Noise passes with the sum of squared weights.  A variance of the residual beyond its share of the noise is
+    motion that the smoothed value lacks.
 
     Args:
-        weights: Of pose and velocity as `_weights` gives them, (2, 2, 2, 6).
+        weights: Weights of pose and velocity from `_weights`, (2, 2, 2, 6).
         sigma: Noise of the channels, (12,).
-        left: Variance of measured less smoothed, (12,).
+        left: Variance of measured minus smoothed values, (12,).
     """
     own, passed = np.concatenate([weights[0], weights[1]], axis=2)
     blurred = np.maximum(left - sigma**2 * (1.0 - 2.0 * own[1] + passed[1]), 0.0)

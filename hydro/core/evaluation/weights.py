@@ -1,9 +1,9 @@
-"""What errors on different axes count for beside each other: by the vehicle's inertia.
+"""Weights of errors on different axes, by the vehicle's inertia.
 
-Wrenches by r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses
-likewise.  Weighted sums are divided, or multiplied, by the dry mass, so that all axes together are one force,
-speed or distance.  Errors can be held against each other only where the weights are the same: those of the
-first of the vehicle files that are compared.
+Wrenches have the weight r_i^2 / M_ii (Gauss' measure of constraint), velocities M_ii e_i^2 (kinetic energy),
+and poses likewise.  Weighted sums are divided, or multiplied, by the dry mass, so that all axes together are
+one force, speed or distance.  Errors are comparable only with equal weights: those of the first of the
+compared vehicle files.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from hydro.core.prediction.candidate import Candidate
 
 
 class Weights(NamedTuple):
-    """What a square on each axis counts for.
+    """Weight of a squared error on each axis.
 
     Attributes:
-        force: Of X Y Z K M N, (6,).
-        velocity: Of u v w p q r, (6,).
-        pose: Of x y z and the rotation about the body's axes, (6,).
+        force: Weights of X Y Z K M N, (6,).
+        velocity: Weights of u v w p q r, (6,).
+        pose: Weights of x y z and the rotation about the body axes, (6,).
     """
 
     force: Array
@@ -34,7 +34,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def of(cls, model: Candidate) -> Weights:
-        """By the diagonal of a model's inertia, added mass included."""
+        """Return weights from the diagonal of a model's inertia, added mass included."""
         c = constants_of(model.program.flat)
         inertia, mass = np.diag(c[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)), float(c[MASS])
         level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
@@ -42,7 +42,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def read(cls, comparison: pl.DataFrame) -> Weights:
-        """Those that a comparison was made with; 0 of an axis that it has no errors of."""
+        """Return the weights of a comparison; 0 for an axis without errors in it."""
         rows = comparison.filter(pl.col("level").is_in(["force", "replay"]), by="all")
         known = dict(rows.select("axis", "weight").drop_nulls().iter_rows())
         return cls(*(np.array([known.get(axis, 0.0) for axis in axes]) for axes in (WRENCH, VELOCITY, POSE)))

@@ -1,9 +1,9 @@
-"""Weights of the axes, and three simple predictors that a model has to beat.
+"""Weights of the axes, and three simple predictors that a model should beat.
 
-The predictors begin where the model begins.  Zero velocity stands still.  Constant velocity goes on as it
-went.  Least squares obeys damping, cross terms and delayed, scaled thrust on each axis i:
+The predictors start where the model starts.  "Zero velocity" stands still.  "Constant velocity" keeps its
+first velocity.  "Least squares" obeys damping, cross terms and delayed, scaled thrust on each axis i:
 nu_i' = a nu_i + b |nu_i| nu_i + c tau_i(t - d) + e + sum_j k_j nu_j with a, b <= 0 <= c.  Bounded least
-squares fits its numbers to training sessions only.  A model that predicts worse than one of them has lost.
+squares fits its parameters to training sessions only.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts
 
 ZERO, CONSTANT, LEAST_SQUARES = PREDICTORS = ("zero velocity", "constant velocity", "least squares")
 LEVEL = "yardstick"
-"""What the rows of the predictors are called in a comparison."""
+"""Level of the predictors' rows in a comparison."""
 PLAIN = 5
-"""Regressors of an axis without cross terms: two of damping, thrust, and the steady force of either sign."""
+"""Number of regressors without cross terms: two for damping, thrust, and the steady force of either sign."""
 DELAYS = np.linspace(0.0, 1.0, 11)
 """Delays of the thrust that are tried [s]."""
 WINDOW = 1.0
 """Time over which changes of velocity are fitted [s]."""
 RIDGE = 0.001
-"""Weight of the ridge on cross terms, as a share of each regressor's sum of squares.  It decides only where
+"""Weight of the ridge on cross terms, as a share of each regressor's sum of squares.  It matters only where
 axes move together; a tenth or ten times of it changes an error 5 s ahead by less than 1 %."""
 FOLDS = 5
-"""Groups of sessions, or blocks of time of a single one, each left out of a fit once; more cost time and
-change little."""
+"""Number of groups of sessions, or blocks of time of a single one, that are each held out once.  More cost
+time and change little."""
 LOST = 1.02
-"""Error over that of a simple predictor from which a model has lost to it: less is a draw."""
+"""Ratio of a model's error to that of a simple predictor above which the model is worse; less is a draw."""
 JUDGED = 5.0
-"""Horizon at which it has [s]."""
+"""Horizon of that comparison [s]."""
 
 
 class Damped(NamedTuple):
-    """One axis that obeys damping and delayed thrust.
+    """Axis with damping and delayed thrust.
 
     Attributes:
         linear: a [1/s], at most 0.
@@ -59,7 +59,7 @@ class Damped(NamedTuple):
         thrust: c, acceleration for a unit of the axis' wrench [1/kg, 1/(kg m^2)], at least 0.
         steady: e [m/s^2, rad/s^2].
         delay: d [s].
-        cross: k_j, for a unit of each other axis' velocity; empty of none.
+        cross: k_j, for a unit of each other axis' velocity; empty without cross terms.
     """
 
     linear: float
@@ -72,14 +72,14 @@ class Damped(NamedTuple):
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Weights and simple predictors for one vehicle file, and for all files made from it.
+    """Weights and simple predictors for one vehicle file and all files made from it.
 
     Attributes:
-        vehicle: The file, whose thrusters make wrenches of the commands.
-        weights: Of the axes, by its inertia.
-        damped: Each axis by least squares, fitted to all of the training recording, (6,).
-        left_out: The same fitted without each fold of the training recording, for predictions of that fold.
-        fold: Fold of each row of the training recording, (N,); empty where folds are not told apart.
+        vehicle: Vehicle file, whose thrusters turn commands into wrenches.
+        weights: Weights of the axes, from its inertia.
+        damped: Each axis by least squares, fitted to the whole training recording, (6,).
+        left_out: Fits without each fold of the training recording, for predictions of that fold.
+        fold: Fold of each row of the training recording, (N,); empty without folds.
     """
 
     vehicle: Vehicle
@@ -90,11 +90,11 @@ class Yardstick:
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame) -> Yardstick:
-        """By a vehicle file, and fitted to a recording.
+        """Fit the predictors to a recording, with the weights of a vehicle file.
 
         Args:
-            vehicle: The vehicle file.
-            raw: Raw table: never the one that is held out.
+            vehicle: Vehicle file.
+            raw: Raw table, never the held-out one.
 
         Raises:
             DataError: They do not fit each other.
@@ -103,14 +103,14 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit to a recording that has been read."""
+        """Fit the predictors to a recording that has been read."""
         return cls(vehicle, Weights.of(candidate(vehicle)), _fitted(record, _wrench(vehicle, record)))
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit to a recording whose own predictions are to be measured; see `of_others` for any other.
+        """Fit the predictors to a recording that they will predict; see `of_others` for any other.
 
-        Each group of sessions is predicted by a fit to the others, or each block of a single session.
+        Each group of sessions, or each block of a single session, is predicted by a fit to the others.
         """
         tau, fold = _wrench(vehicle, record), _folds(record)
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
@@ -119,23 +119,23 @@ class Yardstick:
 
     @property
     def of_others(self) -> Yardstick:
-        """The yardstick for recordings that it was not fitted to."""
+        """Yardstick for recordings that it was not fitted to."""
         return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(
         self, record: Recording, motion: Motion, pieces: Pieces, horizon: float, velocity: Misfit
     ) -> list[tuple[str, Misfit]]:
-        """Errors of the simple predictors.
+        """Return the errors of the simple predictors.
 
         Args:
-            record: The recording.
-            motion: Its smoothed motion.
-            pieces: What to sum over.
+            record: Recording.
+            motion: Smoothed motion of the recording.
+            pieces: Pieces of time over which squares are summed.
             horizon: Length of a prediction [s].
             velocity: Errors of the model's predictions at the same horizon.
 
         Returns:
-            Each predictor's name and its errors, on the same predictions.
+            Name and errors of each predictor, on the same predictions.
         """
         starts, _, lengths = laid(record, horizon)
         rows = starts[:, None] + np.arange(lengths[0])
@@ -160,7 +160,7 @@ class Yardstick:
     def _by_least_squares(
         self, record: Recording, starts: Rows, rows: Rows, first: Array, tau: Array
     ) -> Array:
-        """Predict by damped axes, each start by a fit that its fold had no part in, (S, K, 6)."""
+        """Predict by damped axes, each start with a fit that does not use its fold, (S, K, 6)."""
         fits = self.left_out or (self.damped,)
         fold = self.fold[starts] if self.left_out else np.zeros(len(starts), np.int64)
         out = np.empty((*rows.shape, 6))
@@ -172,14 +172,14 @@ class Yardstick:
 
 
 def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
-    """Return which part of the least-squares fit of an axis lowers its squared residual most, in words.
+    """Return the part of the least-squares fit of an axis that lowers its squared residual most, in words.
 
-    Each part is taken out in turn and the others are fitted again: cross terms, the delay, the command scale
-    (set to the file's own inertia) and the damping.
+    Each part is removed in turn and the others are refitted: cross terms, the delay, the command scale (set
+    to the file's inertia) and the damping.
 
     Args:
-        yardstick: Fitted to the recording.
-        record: The training recording.
+        yardstick: Yardstick, fitted to the recording.
+        record: Training recording.
         axis: Number of the axis, 0 to 5.
     """
     fit, nu = yardstick.damped[axis], record.nu[:, axis]
@@ -189,7 +189,7 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
     beside = np.delete(record.nu, axis, axis=1) if fit.cross else np.zeros((record.rows, 0))
 
     def left(damping: bool, thrust: Array | None, cross: Array, known: Array) -> float:
-        """Return the squared residual of a fit of some parts to changes beyond what is known."""
+        """Return the squared residual of a fit of some parts to changes beyond the known ones."""
         own = np.stack([-nu, -np.abs(nu) * nu], axis=1) * damping
         force = np.zeros(record.rows) if thrust is None else thrust
         windows = _over_windows(np.column_stack([own, force, steady, -steady, cross, -cross, nu]), record)
@@ -211,21 +211,21 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
 
 
 def column(predictor: str) -> str:
-    """Column of a ladder that holds the errors of a simple predictor."""
+    """Return the column of a ladder that holds the errors of a simple predictor."""
     return predictor.replace(" ", "_")
 
 
 def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Array:
-    """Return the velocities that damped axes reach under thrust, each step with the damping of its beginning.
+    """Integrate the velocities of damped axes under thrust, each step with the damping at its start.
 
     Args:
         damped: The A axes.
-        first: Velocities at the beginning, (S, A).
+        first: Velocities at the start, (S, A).
         tau: Wrenches, already delayed, (S, K, A).
-        dt: From row to row [s].
+        dt: Time from row to row [s].
 
     Returns:
-        Velocities, (S, K, A); the first row is the beginning.
+        Velocities, (S, K, A); the first row is the start.
     """
     linear, quadratic, thrust, steady = np.array([one[:4] for one in damped]).T
     cross = _matrix(damped)
@@ -240,7 +240,7 @@ def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Arra
 
 
 def lost(errors: pl.DataFrame) -> list[tuple[str, str]]:
-    """Axes on which a model predicts worse than a simple predictor, and the best of these.
+    """Return axes on which a model predicts worse than a simple predictor, each with the best predictor.
 
     Args:
         errors: `axis`, `predictor`, and the root mean square errors `model` and `simple`, JUDGED ahead.
@@ -252,7 +252,7 @@ def lost(errors: pl.DataFrame) -> list[tuple[str, str]]:
 
 
 def _wrench(vehicle: Vehicle, record: Recording) -> Array:
-    """Wrench of the thrusters, as the file makes it of the commands, in every row, (N, 6)."""
+    """Return the wrench of the thrusters in every row, from the commands by the file, (N, 6)."""
     table = candidate(vehicle).thrusters
     force = thrusts(table, record.commands, record.t, record.segments, after_gap=record.after_gap)
     wrench: Array = force @ table[:, UNIT_WRENCH]
@@ -260,7 +260,7 @@ def _wrench(vehicle: Vehicle, record: Recording) -> Array:
 
 
 def _delayed(values: Array, record: Recording, delay: float) -> Array:
-    """A series (N,) later by a delay [s]; each segment begins with its first value."""
+    """Return a series (N,) later by a delay [s]; each segment starts with its first value."""
     late, out = round(delay / record.dt), values.copy()
     for start, stop in record.segments:
         by = min(late, stop - start)
@@ -295,8 +295,8 @@ def _grows(damped: Sequence[Damped]) -> bool:
 def _folds(record: Recording) -> Rows:
     """Return the fold of each row: groups of sessions, or blocks of time of a single session, (N,).
 
-    Sessions are dealt out by their mean square velocity: the order in which they are listed does not count,
-    and each group has slow and fast ones.
+    Sessions are distributed by their mean square velocity.  Their order in the list then does not matter, and
+    each group has slow and fast ones.
     """
     names = np.unique(record.session)
     parts = [
@@ -332,8 +332,8 @@ def _without(record: Recording, fold: Rows, number: int) -> Recording:
 def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damped:
     """Fit damping, thrust, delay and cross terms of one axis to its changes of velocity over WINDOW.
 
-    Integrals need no derivative of noisy samples.  Cross terms stay where they lower the error of stretches
-    that they were not fitted to: those of another `fold` of windows, (W,).
+    Integrals need no derivative of noisy samples.  Cross terms are kept if they lower the error of held-out
+    windows, those of another `fold`, (W,).
     """
     nu, steady = record.nu[:, axis], np.ones(record.rows)
     others = np.delete(np.arange(6), axis)
@@ -350,15 +350,15 @@ def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damp
     beside = record.nu[:, others]
     rates = np.column_stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, beside, -beside, nu])
     windows = _over_windows(rates, record)
-    if not _earns_cross_terms(windows, fold):
+    if not _improves_with_cross_terms(windows, fold):
         return plain
     values = _bounded(windows[:, :-1], windows[:, -1])[1]
     cross = np.insert(values[PLAIN : PLAIN + 5] - values[PLAIN + 5 :], axis, 0.0)
     return Damped(-values[0], -values[1], values[2], values[3] - values[4], delay, tuple(map(float, cross)))
 
 
-def _earns_cross_terms(windows: Array, fold: Rows) -> bool:
-    """Return whether cross terms lower the squared error of each fold by a fit to the others."""
+def _improves_with_cross_terms(windows: Array, fold: Rows) -> bool:
+    """Return whether cross terms lower the squared error of held-out folds."""
     lost = np.zeros(2)
     for number in np.unique(fold):
         out = fold == number
@@ -369,12 +369,12 @@ def _earns_cross_terms(windows: Array, fold: Rows) -> bool:
 
 
 def _bounded(columns: Array, change: Array) -> tuple[float, Array]:
-    """Fit numbers of at least 0 by least squares, cross terms with a ridge.
+    """Fit nonnegative parameters by least squares, with a ridge on cross terms.
 
-    Returns the squared residual, up to a constant, and the numbers, (K,).
+    Returns the squared residual, up to a constant, and the parameters, (K,).
 
     Args:
-        columns: Regressors, (W, K), those beyond PLAIN of cross terms.
+        columns: Regressors, (W, K); those beyond PLAIN are cross terms.
         change: Changes of velocity, (W,).
     """
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
@@ -386,7 +386,7 @@ def _bounded(columns: Array, change: Array) -> tuple[float, Array]:
 
 
 def _over_windows(rates: Array, record: Recording) -> Array:
-    """Integrals of series (N, K) over windows of every segment, but of the last one its change, (W, K)."""
+    """Return integrals of series (N, K) over all windows; of the last series, its change, (W, K)."""
     rows, parts = _window_rows(record), []
     for start, stop in record.segments:
         within = rates[start:stop]

@@ -1,1 +1,1 @@
-"""What is missing, step by step: the ladder of errors, what a step may add, and the loop."""
+"""Stepwise completion of a vehicle file: candidates of a step, held-out trials, and the ladder of errors."""

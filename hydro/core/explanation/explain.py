@@ -1,9 +1,9 @@
-"""What is missing, step by step: add the best finding, fit everything anew together, and look again.
+"""Stepwise completion of a vehicle file: add the best finding, refit everything together, and diagnose again.
 
-Step 0 is the vehicle file as it is given.  Each later step adds the finding that explains most, or where none
-is stated what predicts best, refits it with all effects that the file has or was given, and is held against
-the recording and against another one that no fit has seen.  The errors of all steps make the ladder
-(`explanation.ladder`).  A step that raises the held-out error is the last.
+Step 0 is the vehicle file as given.  Each later step adds the finding that explains most, or without a stated
+finding the candidate with the best held-out prediction.  All existing and added effects are then refitted.
+The step is compared with the recording, and with a held-out one that no fit used.  The errors of all steps
+form the ladder (`explanation.ladder`).  A step that raises the held-out error is the last.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
 MOST_STEPS = 6
-"""The file as given not counted."""
+"""Maximum number of steps after the file as given."""
 TRIED, COMPARED = 0.2, 0.15
-"""Shares of the time of a step for trials and for comparisons, about; the diagnosis takes the rest."""
-NO_BETTER = "nothing else that was tried predicts stretches better that it was not fitted to"
+"""Approximate shares of the time of a step for trials and for comparisons; the diagnosis takes the rest."""
+NO_BETTER = "no other candidate lowers the held-out prediction error"
 Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
-"""A diagnosis of a vehicle and a recording, and what lies beyond its catalogue."""
+"""Function that extends the diagnosis of a vehicle and a recording beyond the catalogue."""
 
 
 def explain(
@@ -52,23 +52,24 @@ def explain(
     progress: Progress | None = None,
     provisional: Told | None = None,
 ) -> Iterator[Step]:
-    """Add what is missing until nothing more is found.
+    """Add missing effects step by step until nothing is found.
 
     Args:
-        vehicle: The model.
+        vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
-        holdout: Another one, which nothing is fitted to.
-        hull: What a recording before a change has taught (`diagnosis.diagnose.hull_of`): then what has
-            changed since is added, and the hull's law and the file's own values are held.
-        done: First steps of the same study that are known already.
-        recordings: Both recordings cleaned already, see `explanation.trials`.
-        beyond: Looks further where a diagnosis names nothing, see `core.discovery`.
-        corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
-        progress: Called with a few words and the share of the present step that is done.
-        provisional: Receives the best candidate of the first diagnosis after its first fits.
+        holdout: Raw table of a held-out recording, which no fit uses.
+        hull: Hull-force model from a recording before a change (`diagnosis.diagnose.hull_of`).  Changes since
+            then are added, with the hull-force model and the file's values held fixed.
+        done: First steps of the same study, if known already.
+        beyond: Function that extends a diagnosis without a finding, see `core.discovery`.
+        recordings: Both recordings, if cleaned already, see `explanation.trials`.
+        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
+            them.
+        progress: Called with a short text and the share of the present step that is done.
+        provisional: Called with the best candidate of the first diagnosis after its first fits.
 
     Yields:
-        Each step that was not done, once it is; `ending` says why the last is the last.
+        Each new step, once it is done; `ending` returns the reason why the last one is the last.
 
     Raises:
         DataError: A recording or the vehicle is at fault, a recording is too short, or the directions or the
@@ -95,10 +96,10 @@ def explain(
 
 
 def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
-    """Hold a recording to what the ladder needs of it, with the model of a hull beside the file or without.
+    """Check that a recording is long enough for the ladder, and with `beside` for a hull-force model.
 
     Raises:
-        DataError: It does not fit the vehicle, or no session lasts HORIZON; or, with the model of a hull,
+        DataError: It does not fit the vehicle, or no session lasts HORIZON; or, with a hull-force model,
             there are too few shots.
     """
     record = recording(vehicle, raw)
@@ -110,29 +111,29 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
 
 
 def ending(steps: Sequence[Step]) -> str:
-    """Why no step follows the last of these, in words, once `explain` has ended."""
+    """Return the reason why no step follows the last of these, once `explain` has ended."""
     return over(steps) or _with_suspects(NO_BETTER, steps[-1])
 
 
 def over(steps: Sequence[Step]) -> str:
-    """The same where the steps themselves say that none follows; empty where one is to be tried."""
+    """Return the reason why the steps themselves exclude another; empty if one is to be tried."""
     last = steps[-1]
     if best(steps) is not last:
         held_out = not last.ladder.filter(dataset="holdout").is_empty()
-        data = "the held-out data" if held_out else "stretches that it was not fitted to"
+        data = "the held-out data" if held_out else "held-out stretches"
         return (
             f"step {last.number} predicts {data} worse than step {last.number - 1}, which is the one to use"
         )
     if not (options(last) or is_open(last)):
         known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
-        words = words if known else "what is left no effect of the catalogue explains"
+        words = words if known else "no effect of the catalogue explains the remaining error"
         return _with_suspects(words, last)
-    return f"{MOST_STEPS} steps are the most" if last.number >= MOST_STEPS else ""
+    return f"{MOST_STEPS} steps are the limit" if last.number >= MOST_STEPS else ""
 
 
 def _with_suspects(words: str, last: Step) -> str:
-    """The words, with what is suspected and was not added."""
+    """Return the words with a list of the suspects that were not added."""
     fitted = {table["name"] for table in last.tables}
     suspected = ", ".join(name for name in suspects(last.diagnosis) if name not in fitted)
     return f"{words}; only suspected, and not added: {suspected}" if suspected else words
@@ -146,7 +147,7 @@ def _next(
     beyond: Beyond | None,
     provisional: Told | None,
 ) -> Step | None:
-    """The step after these; None where nothing that may be added predicts better."""
+    """Return the step after these; None if no candidate predicts better."""
     number, log, hull = len(steps), recordings.log, recordings.hull
     first = Trial((), (), file)
     tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, TRIED)) if steps else first
@@ -158,7 +159,7 @@ def _next(
     compared = [recordings.compared(tried.vehicle, log, part(progress, begin, middle))]
     if recordings.holdout is not None:
         compared.append(recordings.compared(tried.vehicle, recordings.holdout, part(progress, middle, end)))
-    # Standard errors from this recording are no second opinion on it.
+    # Standard errors from this recording are not independent evidence about it.
     plain = extended(file, [bare(table) for table in tried.tables])
     ladder = [rungs(number, tried.added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     if recordings.holdout is None and hull is None:

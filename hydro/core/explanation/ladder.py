@@ -1,9 +1,9 @@
-"""Steps and the ladder that their errors make: which of them is the one to use.
+"""Steps of a study, the ladder of their errors, and the choice of the step to use.
 
-All steps are measured by the yardstick of step 0: its weights of the axes, and the simple predictors that
-were fitted to the recording.  Held-out predictions HORIZON ahead decide, or without such data predictions of
-stretches of the recording by the fit to all others.  With the hull that a recording before has taught, errors
-are measured in units of what its model leaves of that recording, on held-out data too.
+All steps are measured with the yardstick of step 0: its weights of the axes, and the simple predictors that
+were fitted to the recording.  The choice rests on held-out predictions HORIZON ahead.  Without held-out data
+it rests on stretches that are predicted by a fit to all others.  With a hull-force model from an earlier
+recording, errors are in units of its floor, on held-out data too.
 """
 
 from __future__ import annotations
@@ -22,31 +22,33 @@ from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
 HORIZON = 5.0
-"""How far ahead the predictions look by whose error steps are compared [s]."""
+"""Prediction horizon at which steps are compared [s]."""
 RISE = 1.02
-"""Held-out error over the least of the steps before from which a step counts as a step too far."""
+"""Ratio of the held-out error to the least of the earlier steps from which a step is one too many."""
 DATASETS = ("fit", "holdout")
+"""Names of the recording that is fitted to and of the held-out one."""
 LEFT_OUT = "left_out"
-"""The axis of all velocities together, of stretches of the recording left out of the fit."""
+"""Axis of the ladder that stands for all velocities together, on held-out stretches of the recording."""
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
+"""Columns of a row of the ladder."""
 UNKNOWN = pl.lit(None, pl.Float64)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step.
+    """One step of a study.
 
     Attributes:
-        number: 0 is the file as given.
-        added: Effects that the step added, or gave new values to where it added none; none of step 0.
-        tables: All effects that were fitted together, with their standard errors; none of step 0.
-        vehicle: The vehicle with them.
-        comparison: It against the recording, see `evaluation.compare`.
-        diagnosis: What is missing in it, see `diagnosis.findings`.
-        chi2: Of the diagnosis.
-        ladder: The errors of this step, the rows of the ladder table.
-        estimates: The values of `tables` with their covariance; None of step 0.
-        status: The answer of the diagnosis in words; None of a step that was read from its files.
+        number: Number of the step; 0 is the file as given.
+        added: Effects that the step added, or refitted if it added none; empty for step 0.
+        tables: All effects that were fitted together, with standard errors; empty for step 0.
+        vehicle: Vehicle with these effects.
+        comparison: Comparison of the vehicle with the recording, see `evaluation.compare`.
+        diagnosis: Diagnosis of the vehicle, see `diagnosis.findings`.
+        chi2: Mean squared residuals of the diagnosis.
+        ladder: Errors of this step, as rows of the ladder table.
+        estimates: Values of `tables` with their covariance; None for step 0.
+        status: Answer of the diagnosis in words; None of a step that was read from its files.
     """
 
     number: int
@@ -61,27 +63,27 @@ class Step:
     status: Status | None = None
 
     def error(self, dataset: str) -> float | None:
-        """Error of all velocities together, predicted HORIZON ahead [m/s]; None without such data."""
+        """Return the error of all velocities together, HORIZON ahead [m/s]; None without such data."""
         row = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
         return None if row.is_empty() else float(row["rmse"][0])
 
     @property
     def left_out(self) -> float | None:
-        """Error of stretches left out of the fit [m/s]; None where others decide which step to use."""
+        """Error of held-out stretches [m/s]; None where other data decide which step to use."""
         row = self.ladder.filter(axis=LEFT_OUT)
         return None if row.is_empty() else float(row["rmse"][0])
 
 
 def best(steps: Sequence[Step]) -> Step:
-    """The step to use: the last, or the one before where the last went too far."""
+    """Return the step to use: the last, or the one before if the last predicts worse."""
     return steps[best_step(pl.concat(step.ladder for step in steps))]
 
 
 def best_step(ladder: pl.DataFrame) -> int:
-    """Number of the step to use in a ladder: the last, or the one before it where that predicts better.
+    """Return the number of the step to use in a ladder: the last, or the one before if that predicts better.
 
-    Held-out predictions HORIZON ahead decide, or those with the hull beside the file where its model is
-    known; without such data stretches left out of the fit.
+    Held-out predictions HORIZON ahead decide.  With a hull-force model, errors in units of its floor decide;
+    without held-out data, held-out stretches of the recording.
     """
     held_out = ladder.filter(dataset="holdout")
     tried = (
@@ -95,9 +97,9 @@ def best_step(ladder: pl.DataFrame) -> int:
 
 
 def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:
-    """Rows of the ladder from one comparison: the errors of predictions over all of the recording.
+    """Return rows of the ladder from one comparison: errors of predictions over the whole recording.
 
-    With the model of the hull also that of all channels together in units of its floor.
+    With a hull-force model, a row holds the error of all channels together in units of its floor.
     """
     key = ["axis", "horizon"]
     beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("by") == BESIDE)
@@ -114,6 +116,6 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
 
 
 def left_out_rung(rungs: pl.DataFrame, error: float) -> pl.DataFrame:
-    """The rung of stretches left out of the fit, beside those of predictions over all of the recording."""
+    """Return the row of the ladder for held-out stretches, alike in form to the other rows."""
     same = rungs.filter(horizon=HORIZON).select("step", "effect", *RUNG)[-1:]
     return same.with_columns(axis=pl.lit(LEFT_OUT), rmse=pl.lit(error), low=UNKNOWN, high=UNKNOWN)

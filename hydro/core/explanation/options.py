@@ -1,8 +1,8 @@
-"""What the next step may add, as the diagnosis of a step has it.
+"""Candidates for the next step, from the diagnosis of a step.
 
-What is stated, and explains most, makes one step.  Where nothing is, or a suspect explains more, trials
-decide (`explanation.trials`).  With the hull that a recording before has taught, a step adds what changed
-most.
+The stated finding that explains most makes one step.  Where nothing is stated, or a suspect explains more,
+trials decide (`explanation.trials`).  With a hull-force model from an earlier recording, a step adds the
+largest change.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from hydro.core.explanation.with_hull import FLOOR
 Table = Mapping[str, Any]
 
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
-"""Verdicts that make a step; new values of what is there already come along with it."""
+"""Verdicts that make a step; new values of existing effects are added with it."""
 LIKELY = 0.2
-"""Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
+"""Confidence from which suspects are tried where nothing is stated; held-out data decide what stays."""
 SUSPECTED, FAR = "suspect", "far_from_noise"
-"""Verdicts on what is named without being sure, and on a recording whose noise no model reaches."""
+"""Verdict on an uncertain name, and verdict on a recording whose noise no model reaches."""
 
 
 def options(step: Step) -> list[dict[str, Table]]:
-    """What the diagnosis says that the next step may fit anew, by effect: the best that is missing first.
+    """Return the effects that the next step may fit, the best missing one first.
 
-    What is stated, and explains most, makes one step alone; what is suspected to explain more may make it,
-    too, and all suspects where nothing is stated.  New values alone make a step only where the effects have
-    not been fitted in this one.
+    A stated finding that explains most makes one step alone.  Suspects that explain more are options too, and
+    all suspects are where nothing is stated.  New values alone make a step only if these effects were not
+    fitted in the last one.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "").sort("rank")
     if of_change(step):
@@ -50,9 +50,9 @@ def options(step: Step) -> list[dict[str, Table]]:
 
 
 def is_open(step: Step) -> bool:
-    """Whether it is left to trials what the next step adds, among them others of the catalogue.
+    """Return whether trials decide the next step, with further candidates of the catalogue.
 
-    So it is where no statement comes first, and a suspect is likely or no model is near the noise.
+    They do where no statement comes first, and a suspect is likely or no model is near the noise.
     """
     if of_change(step):
         return False
@@ -62,22 +62,22 @@ def is_open(step: Step) -> bool:
 
 
 def is_stated(last: Step, step: Step) -> bool:
-    """Whether the diagnosis of the last step states what the next one adds, or gives new values to."""
+    """Return whether the diagnosis of the last step states the effects that the next one adds or refits."""
     return all(states(last, name) for name in step.added)
 
 
 def states(step: Step, effect: str) -> bool:
-    """Whether the diagnosis of a step states that an effect is missing or has changed."""
+    """Return whether the diagnosis of a step states that an effect is missing or has changed."""
     return not step.diagnosis.filter(pl.col("verdict").is_in(STATED), effect=effect).is_empty()
 
 
 def of_change(step: Step) -> bool:
-    """Whether the step tells of what has changed since a recording before."""
+    """Return whether the step concerns changes since an earlier recording."""
     return not step.ladder.filter(axis=FLOOR).is_empty()
 
 
 def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
-    """The best change that is stated, or else likely, and has not been fitted in the step."""
+    """Return the best change that is stated, or else likely, and has not been fitted in the step."""
     fitted = {table["name"] for table in step.tables}
     stated = findings.filter(pl.col("verdict").is_in(STATED))["effect"]
     names = [name for name in stated if name not in fitted] or _likely(step)
@@ -85,25 +85,25 @@ def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
 
 
 def _missing(step: Step) -> pl.DataFrame:
-    """Findings with values that state that an effect is missing, the best first."""
+    """Return findings with values that state a missing effect, the best first."""
     stated = pl.col("verdict").is_in(STEP_VERDICTS)
     return step.diagnosis.filter(pl.col("parameters") != "", stated).sort("rank")
 
 
 def _suspected(step: Step) -> pl.DataFrame:
-    """Suspects with values that have not been fitted in the step, the best first."""
+    """Return suspects with values that have not been fitted in the step, the best first."""
     new = ~pl.col("effect").is_in([table["name"] for table in step.tables])
     return step.diagnosis.filter(pl.col("parameters") != "", new, verdict=SUSPECTED).sort("rank")
 
 
 def _likely(step: Step) -> list[str]:
-    """Their names, where one of them is not unlikely."""
+    """Return the names of these suspects, if at least one of them is likely."""
     suspected = _suspected(step)
     likely = suspected.filter(pl.col("confidence") >= LIKELY)
     return [] if likely.is_empty() else suspected["effect"].to_list()
 
 
 def _discovered(findings: pl.DataFrame) -> list[str]:
-    """The formula that was discovered beyond the catalogue."""
+    """Return the formula that was discovered beyond the catalogue."""
     formulas = [name for name, effect in CATALOGUE.items() if effect.is_written]
     return findings.filter(pl.col("effect").is_in(formulas), verdict=SUSPECTED)["effect"].to_list()

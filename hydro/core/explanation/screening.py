@@ -1,8 +1,9 @@
-"""Which effects of the catalogue promise most of what a model leaves, before any of them is fitted.
+"""Ranking of all effects of the catalogue by held-out gain, before any of them is fitted.
 
-Where no model is right a diagnosis names one change at a time, and what stands for the hull is no name.  Yet
-a better model may have it.  All effects are linearised together about the present one; each is scored by what
-a step of it and of all that is there removes of stretches that the step does not see.
+Where no model is right, a diagnosis names one change at a time and no effect that merely absorbs the hull's
+error. Such an effect can still improve predictions.  All effects are linearised together about the present
+model.  The score of each is the error that one step of it, with all existing effects, removes from held-out
+stretches.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
-from hydro.core.diagnosis.model import as_it_is, begun, screened
+from hydro.core.diagnosis.model import begun, screened, unfitted
 from hydro.core.diagnosis.transfer import CORRELATED, SUSPECT, sessions_of
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction.normal_equations import Normal
@@ -25,17 +26,17 @@ from hydro.core.vehicle.description import Vehicle
 def promising(
     vehicle: Vehicle, own: Sequence[str], problem: OutputError, reach: Array
 ) -> list[dict[str, Any]]:
-    """The tables that fits of the effects begin from, the most promising first.
+    """Return starting tables of the effects, the largest held-out gain first.
 
-    An effect that promises nothing has none.
+    Effects without a gain are left out.
 
     Args:
-        vehicle: The model.
-        own: Effects of it that are fitted together with each.
-        problem: Shots, begun where the recording saw the vehicle.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
+        vehicle: Vehicle.
+        own: Existing effects that are fitted together with each.
+        problem: Shots, starting at the measured states.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
     """
-    model = begun(vehicle, own, problem, reach) if own else as_it_is(vehicle, problem)
+    model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
     screening = screened(model, suspects(vehicle, without=own, reach=reach), len(problem.shots.starts))
     fold, there = sessions_of(problem.shots), list(screening.own)
     weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT**-2

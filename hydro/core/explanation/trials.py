@@ -1,9 +1,9 @@
-"""Which of what a step may add predicts best the stretches of the recording that it was not fitted to.
+"""Trials of the candidates for a step: the best prediction of held-out stretches wins.
 
-What a diagnosis only suspects is tried, and beside it what else of the catalogue promises most
-(`explanation.screening`): fitted together with all that is there already, and held against stretches that the
-fit leaves out, as far ahead as the ladder looks.  With the hull that a recording before has taught, what
-changed is fitted with nothing but the changes of earlier steps.
+Suspects of a diagnosis are tried together with the effects of the catalogue that promise most
+(`explanation.screening`).  Each is fitted together with all existing effects.  It then predicts stretches
+that its fit does not use, over the horizon of the ladder.  With a hull-force model from an earlier recording,
+a change is fitted with the changes of earlier steps only.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
-from hydro.core.diagnosis.misread import by_kinematics
-from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
+from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
+from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.transfer import (
     Squares,
     left_out_squares,
@@ -54,13 +54,13 @@ from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
 PART, FEW, QUICK = 96, 48, 6
-"""Shots that the catalogue is linearised about; shots, HORIZON long, and steps of the fits that tell apart
-what may be added."""
+"""Number of shots about which the catalogue is linearised, and number of shots of HORIZON length and
+iterations of the fits that compare candidates."""
 TRIED, SHORTLIST = 8, 4
-"""How many effects are fitted so, and how many of these with stretches left out."""
+"""Number of effects that are fitted so, and number of these that are tested on held-out stretches."""
 LOWER = 0.98
-"""Part of the error of stretches left out that what is not stated may leave of it to be added, and from which
-two errors are alike."""
+"""Ratio of held-out errors below which a candidate that is not stated is added, and above which two errors
+count as equal."""
 
 STEADY = with_role(Role.STEADY_LOAD)
 """Steady loads, tried with each effect that changes the thrust which balances them."""
@@ -68,13 +68,13 @@ STEADY = with_role(Role.STEADY_LOAD)
 
 @dataclass(frozen=True)
 class Recordings:
-    """What all steps are held against, preprocessed once.
+    """Recordings of a study and the yardstick of all its steps, preprocessed once.
 
     Attributes:
-        log: The recording that everything is fitted to.
-        holdout: The held-out one; None without one.
-        yardstick: What the file as given, and all steps, are measured by.
-        hull: What a recording before a change has taught; None without one.
+        log: Recording of all fits.
+        holdout: Held-out recording; None without one.
+        yardstick: Yardstick for the file as given and all steps.
+        hull: Hull-force model from a recording before a change; None without one.
     """
 
     log: Preprocessed
@@ -86,7 +86,7 @@ class Recordings:
     def of(
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
-        """Preprocess both, the held-out one with the same order of its commands."""
+        """Preprocess both recordings, the held-out one with the same order of commands."""
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
@@ -94,34 +94,34 @@ class Recordings:
 
     @cached_property
     def problem(self) -> OutputError:
-        """A part of the shots of a diagnosis: about them the catalogue is linearised."""
+        """Shots about which the catalogue is linearised, a part of a diagnosis' shots."""
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(PART)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
-        """At most so many shots as long as the ladder looks ahead; None of few, and where they diverge.
+        """Return at most so many shots of HORIZON length; None if there are too few or they diverge.
 
-        Each channel is weighed by what the vehicle leaves of it: far from the noise, that of the sensors says
-        nothing of what counts.
+        Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
+        from the noise.
         """
         enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
         if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
         problem = stable.some(most)
-        return problem.reweighted(as_it_is(vehicle, problem).normal)[0]
+        return problem.reweighted(unfitted(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
-        """What suspects are fitted to beside a vehicle, and told apart by with some left out."""
+        """Return the shots for fits and comparisons of candidates for a vehicle."""
         return self.ahead(vehicle, FEW) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
-        """A vehicle against one of them, with the hull's rows where there is a hull."""
+        """Compare a vehicle with one of the recordings, with rows about the hull if there is a hull model."""
         yardstick = self.yardstick if log is self.log else self.yardstick.of_others
         found = compare(vehicle, log.raw, record=log.observed, yardstick=yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
 
     def error_ahead(self, vehicle: Vehicle) -> float:
-        """Error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
+        """Return the error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
         return self.error(squares_ahead(vehicle, self.log.shots(HORIZON)))
 
     def left_out(
@@ -129,7 +129,7 @@ class Recordings:
     ) -> Squares:
         """Return the squared errors HORIZON ahead of stretches that fits of some effects leave out.
 
-        The fits are to `problem`, by default what is judged by about the vehicle itself.
+        The fits are to `problem`, by default the shots of `judged`.
         """
         begun = (problem or self.judged(vehicle)).at_measured_states(vehicle)
         return left_out_squares(vehicle, fitted, begun, self.log.shots(HORIZON))
@@ -138,27 +138,27 @@ class Recordings:
         """Return the root mean square error of all axes together [m/s]."""
         return squares.error(self.yardstick.weights.velocity)
 
-    def spoils(self, before: Squares, after: Squares) -> tuple[str, ...]:
+    def worsened_axes(self, before: Squares, after: Squares) -> tuple[str, ...]:
         """Return the axes that are predicted significantly worse than before.
 
-        An axis counts where zero velocity would be significantly worse than before, or better than after:
-        elsewhere nothing is lost.
+        An axis counts only if zero velocity would be significantly worse than before, or better than after.
+        Otherwise its prediction was worthless before.
         """
         rest = squares_at_rest(self.log.shots(HORIZON))
         lost = {*worse_axes(before, rest), *worse_axes(rest, after)}
         return tuple(axis for axis in worse_axes(before, after) if axis in lost)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
-        """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
+        """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`."""
         return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
 
     def tried(
         self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK
     ) -> Vehicle:
-        """The vehicle with effects fitted to some shots, in so many steps at most.
+        """Return the vehicle with effects fitted to some shots, with at most so many iterations.
 
         Raises:
-            Diverges: The predicted motion does.
+            Diverges: The predicted motion diverges.
         """
         begun = free(vehicle, wanted, reach=self.log.track)
         problem = problem.at_measured_states(begun.at(begun.starts[0]))
@@ -167,13 +167,13 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Trial:
-    """What a step may add, fitted together with all that is there.
+    """Candidate for a step, fitted together with all existing effects.
 
     Attributes:
-        added: Effects that it adds, or gives new values to where it adds none.
-        tables: All effects that were fitted together, with their standard errors.
-        vehicle: The file of step 0 with them.
-        estimates: The values of `tables` with their covariance.
+        added: Effects that it adds, or refits if it adds none.
+        tables: All effects that were fitted together, with standard errors.
+        vehicle: File of step 0 with these effects.
+        estimates: Values of `tables` with their covariance.
     """
 
     added: tuple[str, ...]
@@ -183,27 +183,27 @@ class Trial:
 
 
 def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Progress) -> Trial | None:
-    """Of what the next step may add, what predicts best the stretches that it was not fitted to.
+    """Return the candidate with the best prediction of held-out stretches.
 
-    Those are asked of the few whose quick fits predict the recording best.  Values that physics does not
-    leave to an effect stand for something else: in a quick fit they count only where none has others, in the
-    last one the next best comes first.  None where what is not stated predicts these stretches no better than
-    the last step does, or than the file's own effects fitted anew.
+    Only the candidates whose quick fits predict the recording best are tested.  Values that physics excludes
+    show that an effect stands for another.  Among quick fits such a candidate counts only if no other has
+    plausible values; in the final fit the next best comes first.  The result is None where no candidate that
+    is not stated predicts these stretches better than the last step, or than the refitted file.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
         progress("all together", 0.0)
         return _trial(last, every[0], file, recordings)
     if undecided:
-        progress("all effects against what is left", 0.0)
+        progress("all effects against the residual", 0.0)
         every += _beside(last, every, recordings)
     every = [one for found in every for one in (found, *_with_loads(last, found))]
     problem = recordings.judged(last.vehicle)
     found = quick_fits(last, every, recordings, problem, progress)
-    quick = sorted(found, key=lambda one: (one.fanciful, one.error))
-    progress("the best of them, stretches left out", 0.5)
+    quick = sorted(found, key=lambda one: (one.is_implausible, one.error))
+    progress("the best of them on held-out stretches", 0.5)
     order, first = _best_of(quick, last, recordings, problem), None
-    progress("all together", 0.8)
+    progress("joint fit", 0.8)
     for one in order:
         trial = _trial(last, one.found, file, recordings, one.vehicle)
         if not implausible(trial.vehicle, trial.added):
@@ -214,10 +214,10 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 
 
 def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:
-    """Return the quick fits, ended, that predict left-out stretches better and no axis significantly worse.
+    """Return converged fits that predict held-out stretches better and no axis significantly worse.
 
-    The best comes first.  Of those that predict alike, to within LOWER, the one with the fewest numbers does.
-    Steady loads without which it predicts alike are left out of it.
+    The best comes first.  Of fits that predict equally well, to within LOWER, the one with the fewest
+    parameters does.  Steady loads that do not improve its prediction are removed from it.
     """
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
@@ -226,18 +226,18 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
 
     def predicted(one: Quick) -> tuple[float, Quick]:
-        """Return the error of left-out stretches, infinite where an axis is worse, and the ended fit."""
+        """Return the error of held-out stretches, infinite if an axis is worse, and the converged fit."""
         one = one.ended(recordings)
         after = recordings.left_out(one.vehicle, names_of(one.wanted))
-        return np.inf if recordings.spoils(before, after) else recordings.error(after), one
+        return np.inf if recordings.worsened_axes(before, after) else recordings.error(after), one
 
     def joins(error: float, one: Quick) -> bool:
-        """Return whether it may be added."""
+        """Return whether the fit may be added."""
         return error < LOWER * here or (states(last, one.effect) and np.isfinite(error))
 
     errors, listed = list[tuple[float, Quick]](), list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
     for one in (one for one in quick if one.effect in listed):
-        if errors and one.fanciful > errors[0][1].fanciful:
+        if errors and one.is_implausible > errors[0][1].is_implausible:
             break
         found = predicted(one)
         errors += [found] if np.isfinite(found[0]) else []
@@ -258,7 +258,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
 def _beside(
     last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings
 ) -> list[dict[str, Table]]:
-    """What else of the catalogue may be added, the most promising first."""
+    """Return further candidates of the catalogue, the most promising first."""
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
@@ -268,8 +268,8 @@ def _beside(
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
     """Return an option with the steady loads that the vehicle lacks; none where no thruster changes.
 
-    Mean thrust balances steady loads.  A change of the thrusters changes that thrust, and alone it would
-    move the vehicle off its balance.
+    Mean thrust balances steady loads.  A change of the thrusters alone would move the vehicle off its
+    balance.
     """
     loads = {name: {"name": name} for name in STEADY if not (name in found or last.vehicle.effects(name))}
     changes_thrust = CATALOGUE[next(iter(found))].kind == "actuator"
@@ -278,29 +278,29 @@ def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]
 
 @dataclass(frozen=True)
 class Quick:
-    """A quick fit of what a step may add.
+    """Quick fit of a candidate.
 
     Attributes:
-        found: It, by effect.
-        wanted: All that was fitted together.
-        vehicle: The vehicle with it.
-        fanciful: Whether its values are none that physics leaves to it.
-        error: Of the predictions HORIZON ahead of what was fitted to [m/s].
+        found: Candidate, by effect.
+        wanted: All effects that were fitted together.
+        vehicle: Vehicle with them.
+        is_implausible: Whether physics excludes the candidate's values.
+        error: Error of predictions HORIZON ahead over the fitted recording [m/s].
     """
 
     found: Mapping[str, Table]
     wanted: Wanted
     vehicle: Vehicle
-    fanciful: bool
+    is_implausible: bool
     error: float
 
     @property
     def effect(self) -> str:
-        """What is new in it."""
+        """Name of the new effect."""
         return next(iter(self.found))
 
     def ended(self, recordings: Recordings) -> Quick:
-        """Return it with its fit ended, to shots weighed by what it leaves; as it is where that diverges."""
+        """Return the converged fit, to shots weighted by its residual; unchanged if it diverges."""
         try:
             problem = recordings.judged(self.vehicle)
             vehicle = recordings.tried(self.vehicle, names_of(self.wanted), problem, ITERATIONS)
@@ -310,7 +310,7 @@ class Quick:
 
     @property
     def entries(self) -> int:
-        """How many numbers of what is fitted together it has."""
+        """Number of parameters that were fitted together."""
         return len(free(self.vehicle, names_of(self.wanted)).entries)
 
 
@@ -321,7 +321,7 @@ def quick_fits(
     problem: OutputError,
     progress: Progress,
 ) -> Iterator[Quick]:
-    """Quick fits of what may be added, and of the plainer effects that it may be; of what diverges none."""
+    """Yield quick fits of candidates and of their simpler special cases, without those that diverge."""
 
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)
@@ -331,19 +331,19 @@ def quick_fits(
         return [*quick, *(one for each in others for one in _quick_fit(last, each, recordings, problem))]
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
-        progress(f"{next(iter(found))} was tried with all that is there", 0.5 * number / len(every))
+        progress(f"{next(iter(found))} tried with all existing effects", 0.5 * number / len(every))
         yield from quick
 
 
 def _quick_fit(
     last: Step, found: Mapping[str, Table], recordings: Recordings, problem: OutputError
 ) -> list[Quick]:
-    """Return the quick fit of what may be added; none where it diverges."""
+    """Return the quick fit of a candidate; empty if it diverges."""
     wanted = _wanted(last, found)
     try:
         vehicle = recordings.tried(last.vehicle, wanted, problem)
-        fanciful = bool(implausible(vehicle, list(found)))
-        return [Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))]
+        is_implausible = bool(implausible(vehicle, list(found)))
+        return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
     except DataError:
         return []
 
@@ -355,10 +355,10 @@ def _trial(
     recordings: Recordings,
     tried: Vehicle | None = None,
 ) -> Trial:
-    """All that the last step has and what was found, fitted together; perhaps from a quick fit, too.
+    """Fit all effects of the last step and the candidate together, possibly also from a quick fit.
 
-    With the hull of a recording before, what kinematics shows of the velocity log stays as it shows it: what
-    the model of the hull leaves would only spoil it.
+    With a hull-force model, velocity sensor errors keep the values that kinematics shows, because the error
+    of the hull model would bias them.
 
     Raises:
         DataError: The fit diverges.
@@ -384,13 +384,13 @@ def _trial(
 def _fit_together(
     vehicle: Vehicle, recordings: Recordings, wanted: Wanted, file: Vehicle, tried: Vehicle | None = None
 ) -> Fit | None:
-    """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
+    """Fit effects together, from the values of the last diagnosis, with standard errors.
 
-    What the recording does not show stays as it stands in the file of step 0.  Far from the noise it is no
-    measure of what counts: the channel that is measured best would decide all.  Then shots weighed by what
-    matters of each are fitted too, from where a quick fit has been, and from the better of both shots as long
-    as the ladder looks ahead; these values are not drawn back to the file: no straight line leads so far.
-    Of all the vehicle is taken that predicts best.
+    Values that the recording does not determine stay as in the file of step 0.  Far from the noise, sensor
+    noise is the wrong weight: the most accurate channel would decide alone.  Then two more fits are made, to
+    shots weighted by their residuals: one from the values of a quick fit, and one over the horizon of the
+    ladder from the better of both.  Their values are not shrunk to the file, because the problem is not
+    linear over such a distance.  The fit with the best prediction is returned.
     """
     if not wanted:
         return None
@@ -407,7 +407,7 @@ def _fit_together(
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
 
     def better(fit: Fit, there: Vehicle, problem: OutputError) -> Fit:
-        """The fit, or one to other shots from a vehicle where that predicts better."""
+        """Return the better of the fit and one to other shots from the values of a vehicle."""
         try:
             other = fit_model(
                 there, names, problem.at_measured_states(there), log.track, ITERATIONS
@@ -422,9 +422,9 @@ def _fit_together(
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
-    """What is fitted together: the file's own effects and all added, from their values, and what is new.
+    """Return the effects that are fitted together: existing, added and new ones, with starting values.
 
-    What acts by chance is estimated by the diagnosis, not by a fit.
+    Random effects, such as waves, are estimated by the diagnosis and not by a fit.
     """
     new = [
         bare(table) if len(table) > 1 else name
@@ -435,11 +435,11 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
 
 
 def _fitted_there(last: Step) -> list[str]:
-    """The file's own effects and all that was added, but for what acts by chance."""
+    """Return the existing and added effects without the random ones."""
     there = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
     return [name for name in there if not CATALOGUE[name].is_random]
 
 
 def bare(table: Table) -> dict[str, Any]:
-    """An effect's values alone."""
+    """Return an effect's table without the bookkeeping of a fit."""
     return {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}

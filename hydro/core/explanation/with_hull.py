@@ -1,7 +1,7 @@
-"""Whether errors of a vehicle file are those of its hull: with and without what a recording before taught.
+"""Prediction errors of a vehicle file with and without the hull-force model of an earlier recording.
 
-Errors of short predictions, axis by axis, of the file alone and beside what the hull does, in the recording
-before and in the one after: what the latter has more is what has changed.
+Errors of short predictions are listed by axis, for the file alone and for the file with the hull force, in
+the earlier recording and in the later one.  An excess in the later one shows a change.
 """
 
 from __future__ import annotations
@@ -16,36 +16,37 @@ from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.contenders import Compared
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import as_it_is
+from hydro.core.diagnosis.model import unfitted
 from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
 LEVEL = "hull"
-"""Level of a comparison's rows that tell of the hull."""
+"""Level of a comparison's rows about the hull."""
 ALONE, BESIDE = "file alone", "with the hull"
-"""Of what predicts, in the column `by`;"""
+"""Predictors in the column `by`."""
 BEFORE, AFTER = "before", "after"
-"""and of the recording, in the column `place`."""
+"""Recordings in the column `place`."""
 FLOOR = "floor"
-"""The axis of all channels together, in units of the floor."""
+"""Axis of all channels together, in units of the floor."""
 ERROR_RESAMPLES = 1000
+"""Number of bootstrap resamples of the errors."""
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
-    """A comparison with the errors that are left once the hull's share is taken out.
+    """Return a comparison with the errors that remain once the hull force is corrected for.
 
     Args:
         comparison: Comparison table of the same vehicle and recording.
-        vehicle: The model.
-        log: The recording after.
-        hull: What the recording before has taught.
+        vehicle: Vehicle file.
+        log: Later recording.
+        hull: Hull-force model learnt from the earlier recording.
 
     Returns:
-        The table with rows of the level `hull`: `by` says what predicts, `place` the recording, `horizon` [s]
-        how long a shot is; root mean square errors of every channel, and on the axis `floor` of all together
-        in units of what the model of the hull leaves of the recording before.
+        The table with rows of the level `hull`: `by` names the predictor, `place` the recording, and
+        `horizon` [s] the length of a shot.  Errors are root mean squares, for each channel in its unit.  On
+        the axis `floor` they are of all channels together, in units of the floor of the hull model.
 
     Raises:
         DataError: The recording is too short, or the vehicle's predictions diverge.
@@ -55,9 +56,9 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
 
 
 def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
-    """The rows: of the recording before as the hull tells them, of the one after with intervals."""
+    """Yield the rows, of the earlier recording from the hull model, of the later one with intervals."""
     compared, beside = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
-    alone = as_it_is(vehicle, compared.problem).normal
+    alone = unfitted(vehicle, compared.problem).normal
     shots = compared.problem.shots
     shared = {
         "level": LEVEL,
@@ -86,9 +87,9 @@ def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str
 
 
 def _levels(normal: Normal, weight: Array) -> Array:
-    """Root mean square residual of each channel and of all, with its 95 % interval, (3, C + 1).
+    """Return the root mean square residual of each channel and of all, with its 95 % interval, (3, C + 1).
 
-    NaN of a channel without a sample.
+    It is NaN for a channel without a sample.
     """
     squares = np.column_stack([normal.channels, normal.gram[:, -1, -1]])
     within = np.isfinite(squares).all(axis=1)
@@ -97,7 +98,7 @@ def _levels(normal: Normal, weight: Array) -> Array:
     part = np.append(np.where(samples > 0.0, samples, np.nan) / samples.sum(), 1.0)
 
     def root(shares: Array) -> Array:
-        """Of recordings in which shots have these shares, (..., S)."""
+        """Return these values for recordings with these shares of the shots, (..., S)."""
         return np.asarray(np.sqrt((shares @ squares) / (shares @ free)[..., None] / part))
 
     drawn = weights(len(squares), ERROR_RESAMPLES, 0) * weight

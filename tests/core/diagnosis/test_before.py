@@ -103,7 +103,7 @@ def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(h
         "attachment": [-0.3, 0.0, 0.0],
         "anchor": [1.0, -3.0, 9.0],
     }
-    stepped = contenders.stepped
+    stepped = contenders.scored_by_one_step
 
     def blind(compared, last, tried):
         ranked = stepped(compared, last, tried)
@@ -112,7 +112,7 @@ def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(h
             ranked[cable["name"]] = (-1.0, table)
         return ranked
 
-    monkeypatch.setattr(contenders, "stepped", blind)
+    monkeypatch.setattr(contenders, "scored_by_one_step", blind)
     found = diagnosed(damped(), half(flown(cable, seed=40)), hull).findings[0]
     assert (found.verdict, found.effect) == ("missing", "tether")
 

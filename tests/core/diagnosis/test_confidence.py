@@ -10,10 +10,10 @@ import pytest
 from hydro.core.diagnosis import confidence
 from hydro.core.diagnosis.confidence import (
     Fitted,
-    doubted,
+    discounted_by_largest,
+    discounted_by_unexplained,
     folds,
     left_out_costs,
-    outshone,
     scores,
     shared,
     stated,
@@ -194,7 +194,7 @@ def test_a_share_that_is_the_same_of_every_shot_is_told_as_it_is():
 @pytest.mark.parametrize(("rest", "sure"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
 def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, sure):
     named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
-    found = doubted(named, [Finding("none_of_the_known", share=rest)])
+    found = discounted_by_unexplained(named, [Finding("none_of_the_known", share=rest)])
     assert found.confidence == pytest.approx(sure)
     assert ("fly without feedback" in found.advice) == (rest >= 0.15)
 
@@ -236,6 +236,6 @@ def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, support, told):
 def test_what_explains_little_beside_another_is_less_sure_where_no_model_is_right():
     first = Finding("missing", "payload", share=0.8, confidence=0.86)
     second = Finding("missing", "coupled_damping", share=0.2, confidence=0.86)
-    assert outshone([first, second], 1.5) == [first, second]
-    assert outshone([second, first], 5.0) == [replace(second, confidence=0.86 / 4), first]
-    assert outshone([], 5.0) == []
+    assert discounted_by_largest([first, second], 1.5) == [first, second]
+    assert discounted_by_largest([second, first], 5.0) == [replace(second, confidence=0.86 / 4), first]
+    assert discounted_by_largest([], 5.0) == []

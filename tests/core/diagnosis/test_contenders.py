@@ -103,7 +103,7 @@ def test_at_finer_places_the_most_promising_effects_come_first(monkeypatch):
     coarse = {"a": (0.1, {"name": "a"}), "b": (0.5, {"name": "b"}), "c": (0.3, {"name": "c"})}
     finer = {"a": (0.4, {"name": "a", "fine": True}), "c": (0.2, {"name": "c", "fine": True})}
     monkeypatch.setattr(contenders, "_shapes", lambda compared, last, name: [name])
-    monkeypatch.setattr(contenders, "stepped", lambda compared, last, tried: finer)
+    monkeypatch.setattr(contenders, "scored_by_one_step", lambda compared, last, tried: finer)
     found = contenders._at_finer_places(cast(Any, None), cast(Any, None), coarse)
     assert found == [{"name": "b"}, {"name": "a", "fine": True}, {"name": "c"}]
 
@@ -155,7 +155,7 @@ def test_entries_that_explain_nothing_are_held_at_the_values_of_the_file(monkeyp
         cast(Any, SimpleNamespace(vehicle=vehicle)),
     )
     if held is None:
-        assert contenders.lean(compared, last, contender) is contender
+        assert contenders.without_needless_entries(compared, last, contender) is contender
     else:
         with pytest.raises(_Kept, match=re.escape(str(held))):
-            contenders.lean(compared, last, contender)
+            contenders.without_needless_entries(compared, last, contender)

@@ -149,7 +149,7 @@ def test_progress_goes_on_and_tells_which_effect_is_tried(known):
     shares = [share for _, share in heard]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert {"ocean_current against what is left", "ocean_current, fitted to the end"} <= {
+    assert {"ocean_current against the residual", "ocean_current, fitted to convergence"} <= {
         words for words, _ in heard
     }
 
@@ -248,7 +248,7 @@ def test_a_strong_current_is_reached_from_the_file_though_no_derivative_leads_to
     search = Search(Baseline(file, own, log, problem, model, model, {}), from_file=True)
     near = fit_model(file, [*own, "ocean_current"], problem, log.track, ITERATIONS)
     assert near.normal.chi2 > RIGHT
-    found = search.from_afar(search.baseline.at_file())["ocean_current"]
+    found = search.from_distant_starts(search.baseline.at_file())["ocean_current"]
     assert found.normal.chi2 == pytest.approx(1.0, abs=0.05)
     values = found.vehicle.effects("ocean_current")[0]
     assert [values[name] for name in ("v_N", "v_E")] == pytest.approx([-0.6, 0.6], abs=0.02)
@@ -287,7 +287,7 @@ def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch)
     def diverging(*given, **how):
         raise Diverges("it does")
 
-    monkeypatch.setattr("hydro.core.diagnosis.diagnose.gone_on", diverging)
+    monkeypatch.setattr("hydro.core.diagnosis.diagnose.continue_fit", diverging)
     unknown = free(known, ["linear_damping"])
     gram = np.tile(np.eye(7), (100, 1, 1))
     normal = Normal(gram, 1, np.ones((100, 12)), np.zeros((100, 0, 7)))
@@ -374,7 +374,7 @@ def test_an_effect_that_no_catalogue_has(known):
     first = diagnose(known, pl.concat(parts)).findings[0]
     assert first.verdict == "far_from_noise"
     assert first.share > 0.5
-    assert "no effect of the catalogue earns it" in first.advice
+    assert "no effect of the catalogue explains it" in first.advice
 
 
 @pytest.mark.parametrize("rows", [300, 60])

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.findings import FANCIFUL, Diagnosis, Finding, extended, no_surer, tables
+from hydro.core.diagnosis.findings import FANCIFUL, Diagnosis, Finding, extended, limited_confidence, tables
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
@@ -57,9 +57,9 @@ def test_a_suspect_is_added_by_its_name_alone():
 def test_a_name_with_impossible_values_is_not_sure(datasets):
     vehicle = files.read(datasets / "vehicles" / "bluerov2_heavy.toml")[0]
     beyond = msgspec.structs.replace(vehicle, effect=({"name": "ocean_current", "v_N": -40.0},))
-    assert no_surer(1.0, beyond, "ocean_current", {"v_N": 0.1}) == FANCIFUL
-    assert no_surer(0.2, beyond, "ocean_current", {"v_N": 0.1}) == 0.2
-    assert no_surer(1.0, beyond, "ocean_current", {"v_N": 30.0}) == 1.0
+    assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 0.1}) == FANCIFUL
+    assert limited_confidence(0.2, beyond, "ocean_current", {"v_N": 0.1}) == 0.2
+    assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 30.0}) == 1.0
 
 
 def test_tables_take_the_place_of_their_name(datasets):

@@ -100,7 +100,7 @@ def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> 
     known: Any = SimpleNamespace(alone=lambda _: None, releasing=lambda _: known)
     rivals = tuple(Rival(name, False, model(name), score, score) for name, score in scores.items())
     surveyed = Survey(model("alone"), rivals)
-    found = imperfect.beside_hull(surveyed, cast(Any, baseline), model("alone"), known)
+    found = imperfect.ranked_by_evidence(surveyed, cast(Any, baseline), model("alone"), known)
     return found.by_evidence, [rival.effect for rival in found.rivals]
 
 
@@ -130,5 +130,5 @@ def test_none_of_what_is_told_beside_a_name_is_surer_than_it():
     )
     survey = Survey(cast(Any, model), cast(Any, (first, second)), by_evidence=True)
     finding = SimpleNamespace(confidence=0.05)
-    (told,) = imperfect._also(*cast(Any, (first, survey, [second], finding, 0.02)))
+    (told,) = imperfect._nearly_as_good(*cast(Any, (first, survey, [second], finding, 0.02)))
     assert (told.effect, told.confidence) == ("ocean_current", finding.confidence)

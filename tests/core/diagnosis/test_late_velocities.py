@@ -8,7 +8,7 @@ import pytest
 from recordings import damped, moved, noisy
 
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import as_it_is
+from hydro.core.diagnosis.model import unfitted
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 
@@ -39,7 +39,7 @@ def test_the_right_model_leaves_noise_alone(recorded):
     log, right = preprocess(damped(), recorded), damped(DELAY)
     shots = log.shots(2.0)
     assert shots.lead * log.record.dt == pytest.approx(LONGEST_SENSOR_DELAY)
-    assert as_it_is(right, OutputError.of(shots, right)).normal.chi2 == pytest.approx(1.0, abs=0.05)
+    assert unfitted(right, OutputError.of(shots, right)).normal.chi2 == pytest.approx(1.0, abs=0.05)
 
 
 def test_the_audit_sees_the_velocities_at_their_own_times(recorded):

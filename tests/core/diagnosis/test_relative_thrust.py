@@ -10,7 +10,7 @@ from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.findings import FANCIFUL, Finding
-from hydro.core.diagnosis.relative_thrust import beside_inertia
+from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.recording.arrays import recording
 
 GAIN = Finding("missing", "thruster_gain", ("thruster_gain",), 0.7, confidence=0.95)
@@ -30,9 +30,9 @@ def test_a_gain_is_stated_where_a_sensor_shows_force_beside_moment(sampled, verd
     vehicle = damped()
     record = recording(vehicle, moved(vehicle, seed=3, rows=200))
     seen = np.tile(np.isin(POSE + VELOCITY, sampled.split()), (record.rows, 1))
-    found = beside_inertia(GAIN, replace(record, seen=seen))
+    found = doubted_gain(GAIN, replace(record, seen=seen))
     assert found.verdict == verdict
     assert found.confidence == (FANCIFUL if verdict == "suspect" else 0.95)
     other = replace(GAIN, effect="ocean_current")
-    assert beside_inertia(other, replace(record, seen=seen)) == other
-    assert beside_inertia(GAIN, record) == GAIN
+    assert doubted_gain(other, replace(record, seen=seen)) == other
+    assert doubted_gain(GAIN, record) == GAIN

@@ -20,7 +20,7 @@ from hydro.core.diagnosis.transfer import (
     KEPT,
     Rival,
     Survey,
-    dragged,
+    has_drag,
     left_out,
     one_change,
     ranked,
@@ -203,11 +203,11 @@ def test_drag_comes_before_what_could_pass_for_it_where_a_file_has_none():
 
 def test_a_file_with_linear_damping_alone_says_nothing_of_drag():
     file = read(bundled("stonefish") / "vehicle.toml")[0]
-    assert not dragged(file)
+    assert not has_drag(file)
     linear = msgspec.structs.replace(file, effect=({"name": "linear_damping", "diagonal": [1.0] * 6},))
-    assert not dragged(linear)
+    assert not has_drag(linear)
     both = msgspec.structs.replace(file, effect=({"name": "quadratic_damping", "diagonal": [1.0] * 6},))
-    assert dragged(both)
+    assert has_drag(both)
 
 
 def test_a_velocity_without_samples_is_judged_by_the_way_that_is_gone():

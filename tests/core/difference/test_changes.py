@@ -63,7 +63,7 @@ def test_thrusters_that_change_alike_stand_together(craft):
     assert found[0].undone.thruster == (craft.thruster[0], *slow[1:])
     fewer = msgspec.structs.replace(craft, thruster=craft.thruster[:3])
     (found,) = changes(craft, fewer)
-    assert found.words.startswith("5 -> 3: no commands")
+    assert found.words.startswith("5 -> 3: the files do not share commands")
     assert table(craft, fewer)[ERROR].to_list() == [None] * 3
 
 

@@ -14,7 +14,7 @@ def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():
     sweep = Manoeuvre("x", "turn slowly", np.zeros((10, 1)))
     clear = advice.separating(["ocean_current", "tether"], Flight(sweep, 42.0))
     assert clear == (
-        "to tell them apart: turn slowly (predicted difference in 30 s: 42 times the sensors' noise)"
+        "to separate them: turn slowly (predicted difference in 30 s: 42 times the sensor noise)"
     )
     assert "turn slowly, for 12 min or more" in advice.separating(["ocean_current"], Flight(sweep, 2.0))
     assert "too little" in advice.separating(["ocean_current"], Flight(sweep, 0.1))

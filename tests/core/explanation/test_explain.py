@@ -18,7 +18,7 @@ from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import as_it_is
+from hydro.core.diagnosis.model import unfitted
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
 from hydro.core.explanation import screening, trials
@@ -255,12 +255,12 @@ def test_steps_have_an_end(staged, monkeypatch):
     names = ("payload", "net_buoyancy", "tether", "body_lift")
     steps, _ = staged([[finding("cannot_tell_apart", name, w=1.0)] for name in names], [4.0, 3.0, 2.0, 1.0])
     assert len(steps) == 3
-    assert "2 steps are the most" in ending(steps)
+    assert "2 steps are the limit" in ending(steps)
 
 
 def test_what_no_effect_explains_is_told(staged):
     steps, _ = staged([[finding("none_of_the_known")]], [1.0])
-    assert ending(steps) == "what is left no effect of the catalogue explains"
+    assert ending(steps) == "no effect of the catalogue explains the remaining error"
 
 
 def left_out(*errors: float) -> pl.DataFrame:
@@ -295,7 +295,7 @@ def better(monkeypatch):
         monkeypatch.setattr(trials.Recordings, "tried", tried)
         monkeypatch.setattr(trials.Recordings, "left_out", error)
         monkeypatch.setattr(trials.Recordings, "error", lambda _, squares: squares)
-        monkeypatch.setattr(trials.Recordings, "spoils", lambda *_: ())
+        monkeypatch.setattr(trials.Recordings, "worsened_axes", lambda *_: ())
         monkeypatch.setattr(
             trials.Recordings, "error_ahead", lambda recordings, vehicle: error(recordings, vehicle, [])
         )
@@ -357,7 +357,7 @@ def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
     ahead = recordings.ahead(known, 8)
     assert ahead is not None
     assert (len(ahead.shots.starts), round(ahead.shots.length * 0.02)) == (8, HORIZON)
-    left = as_it_is(known, ahead).normal.rms
+    left = unfitted(known, ahead).normal.rms
     assert ((left > 0.5) & (left < 2.0)).all()
     assert np.ptp(np.log(ahead.shots.sigma / recordings.log.noise)) > np.log(4.0)
 
@@ -402,7 +402,8 @@ def test_what_is_unlikely_is_told_and_not_tried(staged):
     unlikely = replace(LIKELY, confidence=0.1)
     steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
-        "what is left no effect of the catalogue explains; only suspected, and not added: ocean_current"
+        "no effect of the catalogue explains the remaining error; only suspected, and not added: "
+        "ocean_current"
     )
 
 

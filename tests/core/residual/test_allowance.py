@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import damped, moved
 
-from hydro.core.diagnosis.model import as_it_is, fit_model
+from hydro.core.diagnosis.model import fit_model, unfitted
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
@@ -72,7 +72,7 @@ def held(allowance: Allowance, measured, effect: str, begin: dict | str):
 
 
 def alone(allowance: Allowance) -> float:
-    nothing = as_it_is(FILE, OutputError(allowance.shots)).unknown
+    nothing = unfitted(FILE, OutputError(allowance.shots)).unknown
     return allowance.held(nothing, np.zeros(0), Prior(np.zeros(0), np.zeros(0))).evidence
 
 

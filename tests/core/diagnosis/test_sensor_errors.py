@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recordings import damped
 
-from hydro.core.diagnosis.misread import by_kinematics, misread, newly_misread
+from hydro.core.diagnosis.sensor_errors import by_kinematics, new_sensor_errors, sensor_finding
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 
 FILE = damped()
@@ -17,7 +17,7 @@ def late(d, error=1e-3):
 
 
 def names(after, before, vehicle=FILE):
-    return [one.effect for one in newly_misread(after, before, vehicle)]
+    return [one.effect for one in new_sensor_errors(after, before, vehicle)]
 
 
 def test_what_one_recording_shows_and_the_other_does_not_is_new():
@@ -50,11 +50,11 @@ def test_what_the_file_says_is_not_news():
 
 def test_the_finding_has_the_values_of_kinematics():
     (test,) = late(0.1).values()
-    found = misread(test, 0.4, 0.02, FILE)
+    found = sensor_finding(test, 0.4, 0.02, FILE)
     assert (found.verdict, found.effect, found.share) == ("missing", "sensor_delay", 0.4)
     assert found.parameters == {"d": 0.1}
     assert found.standard_errors == pytest.approx({"d": 1e-3})
-    assert misread(test, 0.4, 0.02, damped({"name": "sensor_delay", "d": 0.02})).verdict == "retune"
+    assert sensor_finding(test, 0.4, 0.02, damped({"name": "sensor_delay", "d": 0.02})).verdict == "retune"
 
 
 def test_values_are_of_kinematics_where_they_are_its_own():

@@ -1,4 +1,4 @@
-"""What the velocity log misreads, as pose against velocity shows it, whatever forces act."""
+"""Errors of the velocity sensor that the comparison of pose and velocity shows, whatever forces act."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from hydro.core.preprocessing.sensor_tests import VETO, KinematicTest, shown, ve
 from hydro.core.vehicle.description import Vehicle
 
 
-def misread(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
-    """The finding of an error that kinematics shows, with its values.
+def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
+    """Return the finding of an error that kinematics shows, with its values.
 
     Args:
-        test: The error.
-        share: Part of the error of predictions that reading the log so removes.
+        test: Kinematic test of the error.
+        share: Share of the prediction error that a correction of the sensor removes.
         dt: Sample time of the recording [s].
-        vehicle: The file.
+        vehicle: Vehicle file.
     """
     values = {key: value for key, value in test.table.items() if key != "name"}
     sure = 1.0 - test.p_value
@@ -42,26 +42,26 @@ def misread(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> F
 
 
 def refuted(tests: Mapping[str, KinematicTest], effect: str, vehicle: Vehicle) -> bool:
-    """Whether kinematics contradicts what the dynamics would have the velocity log misread.
+    """Return whether kinematics contradicts a sensor error that the dynamics suggest.
 
     Args:
         tests: Kinematic tests of the recording, by effect.
-        effect: The error.
-        vehicle: With its values.
+        effect: Name of the error.
+        vehicle: Vehicle with the error's fitted values.
     """
     test = tests.get(effect)
     return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
 
-def newly_misread(
+def new_sensor_errors(
     after: Mapping[str, KinematicTest], before: Mapping[str, KinematicTest], vehicle: Vehicle
 ) -> list[KinematicTest]:
-    """Errors of the velocity log that are new in a recording, and of which the file says nothing.
+    """Return errors of the velocity sensor that are new in a recording and absent from the file.
 
     Args:
-        after: Kinematic tests of the recording, by effect,
-        before: and of the earlier one; an error that this could not be asked about is no new one.
-        vehicle: The file.
+        after: Kinematic tests of the recording, by effect.
+        before: Kinematic tests of the earlier recording; an error that could not be tested there is not new.
+        vehicle: Vehicle file.
     """
     return [
         test
@@ -72,7 +72,7 @@ def newly_misread(
 
 
 def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) -> bool:
-    """Whether an effect is an error of the velocity log with the values that kinematics has of it.
+    """Return whether an effect is an error of the velocity sensor with the values of its kinematic test.
 
     Args:
         table: Its `[[effect]]` table.
@@ -83,7 +83,7 @@ def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) 
 
 
 def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
-    """What a file says of an error, in packing order, (p,); none by default."""
+    """Return a file's values of an error, in packing order, (p,); zeros by default."""
     for table in vehicle.effects(test.effect):
         values = CATALOGUE[test.effect].pack(table, thrusters=len(vehicle.thruster))
         return np.broadcast_to(values, test.estimate.shape)
@@ -91,7 +91,7 @@ def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
 
 
 def _differ(one: KinematicTest, other: KinematicTest) -> bool:
-    """Whether two recordings show an error of different size, by more than chance and than is negligible."""
+    """Return whether two recordings differ in an error, by more than chance and a negligible amount."""
     away, spread = one.estimate - other.estimate, one.covariance + other.covariance
     chance = float(chdtrc(len(away), away @ np.linalg.solve(spread, away)))
     return chance <= VETO and bool((np.abs(away) > one.negligible).any())
