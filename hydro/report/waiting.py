@@ -23,9 +23,9 @@ BAR = 16
 class Remaining:
     """Estimate of the remaining time, from an estimate beforehand and the share that is done.
 
-    The pace so far is averaged with the estimate beforehand: in logarithms, because both are known to a factor,
-    and with a weight of the estimate that falls with the square of the share that is left. Between two reports
-    the time counts down; an overdue report makes it longer.
+    The pace so far is averaged with the estimate beforehand: in logarithms, because both are known to a
+    factor, and with a weight of the estimate that falls with the square of the share that is left. Between
+    two reports the time counts down; an overdue report makes it longer.
 
     Attributes:
         expected: Duration of all the work, about [s]; None where nothing is known.
