@@ -24,9 +24,8 @@ class Remaining:
     """Estimate of the remaining time, from an estimate beforehand and the share that is done.
 
     The pace so far is averaged with the estimate beforehand: in logarithms, because both are known to a
-    factor, and with a weight of the estimate that falls with the square of the share that is left. An
-    estimate that the pace exceeds does not count. Between two reports the time counts down; an overdue report
-    makes it longer.
+    factor, and with a weight of the estimate that falls with the square of the share that is left. Between
+    two reports the time counts down; an overdue report makes it longer.
 
     Attributes:
         expected: Duration of all the work, about [s]; None where nothing is known.
@@ -69,7 +68,7 @@ class Remaining:
             return None
         if self.share > 0.0 and spent > 0.0:
             pace, weight = spent / self.share, 0.0 if self.expected is None else left**2
-            total: float = pace ** (1.0 - weight) * max(self.expected or pace, pace) ** weight
+            total: float = pace ** (1.0 - weight) * max(self.expected or pace, spent) ** weight
         elif self.expected is not None:
             total = self.expected
         else:
