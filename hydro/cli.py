@@ -38,6 +38,7 @@ from hydro.commands import (
     report,
     rl,
     serve,
+    start,
     streams,
     study,
     vehicle,
@@ -49,19 +50,19 @@ Examples:
 
 \b
   hydro demo
-  hydro import dive.bag --write-map map.toml
+  hydro start dive.bag
   hydro explain vehicle.toml dive.bag --map map.toml -o study
 
-The first runs every stage on bundled data. The second drafts a map, which says what the
-columns of your log mean. The third adds the effects that your vehicle file lacks.
-`hydro vehicle new` writes a vehicle file.
+The first runs every stage on bundled data. The second goes from your log to a report by a
+few questions. The third adds the effects that your vehicle file lacks; `hydro import` and
+`hydro vehicle new` write its map and its vehicle file.
 
 Commands read and write vehicle files (TOML) and tables (Parquet). Without an input
 or with -, they read stdin; without -o or with -, they write stdout.
 """
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
-    "Start": (demo,),
+    "Start": (start, demo),
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
     "Data": (imports, files, partition, collect),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),

@@ -1,0 +1,570 @@
+"""`start`: from a log to a report by a few questions, for a first user."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import textwrap
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+from hydro.commands import interrupts
+from hydro.commands.places import FOLDER
+from hydro.commands.recordings import Definitions, MaxExpanded, dataset, opened, reading
+from hydro.commands.shell import STREAM, message
+from hydro.core.errors import DataError, UsageError, in_shell, listed
+
+if TYPE_CHECKING:
+    from hydro.core.guessing.interview import Question
+    from hydro.core.guessing.vehicle_choice import Choice, Preset
+    from hydro.io.log import LogFile
+    from hydro.io.map_proposal import Proposal
+    from hydro.study.guided import Places
+    from hydro.study.steps import Runner, Step
+
+Result = TypeVar("Result")
+Line = str | None
+COLUMNS = "COLUMNS"
+
+
+def _line(of: str) -> Any:
+    """Return the option of a line of the map."""
+    return typer.Option(
+        metavar=COLUMNS, show_default=False, help=f"Columns of the {of} with axes and unit, or none."
+    )
+
+
+def start(
+    context: typer.Context,
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG...",
+            show_default=False,
+            help="A log of any format that hydro import reads, the files of one dive, or a raw table.",
+        ),
+    ],
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            show_default=False,
+            help="Folder for all results; by default the log's name with -start.",
+        ),
+        FOLDER,
+    ] = None,
+    map_: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", metavar="FILE", show_default=False, help="What the columns mean; not asked then."
+        ),
+    ] = None,
+    time: Annotated[Line, _line("clock")] = None,
+    position: Annotated[Line, _line("position or depth")] = None,
+    attitude: Annotated[Line, _line("attitude")] = None,
+    velocity: Annotated[Line, _line("velocity")] = None,
+    rates: Annotated[Line, _line("angular velocity")] = None,
+    commands: Annotated[Line, _line("thrusters' commands")] = None,
+    vehicle: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", show_default=False, help="Vehicle file; not asked then."),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", show_default=False, help="Known vehicle, such as bluerov2_heavy."),
+    ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="Layout of the thrusters, as of hydro vehicle new; by default by their number.",
+        ),
+    ] = None,
+    mass: Annotated[
+        float | None, typer.Option(metavar="KG", show_default=False, help="Dry mass [kg].")
+    ] = None,
+    box: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="L W H", show_default=False, help="Length, width and height of the hull [m]."),
+    ] = None,
+    thrust: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N", show_default=False, help="Greatest thrust of each thruster [N]; default: a T200's."
+        ),
+    ] = None,
+    correct_thrusters: Annotated[
+        bool,
+        typer.Option(
+            "--correct-thrusters/--keep-thrusters",
+            help="Where the audit contradicts the vehicle file: go on as the audit states, or stop there.",
+        ),
+    ] = True,
+    msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
+) -> None:
+    """Go from a log to a report by a few questions.
+
+    At most eight questions: which columns are what, in which axes and units, and which vehicle it is. The
+    names and numbers of the columns and the motion in the log suggest the answers: Enter takes them. Then the
+    log is imported and drawn, the thrusters are audited, missing effects are searched for, and a page tells
+    the result. Every command is printed as it runs, and stands in DIR/commands.sh.
+
+    Without a terminal the suggested answers are taken; every answer has an option. The columns
+    of a sensor stand in one text, with axes and unit; braces list or count what differs:
+
+        hydro start dive.bag -o study
+
+        hydro start dive.csv --velocity 'dvl_{x,y,z} FLU' --commands 'motor{1..6} pwm' --preset bluerov2
+
+        hydro start dive.csv --position 'depth=press_m' --mass 30 --box 1.2 0.5 0.4 --layout vectored8
+
+    To correct an answer, edit DIR/map.toml or DIR/vehicle.toml and run the same line again: what is there is
+    used, and what has not changed is not computed again. So it goes on after an interrupt.
+    """
+    lines = {
+        name: text
+        for name, text in zip(
+            ("time", "position", "attitude", "velocity", "rates", "commands"),
+            (time, position, attitude, velocity, rates, commands),
+            strict=True,
+        )
+        if text is not None
+    }
+    hull = {"mass": mass, "thrust": thrust} | dict(
+        zip(("length", "width", "height"), box or (None,) * 3, strict=True)
+    )
+    given = Given(
+        logs,
+        map_,
+        lines,
+        vehicle,
+        preset,
+        layout,
+        {key: value for key, value in hull.items() if value is not None},
+    )
+    given.check()
+    with contextlib.ExitStack() as held:
+        if folder is None:
+            folder = Path(f"{Path(logs[0]).stem}-start")
+            held.enter_context(_held(folder))
+        if msg is not None:
+            given.reading += ["--msg", str(msg)]
+        if max_expanded is not None:
+            given.reading += ["--max-expanded", f"{max_expanded:g}"]
+        files = held.enter_context(opened(logs, msg)) if dataset(logs) is None else []
+        _Guide(context.find_root().command, folder, given, files, corrects=correct_thrusters).run()
+
+
+@dataclass
+class Given:
+    """What the command line says.
+
+    Attributes:
+        logs: The logs.
+        map: A map file.
+        lines: Lines of the map.
+        vehicle: A vehicle file.
+        preset: Name of a known vehicle.
+        layout: Name of a layout.
+        hull: `mass`, `length`, `width`, `height`, `thrust` as far as given.
+        reading: Further options of `hydro import`.
+    """
+
+    logs: list[str]
+    map: Path | None
+    lines: dict[str, str]
+    vehicle: Path | None
+    preset: str | None
+    layout: str | None
+    hull: dict[str, float]
+    reading: list[str] = field(default_factory=list)
+
+    @property
+    def makes_vehicle(self) -> bool:
+        """Whether options say how a vehicle file is made."""
+        return self.preset is not None or self.layout is not None or bool(self.hull)
+
+    def check(self) -> None:
+        """Refuse options that say one thing twice.
+
+        Raises:
+            UsageError: There are some.
+        """
+        if STREAM in self.logs:
+            raise UsageError("hydro start reads a log more than once: name a file instead of -")
+        if self.map is not None and self.lines:
+            raise UsageError(
+                f"--map says it already: leave {listed([f'--{name}' for name in self.lines])} out"
+            )
+        if self.vehicle is not None and self.makes_vehicle:
+            raise UsageError("--vehicle is a file: leave --preset, --layout, --mass, --box and --thrust out")
+        if self.preset is not None and self.layout is not None:
+            raise UsageError("--preset and --layout: give one of them")
+
+
+@contextlib.contextmanager
+def _held(folder: Path) -> Generator[None]:
+    """Hold the folder that no option names."""
+    from hydro.io.files import check_folder
+    from hydro.io.lock import alone
+
+    check_folder(folder)
+    with alone(folder):
+        yield
+
+
+class _Guide:
+    """One run of `hydro start`."""
+
+    def __init__(
+        self, root: Any, folder: Path, given: Given, files: Sequence[LogFile], *, corrects: bool
+    ) -> None:
+        self._root, self._folder, self._given, self._files = root, folder, given, files
+        self._corrects = corrects
+        self._asked = 0
+        self._code = 0
+
+    def run(self) -> None:
+        """Ask, run the commands, and say what was written."""
+        from hydro.study import guided
+        from hydro.study.steps import Runner
+
+        runner = Runner(self._folder, self._execute, message)
+        table = self._is_table()
+        file = None if table else self._map()
+        made = self._vehicle(runner, self._thrusters(file))
+        vehicle = self._given.vehicle or self._folder / "vehicle.toml"
+        recording = Path(self._given.logs[0]) if table else self._folder / "raw.parquet"
+        places = guided.Places(self._folder, file, vehicle, recording)
+        parts = [part for one in self._files for part in one.parts]
+        first = [] if table else [guided.imported(places, self._given.logs, parts, self._given.reading)]
+        runner.run([*made, *first])
+        self._draw(places)
+        check = guided.audited(places)
+        message(f"hydro {check.name}")
+        self._execute(check)
+        rest = [
+            guided.explained(places, corrected=bool(self._code) and self._corrects),
+            guided.reported(places),
+        ]
+        self._write_script(places, [*made, *first, check, *rest])
+        if self._code and self._corrects:
+            message(
+                "hydro: the audit contradicts the vehicle file: explain goes on as the audit states "
+                "(--keep-thrusters stops there)"
+            )
+        runner.run(rest)
+        self._tell(places)
+
+    def _is_table(self) -> bool:
+        """Return whether the recording is a raw table already.
+
+        Raises:
+            UsageError: It is, and there are others, or a map.
+        """
+        from hydro.io import recordings
+
+        tables = [one for one in self._files if recordings.is_artefact(one)]
+        if self._files and not tables:
+            return False
+        if len(self._given.logs) > 1:
+            raise UsageError(f"{self._given.logs[0]}: a raw table stands alone: give one, or logs")
+        if self._given.map is not None or self._given.lines:
+            raise UsageError(
+                f"{self._given.logs[0]}: a raw table needs no map: leave --map and its lines out"
+            )
+        return True
+
+    def _map(self) -> Path:
+        """Return the map of the logs: the given one, that of before, or a new one of answers."""
+        if self._given.map is not None:
+            return self._given.map
+        path = self._folder / "map.toml"
+        if path.exists() and not self._given.lines:
+            message(f"hydro: {path}: there already and used as it is; remove it to be asked again")
+            return path
+        from hydro.io import mapdraft
+        from hydro.io.files import write_bytes
+        from hydro.io.map_proposal import corrected, proposed
+
+        known = self._given.vehicle
+        proposal = proposed(self._files, self._given.lines, reading, _count(known) if known else None)
+        blocks = self._answered(proposal)
+        if blocks != proposal.blocks:
+            changed = {name for name in blocks if blocks[name] != proposal.blocks.get(name)}
+            blocks, notes = corrected(self._files, proposal.columns, blocks, changed, reading)
+            for note in notes:
+                message(f"hydro: {note}")
+        blocks.setdefault("session", {"name": self._files[0].stem})
+        text = mapdraft.draft(blocks, proposal.columns, self._given.logs[0], blanks=False)
+        _keep(path, text)
+        write_bytes(text.encode(), path)
+        message(f"hydro: {path}: what the columns mean; correct it there and run the same line again")
+        return path
+
+    def _answered(self, proposal: Proposal) -> dict[str, Any]:
+        """Show a proposal and return its blocks after the answers.
+
+        Raises:
+            UsageError: Something is missing that a map needs, and nobody can be asked.
+        """
+        from hydro.core.guessing import interview
+        from hydro.core.guessing.map_lines import EXAMPLES, KINDS, text_of
+        from hydro.io import log_topics
+
+        message(f"\n{' '.join(self._given.logs)}: {len(proposal.columns)} columns. What they probably mean:")
+        for name in KINDS:
+            message(f"  {name:<9} {text_of(name, proposal.blocks.get(name))}")
+        for note in proposal.notes:
+            message(f"  note: {note}")
+        missing = interview.lacking(proposal.blocks)
+        if not _asks():
+            if missing:
+                name = missing[0] if missing[0] in EXAMPLES else "rates"
+                raise UsageError(
+                    f"{self._given.logs[0]}: the columns' names do not say {listed(missing)}: give --{name} "
+                    f"'{COLUMNS}', such as '{EXAMPLES[name]}', or --map FILE (`hydro import "
+                    f"{in_shell(self._given.logs[0])} --topics` lists the columns)"
+                )
+            return dict(proposal.blocks)
+        message("\nEnter takes what stands in brackets; ? lists the columns.")
+        hint = textwrap.fill(" ".join(log_topics.ranges(proposal.columns)), 100, break_long_words=False)
+        blocks = self._talk(interview.about_map(proposal.columns, proposal.blocks), hint)
+        if missing := interview.lacking(blocks):
+            raise DataError(f"{self._given.logs[0]}: without {listed(missing)} a log shows no motion")
+        return blocks
+
+    def _thrusters(self, map_: Path | None) -> int:
+        """Return how many thrusters the recording has commands of."""
+        from hydro.core.columns import COMMAND
+        from hydro.core.logs.mixer import thrusters
+        from hydro.io import logmap
+
+        if map_ is None:
+            return sum(name.startswith(COMMAND) for name in self._table().frame.columns)
+        meaning = logmap.read(map_)
+        return thrusters(meaning.mixer, len(meaning.commands.columns))
+
+    def _table(self) -> Any:
+        """Return the raw table that was given."""
+        from hydro.io import table
+
+        return table.read(self._given.logs[0], ("raw",))
+
+    def _vehicle(self, runner: Runner, thrusters: int) -> list[Step]:
+        """See that there is a vehicle file; return the command that makes it, if one does."""
+        from hydro.core.guessing import interview
+        from hydro.core.guessing.vehicle_choice import command_line
+        from hydro.io import vehicle as vehicles
+        from hydro.study.steps import Step
+
+        if self._given.vehicle is not None:
+            vehicles.read(self._given.vehicle)
+            return []
+        path = self._folder / "vehicle.toml"
+        if path.exists() and not self._given.makes_vehicle:
+            message(f"hydro: {path}: there already and used as it is; remove it to be asked again")
+            return []
+        fleet = _fleet()
+        footer = "" if self._files and not self._is_table() else (self._table().provenance.vehicle or "")
+        if self._given.makes_vehicle:
+            given = self._given
+            choice = interview.by_options(fleet, thrusters, given.preset, given.layout, given.hull)
+        else:
+            talk = interview.about_vehicle(fleet, thrusters, _FOOTER if footer else "")
+            choice = self._talk(talk, _described(fleet))
+        if choice.layout is not None and choice.hull is not None:
+            step = Step(command_line(choice.layout, choice.hull, str(path)), (), (path,))
+            if path.exists() and not runner.done(step):
+                raise _other(path)
+            return [step]
+        in_footer = bool(footer) and choice.file == _FOOTER
+        text = footer if in_footer else vehicles.read(_file_of(choice))[1]
+        _keep(path, text)
+        vehicles.write(text, path)
+        return []
+
+    def _talk(self, questions: Generator[Question, str, Result], hint: str) -> Result:
+        """Ask questions until the answers are known."""
+        try:
+            question = next(questions)
+            while True:
+                question = questions.send(self._answer(question, hint))
+        except StopIteration as end:
+            found: Result = end.value
+            return found
+
+    def _answer(self, question: Question, hint: str) -> str:
+        """Return the answer to a question: of a person, or without a terminal the default.
+
+        Raises:
+            UsageError: There is no default and nobody to ask.
+        """
+        if not _asks():
+            if not question.default:
+                raise UsageError(f"{self._given.logs[0]}: {question.text}: give {question.option}")
+            message(
+                f"hydro: {question.key}: {question.default}, the default; {question.option} says otherwise"
+            )
+            return question.default
+        self._asked += 1
+        message("")
+        while True:
+            text = _typed(f"{self._asked}. {question.text}", question)
+            if text == "?":
+                message(hint)
+                continue
+            try:
+                question.check(text)
+            except DataError as error:
+                message(f"   {error}")
+                continue
+            return text
+
+    def _execute(self, step: Step) -> None:
+        """Run a step in this process; remember whether the audit contradicts the file."""
+        code = self._root.main(list(step.line), prog_name="hydro", standalone_mode=False)
+        self._code = code if isinstance(code, int) else 0
+        if self._code and step.line[0] != "check":
+            raise typer.Exit(self._code)
+
+    def _draw(self, places: Places) -> None:
+        """Draw what was understood of the log."""
+        from hydro.io import table
+        from hydro.report import figures, understood
+
+        picture, recording = places.picture, places.recording
+        fresh = (
+            picture.exists() and recording.exists() and picture.stat().st_mtime >= recording.stat().st_mtime
+        )
+        if not fresh:
+            rows = understood.overview(table.read(recording, ("raw",)).frame)
+            figures.save(understood.draw(rows, " ".join(self._given.logs)), picture)
+        message(
+            f"hydro: {picture}: the recording as it was understood. Is it the dive? If not, stop with "
+            f"Ctrl-C, correct {places.map or places.vehicle} and run the same line again"
+        )
+
+    def _write_script(self, places: Places, steps: Sequence[Step]) -> None:
+        """Write the commands as a script."""
+        from hydro.io.files import write_bytes
+        from hydro.study import guided
+
+        meaning = [] if places.map is None else ["--map", str(places.map)]
+        again = ["start", *self._given.logs, *meaning, "--vehicle", str(places.vehicle), *self._given.reading]
+        write_bytes(guided.script(steps, Path.cwd(), again).encode(), places.script)
+
+    def _tell(self, places: Places) -> None:
+        """Say where everything is."""
+        told = [
+            (places.map, "what the columns mean"),
+            (places.vehicle, "the vehicle file to begin with"),
+            (places.recording, "the recording, for all other commands"),
+            (places.picture, "the recording as it was understood"),
+            (places.study, "every step of explain"),
+            (places.script, "all commands above: run it with sh"),
+            (places.report, "the report: open it in a browser"),
+        ]
+        width = max(len(str(path)) for path, _ in told)
+        for path, what in told:
+            if path is not None:
+                typer.echo(f"{path!s:<{width}}  {what}")
+
+
+_FOOTER = "footer"
+"""Answer that takes the vehicle file in the recording's footer."""
+
+
+def _asks() -> bool:
+    """Return whether there is a person to ask."""
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _typed(text: str, question: Question) -> str:
+    """Return what a person types; Enter is the default.
+
+    Raises:
+        UsageError: The input has ended.
+    """
+    try:
+        answer = typer.prompt(
+            text,
+            default=question.default,
+            show_default=bool(question.default),
+            err=True,
+            prompt_suffix=":\n> ",
+        )
+    except typer.Abort:
+        if interrupts.seen():
+            raise KeyboardInterrupt from None
+        raise UsageError(f"the answers have ended: give {question.option}") from None
+    return str(answer).strip()
+
+
+def _count(vehicle: Path) -> int:
+    """Return how many thrusters a vehicle file has."""
+    from hydro.io import vehicle as vehicles
+
+    return len(vehicles.read(vehicle)[0].thruster)
+
+
+def _fleet() -> list[Preset]:
+    """Return the known vehicles: the bundled files, and the one that is estimated."""
+    from hydro.core.guessing.vehicle_choice import BLUEROV2, Hull, Preset
+    from hydro.io import vehicle as vehicles
+    from hydro.io.files import bundled
+
+    found = [BLUEROV2]
+    for path in sorted(bundled("vehicles").glob("*.toml")):
+        known, hull = vehicles.read(path)[0], vehicles.read(path)[0].hull
+        sides = (hull.length, hull.width, hull.height)
+        found.append(Preset(path.stem, len(known.thruster), Hull(known.rigid_body.mass, sides)))
+    return found
+
+
+def _described(fleet: Sequence[Preset]) -> str:
+    """Return the known vehicles, a line each."""
+    rows = (
+        f"{one.name:<16} {one.thrusters} thrusters, {one.hull.mass:g} kg, "
+        f"{' x '.join(f'{side:g}' for side in one.hull.sides)} m"
+        for one in fleet
+    )
+    return "\n".join(rows)
+
+
+def _file_of(choice: Choice) -> Path:
+    """Return the vehicle file of a choice."""
+    from hydro.io.files import bundled
+
+    return Path(choice.file) if choice.file is not None else bundled("vehicles") / f"{choice.preset}.toml"
+
+
+def _keep(path: Path, text: str) -> None:
+    """Refuse to write over a file that somebody may have edited.
+
+    Raises:
+        DataError: It is there and another one.
+    """
+    if path.exists() and path.read_text(encoding="utf-8") != text:
+        raise _other(path)
+
+
+def _other(path: Path) -> DataError:
+    """Return the error for a file that is there and is not what the options say."""
+    return DataError(
+        f"{path}: there already, and not what the options say: leave them out to use it, remove it, or "
+        "name another folder with -o"
+    )
+
+
+COMMANDS = {
+    start: "hydro start datasets/logs/example.csv --vehicle datasets/logs/rov.toml -o study",
+}

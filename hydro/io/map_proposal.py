@@ -1,0 +1,101 @@
+"""The map that a log suggests: by names and numbers of its columns, then by what its motion contradicts."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from hydro.core.errors import DataError
+from hydro.core.guessing.aliases import Block
+from hydro.core.guessing.interview import lacking
+from hydro.core.guessing.map_lines import block_of
+from hydro.core.logs.alternatives import difference
+from hydro.core.logs.logmap import LogMap
+from hydro.io import log_files, logmap
+from hydro.io.log import LogFile
+from hydro.io.log_import import import_log
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A map to begin with.
+
+    Attributes:
+        columns: All columns of the log.
+        blocks: The blocks of the map; those that nothing suggests are not there.
+        notes: What the motion changed in the guess, or why it could not be asked, a line each.
+    """
+
+    columns: list[str]
+    blocks: dict[str, Block]
+    notes: tuple[str, ...] = ()
+
+
+def proposed(
+    files: Sequence[LogFile],
+    given: Mapping[str, str],
+    progress: log_files.Progress = log_files.silent,
+    thrusters: int | None = None,
+) -> Proposal:
+    """Guess the map of some files, with the lines that are given already.
+
+    Args:
+        files: The files of one dive.
+        given: Lines of the map, as `map_lines.block_of` reads them, by the name of the block.
+        progress: Gives what is told how far each file is read.
+        thrusters: How many the vehicle has, if that is known.
+
+    Raises:
+        DataError: A file cannot be read, or a given line is none.
+    """
+    columns, blocks = log_files.drafted(files, progress, None, thrusters)
+    for name, text in given.items():
+        blocks.pop(name, None)
+        if (block := block_of(name, text, columns)) is not None:
+            blocks[name] = block
+    if lacking(blocks):
+        return Proposal(columns, blocks)
+    blocks, notes = corrected(files, columns, blocks, set(given), progress)
+    return Proposal(columns, blocks, notes)
+
+
+def corrected(
+    files: Sequence[LogFile],
+    columns: Sequence[str],
+    blocks: Mapping[str, Block],
+    stated: Collection[str],
+    progress: log_files.Progress = log_files.silent,
+) -> tuple[dict[str, Block], tuple[str, ...]]:
+    """Return the blocks as the motion of the log wants their frames, units and signs, and what was changed.
+
+    Args:
+        files: The files of one dive.
+        columns: All columns of the log.
+        blocks: The blocks of a whole map.
+        stated: Names of blocks that a person has stated: these stay.
+        progress: Gives what is told how far each file is read.
+    """
+    try:
+        meaning = logmap.from_guess(blocks, columns)
+        source, read = log_files.gather(files, meaning, progress)
+        report = import_log(source, read)
+    except DataError as error:
+        return dict(blocks), (f"the motion could not be asked: {error}",)
+    declared = _without_derived(report.imported.meaning, meaning)
+    changes = [one for one in difference(declared, report.verdict.follows) if one.block not in stated]
+    found = dict(blocks)
+    for change in changes:
+        meaning = change.apply(meaning)
+        found[change.block] = msgspec.to_builtins(getattr(meaning, change.block))
+    notes = tuple(
+        f"{one.claim(declared).removesuffix(' as declared')} as the names suggest" for one in changes
+    )
+    return found, notes
+
+
+def _without_derived(read: LogMap, given: LogMap) -> LogMap:
+    """Return the map that the check of the conventions was asked about: without rates of the attitude."""
+    derived = given.rates is not None and given.rates.source == "attitude"
+    return msgspec.structs.replace(read, rates=None) if derived else read
