@@ -261,8 +261,10 @@ class _Guide:
                 "hydro: the audit contradicts the vehicle file: explain goes on as the audit states "
                 "(--keep-thrusters stops there)"
             )
-        runner.run(rest)
-        self._tell(places)
+        try:
+            runner.run(rest)
+        finally:
+            self._tell(places)
 
     def _is_table(self) -> bool:
         """Return whether the recording is a raw table already.
@@ -317,7 +319,7 @@ class _Guide:
             UsageError: Something is missing that a map needs, and nobody can be asked.
         """
         from hydro.core.guessing import interview
-        from hydro.core.guessing.map_lines import EXAMPLES, KINDS, text_of
+        from hydro.core.guessing.map_lines import KINDS, text_of
         from hydro.io import log_topics
 
         message(f"\n{' '.join(self._given.logs)}: {len(proposal.columns)} columns. What they probably mean:")
@@ -328,12 +330,7 @@ class _Guide:
         missing = interview.lacking(proposal.blocks)
         if not _asks():
             if missing:
-                name = missing[0] if missing[0] in EXAMPLES else "rates"
-                raise UsageError(
-                    f"{self._given.logs[0]}: the columns' names do not say {listed(missing)}: give --{name} "
-                    f"'{COLUMNS}', such as '{EXAMPLES[name]}', or --map FILE (`hydro import "
-                    f"{in_shell(self._given.logs[0])} --topics` lists the columns)"
-                )
+                raise UsageError(_wanting(self._given.logs[0], missing))
             return dict(proposal.blocks)
         message("\nEnter takes what stands in brackets; ? lists the columns.")
         hint = textwrap.fill(" ".join(log_topics.ranges(proposal.columns)), 100, break_long_words=False)
@@ -475,12 +472,24 @@ class _Guide:
         ]
         width = max(len(str(path)) for path, _ in told)
         for path, what in told:
-            if path is not None:
+            if path is not None and path.exists():
                 typer.echo(f"{path!s:<{width}}  {what}")
 
 
 _FOOTER = "footer"
 """Answer that takes the vehicle file in the recording's footer."""
+
+
+def _wanting(log: str, missing: Sequence[str]) -> str:
+    """Return what to give where the names of a log do not suffice."""
+    from hydro.core.guessing.map_lines import EXAMPLES
+
+    name = missing[0] if missing[0] in EXAMPLES else "rates"
+    example = EXAMPLES[name].partition(", or ")[0]
+    return (
+        f"{log}: the columns' names do not say {listed(missing)}: give such a line as --{name} '{example}', "
+        f"or --map FILE; `hydro import {in_shell(log)} --topics` lists the columns"
+    )
 
 
 def _asks() -> bool:

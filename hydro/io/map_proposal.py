@@ -68,13 +68,13 @@ def corrected(
     stated: Collection[str],
     progress: log_files.Progress = log_files.silent,
 ) -> tuple[dict[str, Block], tuple[str, ...]]:
-    """Return the blocks as the motion of the log wants their frames, units and signs, and what was changed.
+    """Return the blocks with axes, units, signs and lags by the motion of the log, and what was changed.
 
     Args:
         files: The files of one dive.
         columns: All columns of the log.
         blocks: The blocks of a whole map.
-        stated: Names of blocks that a person has stated: these stay.
+        stated: Names of blocks that a person has stated: their axes, units and signs stay.
         progress: Gives what is told how far each file is read.
     """
     try:
@@ -92,7 +92,14 @@ def corrected(
     notes = tuple(
         f"{one.claim(declared).removesuffix(' as declared')} as the names suggest" for one in changes
     )
-    return found, notes
+    lags = {name: lag for name, lag in report.clocks.lags().items() if "lag" not in found[name]}
+    for name, lag in lags.items():
+        found[name] = {**found[name], "lag": float(f"{lag:.3g}")}
+    late = (
+        f"{name} is stamped {abs(lag):.3g} s {'late' if lag > 0.0 else 'early'}: the map says lag = {lag:.3g}"
+        for name, lag in lags.items()
+    )
+    return found, (*notes, *late)
 
 
 def _without_derived(read: LogMap, given: LogMap) -> LogMap:

@@ -106,7 +106,8 @@ def about_vehicle(
         footer: Name of the file in the recording's footer, the default; empty without one.
     """
     known = suited(fleet, thrusters)
-    layouts = [name for name in LAYOUTS if layouts_thrusters(name) == thrusters]
+    names = {one.name for one in fleet}
+    layouts = [name for name in LAYOUTS if layouts_thrusters(name) == thrusters and name not in names]
     beside = f"; or a layout, to be asked for mass and box: {listed(layouts, 'or')}" if layouts else ""
     text = yield Question(
         "vehicle",

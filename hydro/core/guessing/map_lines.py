@@ -126,7 +126,7 @@ def _shaped(name: str, found: Block, taken: list[Any]) -> Block:
     if len(taken) not in wanted:
         needed = listed([str(count) for count in wanted], "or")
         raise DataError(
-            f"{name}: expected {needed} columns, got {len(taken)}: give them as in {EXAMPLES[name]}; or {NONE}"
+            f"{name}: expected {needed} columns, got {len(taken)}: give {EXAMPLES[name]}, or {NONE}"
         )
     if len(taken) == 4:
         return {"quaternion": taken, **found}
@@ -134,16 +134,10 @@ def _shaped(name: str, found: Block, taken: list[Any]) -> Block:
 
 
 def _command(source: Any) -> Any:
-    """Return the column of a thruster: `*-1` reverses it in any unit.
-
-    Raises:
-        DataError: It has another scale.
-    """
-    if not isinstance(source, dict):
-        return source
-    if (source["scale"], source.get("offset", 0.0)) != (-1.0, 0.0):
-        raise DataError(f"commands: {source['column']} may be reversed by *-1; a unit gives other scales")
-    return {"column": source["column"], "reverse": True}
+    """Return the column of a thruster: `*-1` reverses it in any unit."""
+    if isinstance(source, dict) and source == {"column": source["column"], "scale": -1.0}:
+        return {"column": source["column"], "reverse": True}
+    return source
 
 
 def column_of(word: str, columns: Sequence[str]) -> Any:

@@ -49,7 +49,7 @@ class Preset:
 
 
 BLUEROV2 = Preset("bluerov2", 6, Hull(11.5, (0.457, 0.338, 0.254)), "bluerov2")
-"""BlueROV2 with six T200s: 457 x 338 x 254 mm, 11 to 12 kg with ballast (Blue Robotics, BlueROV2 datasheet)."""
+"""BlueROV2 with six T200s: 457 x 338 x 254 mm, 11 to 12 kg with ballast (Blue Robotics, datasheet)."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,8 @@ def hull_of(text: str) -> Hull:
         numbers = []
     if len(numbers) not in (4, 5) or not all(0.0 < number < float("inf") for number in numbers):
         raise DataError(
-            f"{text!r}: give four numbers above 0: mass [kg], length, width and height [m], such as 11.5 0.46 "
-            "0.34 0.25; a fifth is the greatest thrust of each thruster [N]"
+            f"{text!r}: give four numbers above 0: mass [kg], length, width and height [m], such as 11.5 "
+            "0.46 0.34 0.25; a fifth is the greatest thrust of each thruster [N]"
         )
     mass, length, width, height, *thrust = numbers
     return Hull(mass, (length, width, height), thrust[0] if thrust else None)
