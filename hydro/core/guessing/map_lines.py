@@ -85,19 +85,21 @@ def block_of(name: str, text: str, columns: Sequence[str]) -> Block | None:
         return None
     settings = _settings(name)
     found: Block = {}
+    last = True  # among the last words, where settings stand: before these a column's name is a column
     taken = list[Any]()
-    for word in words:
+    for word in reversed(words):
         key, given, value = word.partition("=")
-        if word in settings and word not in columns:
+        if word in settings and settings[word] not in found and (last or word not in columns):
             found[settings[word]] = word
+        elif given and settings.get(value) == key:
+            found[key] = value
         elif given and key in KEYED and name == "position":
             found[key] = column_of(value, columns)
         elif word == "from=attitude" and name == "rates":
             found["from"] = "attitude"
-        elif given and settings.get(value) == key:
-            found[key] = value
         else:
-            taken.append(_known(name, word, columns, settings))
+            taken.insert(0, _known(name, word, columns, settings))
+            last = False
     return _shaped(name, found, taken)
 
 
