@@ -246,8 +246,13 @@ class _Guide:
         places = guided.Places(self._folder, file, vehicle, recording)
         parts = [part for one in self._files for part in one.parts]
         first = [] if table else [guided.imported(places, self._given.logs, parts, self._given.reading)]
-        runner.run([*made, *first])
-        self._draw(places)
+        anew = runner.run([*made, *first])
+        if anew or table or not places.picture.exists():
+            self._draw(places)
+        message(
+            f"hydro: {places.picture}: the recording as it was understood. Is it the dive? If not, stop with "
+            f"Ctrl-C, correct {places.map or places.vehicle} and run the same line again"
+        )
         check = guided.audited(places)
         message(f"hydro {check.name}")
         self._execute(check)
@@ -438,17 +443,8 @@ class _Guide:
         from hydro.io import table
         from hydro.report import figures, understood
 
-        picture, recording = places.picture, places.recording
-        fresh = (
-            picture.exists() and recording.exists() and picture.stat().st_mtime >= recording.stat().st_mtime
-        )
-        if not fresh:
-            rows = understood.overview(table.read(recording, ("raw",)).frame)
-            figures.save(understood.draw(rows, " ".join(self._given.logs)), picture)
-        message(
-            f"hydro: {picture}: the recording as it was understood. Is it the dive? If not, stop with "
-            f"Ctrl-C, correct {places.map or places.vehicle} and run the same line again"
-        )
+        rows = understood.overview(table.read(places.recording, ("raw",)).frame)
+        figures.save(understood.draw(rows, " ".join(self._given.logs)), places.picture)
 
     def _write_script(self, places: Places, steps: Sequence[Step]) -> None:
         """Write the commands as a script."""
@@ -514,6 +510,7 @@ def _typed(text: str, question: Question) -> str:
     except typer.Abort:
         if interrupts.seen():
             raise KeyboardInterrupt from None
+        message("")
         raise UsageError(f"the answers have ended: give {question.option}") from None
     return str(answer).strip()
 
