@@ -13,6 +13,7 @@ import polars as pl
 import pytest
 from matplotlib.image import imread
 from streams_here import on_terminal, piped
+from tables import shorten_text
 
 from hydro import cli
 from hydro.core.guessing.interview import MOST
@@ -26,9 +27,9 @@ TOO_SHORT = "fewer than 8 stretches of 2 s"
 
 def example(folder: Path, rows: int) -> Path:
     """Write the first rows of the bundled log, and return its path."""
-    lines = (bundled("logs") / "example.csv").read_text().splitlines(keepends=True)
     path = folder / "dive.csv"
-    path.write_text("".join(lines[: rows + 1]))
+    path.write_bytes((bundled("logs") / "example.csv").read_bytes())
+    shorten_text(path, rows)
     return path
 
 
@@ -228,6 +229,17 @@ def test_other_formats_are_understood(log: str, tmp_path: Path, monkeypatch: pyt
     assert "thrusters 1 and 2 push opposite to the file" in told
     assert len(logmap.read("out/map.toml").commands.columns) == 8
     assert imread("out/recording.png").shape[1] > 600
+
+
+@pytest.mark.parametrize("choice", [[], ["--keep-thrusters"]])
+def test_a_file_that_the_audit_contradicts_is_corrected_by_default(choice: list[str], here: Path) -> None:
+    example(here, 300)
+    assert cli.main(["vehicle", "flip", "rov.toml", "--thruster", "1,2,3,4", "-o", "flipped.toml"]) == 0
+    done = piped("start", "dive.csv", "--vehicle", "flipped.toml", *choice, "-o", "out")
+    told = done.stderr.decode()
+    assert ("--correct-thrusters" in commands(told)[-1]) == (not choice)
+    assert ("explain goes on as the audit states" in told) == (not choice)
+    assert commands(told)[-1] in Path("out/commands.sh").read_text()
 
 
 # Going on.

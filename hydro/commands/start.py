@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import textwrap
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hydro.commands import interrupts
+from hydro.commands.asking import Asker, asks
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, MaxExpanded, dataset, opened, reading
 from hydro.commands.shell import STREAM, message
 from hydro.core.errors import DataError, UsageError, in_shell, listed
 
 if TYPE_CHECKING:
-    from hydro.core.guessing.interview import Question
     from hydro.core.guessing.vehicle_choice import Choice, Preset
     from hydro.io.log import LogFile
     from hydro.io.map_proposal import Proposal
     from hydro.study.guided import Places
     from hydro.study.steps import Runner, Step
 
-Result = TypeVar("Result")
 Line = str | None
 COLUMNS = "COLUMNS"
 
@@ -229,7 +226,7 @@ class _Guide:
     ) -> None:
         self._root, self._folder, self._given, self._files = root, folder, given, files
         self._corrects = corrects
-        self._asked = 0
+        self._asker = Asker(given.logs[0])
         self._code = 0
 
     def run(self) -> None:
@@ -333,13 +330,13 @@ class _Guide:
         for note in proposal.notes:
             message(f"  note: {note}")
         missing = interview.lacking(proposal.blocks)
-        if not _asks():
+        if not asks():
             if missing:
                 raise UsageError(_wanting(self._given.logs[0], missing))
             return dict(proposal.blocks)
         message("\nEnter takes what stands in brackets; ? lists the columns.")
         hint = textwrap.fill(" ".join(log_topics.ranges(proposal.columns)), 100, break_long_words=False)
-        blocks = self._talk(interview.about_map(proposal.columns, proposal.blocks), hint)
+        blocks = self._asker.talk(interview.about_map(proposal.columns, proposal.blocks), hint)
         if missing := interview.lacking(blocks):
             raise DataError(f"{self._given.logs[0]}: without {listed(missing)} a log shows no motion")
         return blocks
@@ -382,7 +379,7 @@ class _Guide:
             choice = interview.by_options(fleet, thrusters, given.preset, given.layout, given.hull)
         else:
             talk = interview.about_vehicle(fleet, thrusters, _FOOTER if footer else "")
-            choice = self._talk(talk, _described(fleet))
+            choice = self._asker.talk(talk, _described(fleet))
         if choice.layout is not None and choice.hull is not None:
             step = Step(command_line(choice.layout, choice.hull, str(path)), (), (path,))
             if path.exists() and not runner.done(step):
@@ -393,43 +390,6 @@ class _Guide:
         _keep(path, text)
         vehicles.write(text, path)
         return []
-
-    def _talk(self, questions: Generator[Question, str, Result], hint: str) -> Result:
-        """Ask questions until the answers are known."""
-        try:
-            question = next(questions)
-            while True:
-                question = questions.send(self._answer(question, hint))
-        except StopIteration as end:
-            found: Result = end.value
-            return found
-
-    def _answer(self, question: Question, hint: str) -> str:
-        """Return the answer to a question: of a person, or without a terminal the default.
-
-        Raises:
-            UsageError: There is no default and nobody to ask.
-        """
-        if not _asks():
-            if not question.default:
-                raise UsageError(f"{self._given.logs[0]}: {question.text}: give {question.option}")
-            message(
-                f"hydro: {question.key}: {question.default}, the default; {question.option} says otherwise"
-            )
-            return question.default
-        self._asked += 1
-        message("")
-        while True:
-            text = _typed(f"{self._asked}. {question.text}", question)
-            if text == "?":
-                message(hint)
-                continue
-            try:
-                question.check(text)
-            except DataError as error:
-                message(f"   {error}")
-                continue
-            return text
 
     def _execute(self, step: Step) -> None:
         """Run a step in this process; remember whether the audit contradicts the file."""
@@ -486,33 +446,6 @@ def _wanting(log: str, missing: Sequence[str]) -> str:
         f"{log}: the columns' names do not say {listed(missing)}: give such a line as --{name} '{example}', "
         f"or --map FILE; `hydro import {in_shell(log)} --topics` lists the columns"
     )
-
-
-def _asks() -> bool:
-    """Return whether there is a person to ask."""
-    return sys.stdin.isatty() and sys.stderr.isatty()
-
-
-def _typed(text: str, question: Question) -> str:
-    """Return what a person types; Enter is the default.
-
-    Raises:
-        UsageError: The input has ended.
-    """
-    try:
-        answer = typer.prompt(
-            text,
-            default=question.default,
-            show_default=bool(question.default),
-            err=True,
-            prompt_suffix=":\n> ",
-        )
-    except typer.Abort:
-        if interrupts.seen():
-            raise KeyboardInterrupt from None
-        message("")
-        raise UsageError(f"the answers have ended: give {question.option}") from None
-    return str(answer).strip()
 
 
 def _count(vehicle: Path) -> int:

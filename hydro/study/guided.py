@@ -12,7 +12,7 @@ from hydro.study.steps import Step
 
 @dataclass(frozen=True)
 class Places:
-    """Where the files of a guided study are.
+    """Paths of the files of a guided study.
 
     Attributes:
         folder: Its folder.
