@@ -6,15 +6,17 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
+import numpy as np
 
 from hydro.core.errors import DataError
 from hydro.core.guessing.aliases import Block
 from hydro.core.guessing.interview import lacking
 from hydro.core.guessing.map_lines import block_of
+from hydro.core.guessing.validity import validity
 from hydro.core.logs.alternatives import difference
 from hydro.core.logs.logmap import LogMap
 from hydro.io import log_files, logmap
-from hydro.io.log import LogFile
+from hydro.io.log import Log, LogFile, values
 from hydro.io.log_import import import_log
 
 
@@ -70,6 +72,8 @@ def corrected(
 ) -> tuple[dict[str, Block], tuple[str, ...]]:
     """Return the blocks with axes, units, signs and lags by the motion of the log, and what was changed.
 
+    Samples that a column beside a sensor calls invalid do not count.
+
     Args:
         files: The files of one dive.
         columns: All columns of the log.
@@ -77,15 +81,19 @@ def corrected(
         stated: Names of blocks that a person has stated: their axes, units and signs stay.
         progress: Gives what is told how far each file is read.
     """
+    asked = validity(columns, blocks)
+    gated = {name: {**blocks[name], "valid": column} for name, column in asked.items()}
+    found = {**blocks, **gated}
     try:
-        meaning = logmap.from_guess(blocks, columns)
-        source, read = log_files.gather(files, meaning, progress)
-        report = import_log(source, read)
+        source, read = log_files.gather(files, logmap.from_guess(found, columns), progress)
+        void = [name for name, column in asked.items() if not _says(source, column)]
+        found |= {name: blocks[name] for name in void}
+        meaning = logmap.from_guess(found, columns)
+        report = import_log(source, msgspec.structs.replace(meaning, session=read.session))
     except DataError as error:
         return dict(blocks), (f"the motion could not be asked: {error}",)
     declared = _without_derived(report.imported.meaning, meaning)
     changes = [one for one in difference(declared, report.verdict.follows) if one.block not in stated]
-    found = dict(blocks)
     for change in changes:
         meaning = change.apply(meaning)
         found[change.block] = msgspec.to_builtins(getattr(meaning, change.block))
@@ -99,7 +107,18 @@ def corrected(
         f"{name} is stamped {abs(lag):.3g} s {'late' if lag > 0.0 else 'early'}: the map says lag = {lag:.3g}"
         for name, lag in lags.items()
     )
-    return found, (*notes, *late)
+    counts = (
+        f"{name} counts where {column} is not 0: the map says valid"
+        for name, column in asked.items()
+        if name not in void
+    )
+    return found, (*notes, *counts, *late)
+
+
+def _says(source: Log, column: str) -> bool:
+    """Return whether a column calls any sample valid; one that nobody fills in is 0 throughout."""
+    numbers = values(source, column)
+    return numbers is not None and bool(np.any(np.nan_to_num(numbers) != 0.0))
 
 
 def _without_derived(read: LogMap, given: LogMap) -> LogMap:

@@ -62,3 +62,19 @@ def test_a_guess_with_holes_is_no_reason_to_fail(tmp_path: Path) -> None:
     assert set(found.blocks) == {"time"}
     found = proposal(tmp_path / "log.csv", commands="foo", position="depth=foo")
     assert found.blocks["commands"] == {"columns": ["foo"]}
+
+
+@pytest.mark.parametrize("filled", [True, False])
+def test_samples_that_the_log_calls_invalid_do_not_count(filled: bool, tmp_path: Path) -> None:
+    """A column that nobody fills in says nothing."""
+    frame = pl.read_csv(EXAMPLE)
+    lost = pl.int_range(pl.len()) % 40 < 8
+    frame = frame.with_columns(dvl_valid=(pl.lit(filled) & ~lost).cast(pl.Int8))
+    frame.with_columns(
+        pl.when(lost & pl.col(name).is_not_null()).then(0.0).otherwise(pl.col(name)).alias(name)
+        for name in ("dvl_x", "dvl_y", "dvl_z")
+    ).write_csv(tmp_path / "log.csv")
+    found = proposal(tmp_path / "log.csv")
+    assert found.blocks["velocity"].get("valid") == ("dvl_valid" if filled else None)
+    assert any("dvl_valid is not 0" in note for note in found.notes) == filled
+    assert "valid" not in found.blocks["position"]
