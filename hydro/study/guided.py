@@ -42,6 +42,12 @@ class Places:
         return self.folder / "report.html"
 
     @property
+    def explained(self) -> tuple[Path, ...]:
+        """The files that an explanation rests on; of a folder of sessions all in it."""
+        parts = sorted(each for each in self.recording.rglob("*") if each.is_file())
+        return (self.vehicle, *(parts or [self.recording]))
+
+    @property
     def script(self) -> Path:
         """The shell script with all commands."""
         return self.folder / "commands.sh"
@@ -63,8 +69,8 @@ def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading
 
 def audited(places: Places) -> Step:
     """Return the audit of the thrusters."""
-    files = (places.vehicle, places.recording)
-    return Step(("check", *map(str, files)), files, ())
+    line = ("check", str(places.vehicle), str(places.recording))
+    return Step(line, places.explained, ())
 
 
 def explained(places: Places, *, corrected: bool) -> Step:
@@ -77,7 +83,7 @@ def explained(places: Places, *, corrected: bool) -> Step:
     files = (places.vehicle, places.recording)
     more = ["--correct-thrusters"] if corrected else []
     written = tuple(places.study / f"{name}.parquet" for name in ("ladder", "replay", "sessions"))
-    return Step(("explain", *map(str, files), *more, "-o", str(places.study)), files, written)
+    return Step(("explain", *map(str, files), *more, "-o", str(places.study)), places.explained, written)
 
 
 def reported(places: Places) -> Step:

@@ -79,7 +79,7 @@ def about_map(
     if not lacking(blocks):
         lines = [name for name in KINDS if name != "time"]
         text = f"Which lines are wrong, or lack something the log has? {', '.join(lines)}"
-        asked = _named((yield Question("lines", text, NONE, "--LINE", _named)))
+        asked = _named((yield Question("lines", text, NONE, "--velocity, --commands, ...", _named)))
     for name in asked:
         before = text_of(name, found.get(name))
 
