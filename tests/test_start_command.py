@@ -73,7 +73,7 @@ def refused(*arguments: object, code: int = 2, folder: Path | None = None) -> st
 def test_without_a_terminal_the_defaults_lead_to_a_report(done: tuple[Path, str, str]) -> None:
     folder, out, err = done
     out_folder = folder / "out"
-    assert "velocity looks FLU, not FRD as the names suggest" in err
+    assert "velocity looks FLU, not FRD: corrected" in err
     assert logmap.read(out_folder / "map.toml").velocity == logmap.read(bundled("logs") / "map.toml").velocity
     assert [line.split()[1] for line in commands(err)] == ["import", "check", "explain", "report"]
     assert "thrusters 1, 2, 3, 4, 5, 6, 7 and 8 push as the file says" in err + out
@@ -124,7 +124,7 @@ def test_what_is_done_is_not_done_again(done: tuple[Path, str, str]) -> None:
     before = {path: path.stat().st_mtime_ns for path in (folder / "out").rglob("*.*") if path.is_file()}
     code, _, err = piped("start", "dive.csv", "--vehicle", "rov.toml", "-o", "out", cwd=folder)
     assert code == 0
-    assert "out/map.toml: there already and used as it is" in err.decode()
+    assert "out/map.toml: using the existing file" in err.decode()
     assert [line.split()[1] for line in commands(err.decode())] == ["check"]
     after = {path: path.stat().st_mtime_ns for path in before}
     assert {path.name for path in before if after[path] != before[path]} <= {"commands.sh"}
@@ -152,7 +152,7 @@ def test_answers_on_a_terminal(here: Path) -> None:
     assert code == 1, told
     asked = re.findall(r"^(\d)\. ", told, re.MULTILINE)
     assert len(set(asked)) == 4 <= MOST
-    assert "'wrong' is none of the lines" in told
+    assert "'wrong' is not a line" in told
     assert "dvl_x dvl_y dvl_z" in told, "? lists the columns"
     assert "give four numbers above 0" in told
     meaning = logmap.read("out/map.toml")
@@ -199,7 +199,7 @@ def test_where_the_names_say_nothing_every_line_is_asked(here: Path) -> None:
 def test_an_end_of_the_answers_is_one_line(here: Path) -> None:
     code, told = on_terminal("start", "dive.csv", "-o", "out", answers=["commands"])
     assert code == 2
-    assert told.splitlines()[-1] == "hydro: the answers have ended: give --commands"
+    assert told.splitlines()[-1] == "hydro: the input ended before the last answer: give --commands"
 
 
 def test_a_raw_table_needs_no_map_and_brings_its_vehicle(
@@ -238,7 +238,7 @@ def test_a_file_that_the_audit_contradicts_is_corrected_by_default(choice: list[
     done = piped("start", "dive.csv", "--vehicle", "flipped.toml", *choice, "-o", "out")
     told = done.stderr.decode()
     assert ("--correct-thrusters" in commands(told)[-1]) == (not choice)
-    assert ("explain goes on as the audit states" in told) == (not choice)
+    assert ("explain continues with the audit's result" in told) == (not choice)
     assert commands(told)[-1] in Path("out/commands.sh").read_text()
 
 
@@ -264,12 +264,14 @@ def test_an_edited_file_is_not_written_over(here: Path) -> None:
     line = ("dive.csv", *hull, "--velocity", "dvl_{x,y,z} FLU", "-o", "out")
     for _ in range(2):
         assert TOO_SHORT in refused(*line, code=1)
-    assert "out/vehicle.toml: there already" in refused("dive.csv", "--preset", "auv151", "-o", "out", code=1)
+    assert "out/vehicle.toml: the file exists and differs from the options" in refused(
+        "dive.csv", "--preset", "auv151", "-o", "out", code=1
+    )
     for name in ("map", "vehicle"):
         path = Path(f"out/{name}.toml")
         kept = path.read_text()
         path.write_text(f"{kept}# mine\n")
-        assert f"{path}: there already, and not what the options say" in refused(*line, code=1)
+        assert f"{path}: the file exists and differs from the options" in refused(*line, code=1)
         assert path.read_text() == f"{kept}# mine\n"
         path.write_text(kept)
 
@@ -280,8 +282,8 @@ def test_an_edited_file_is_not_written_over(here: Path) -> None:
 def test_a_log_without_commands_says_which_option_gives_them(here: Path) -> None:
     pl.read_csv("dive.csv").drop(f"servo{number}_raw" for number in range(1, 9)).write_csv("bare.csv")
     assert refused("bare.csv", "-o", "out") == (
-        "hydro: bare.csv: the columns' names do not say commands: give such a line as --commands "
-        "'motor{1..6} pwm', or --map FILE; `hydro import bare.csv --topics` lists the columns"
+        "hydro: bare.csv: no columns found for commands: give them, such as --commands 'motor{1..6} pwm', or "
+        "--map FILE; `hydro import bare.csv --topics` lists the columns"
     )
     assert not Path("out").exists(), "nothing is left behind"
 
@@ -298,13 +300,17 @@ def test_thrusters_of_no_known_vehicle_ask_for_one(here: Path) -> None:
         (["none.csv"], 1, "none.csv: no such file or folder"),
         (["rov.toml"], 1, "rov.toml"),
         (["empty.csv"], 1, "empty.csv: empty, not a single byte"),
-        (["-"], 2, "name a file instead of -"),
-        (["dive.csv", "--map", "rov.toml", "--rates", "none"], 2, "--map says it already: leave --rates out"),
+        (["-"], 2, "give a file, not -"),
+        (
+            ["dive.csv", "--map", "rov.toml", "--rates", "none"],
+            2,
+            "--map defines these columns: leave --rates out",
+        ),
         (["dive.csv", "--map", "rov.toml"], 1, "rov.toml"),
         (["dive.csv", "--vehicle", "none.toml"], 1, "none.toml: no such file or folder"),
-        (["dive.csv", "--vehicle", "rov.toml", "--mass", "3"], 2, "--vehicle is a file"),
+        (["dive.csv", "--vehicle", "rov.toml", "--mass", "3"], 2, "--vehicle is complete"),
         (["dive.csv", "--preset", "bluerov2", "--layout", "bluerov2"], 2, "give one of them"),
-        (["dive.csv", "--preset", "titanic"], 1, "no preset is called titanic: choose"),
+        (["dive.csv", "--preset", "titanic"], 1, "unknown preset titanic: choose"),
         (["dive.csv", "--preset", "bluerov2"], 1, "bluerov2 has 6 thrusters, but the log has 8 commands"),
         (["dive.csv", "--mass", "3"], 1, "needs --box L W H"),
         (["dive.csv", "--velocity", "dvl_x dvl_y dvl_q"], 1, "no column is called dvl_q: did you mean dvl_"),

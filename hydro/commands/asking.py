@@ -1,4 +1,4 @@
-"""Questions on a terminal, and their defaults where nobody can be asked."""
+"""Questions on a terminal; without one, their default answers."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ Result = TypeVar("Result")
 
 
 def asks() -> bool:
-    """Return whether there is a person to ask."""
+    """Return whether questions can be asked on a terminal."""
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
 class Asker:
-    """Whoever gives the answers: a person on a terminal, or else the defaults.
+    """Source of the answers: a person on a terminal, or the defaults.
 
     Args:
-        about: What the questions are about, for error lines.
+        about: Subject of the questions, for error lines.
     """
 
     def __init__(self, about: str) -> None:
-        """Begin with question 1."""
+        """Start with question 1."""
         self._about, self._asked = about, 0
 
     def talk(self, questions: Generator[Question, str, Result], hint: str) -> Result:
-        """Ask until the answers are known, and return what they say.
+        """Ask all questions and return the result of the generator.
 
         Args:
-            questions: Yields questions, and is sent the answers.
-            hint: What `?` prints.
+            questions: Generator that yields questions and receives answers.
+            hint: Text that the answer `?` prints.
 
         Raises:
-            UsageError: An answer has no default and there is nobody to ask, or the input has ended.
+            UsageError: A question has no default and there is no terminal, or the input has ended.
         """
         try:
             question = next(questions)
@@ -57,9 +57,7 @@ class Asker:
         if not asks():
             if not question.default:
                 raise UsageError(f"{self._about}: {question.text}: give {question.option}")
-            message(
-                f"hydro: {question.key}: {question.default}, the default; {question.option} says otherwise"
-            )
+            message(f"hydro: {question.key}: default {question.default}; change it with {question.option}")
             return question.default
         self._asked += 1
         message("")
@@ -77,7 +75,7 @@ class Asker:
 
 
 def _typed(text: str, question: Question) -> str:
-    """Return what a person types; Enter is the default.
+    """Read an answer from the terminal; Enter gives the default.
 
     Raises:
         UsageError: The input has ended.
@@ -94,5 +92,5 @@ def _typed(text: str, question: Question) -> str:
         if interrupts.seen():
             raise KeyboardInterrupt from None
         message("")
-        raise UsageError(f"the answers have ended: give {question.option}") from None
+        raise UsageError(f"the input ended before the last answer: give {question.option}") from None
     return str(answer).strip()

@@ -1,4 +1,4 @@
-"""`start`: from a log to a report by a few questions, for a first user."""
+"""`start`: guided import, audit, explanation and report of a log, for a first user."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def start(
             "-o",
             metavar="DIR",
             show_default=False,
-            help="Folder for all results; by default the log's name with -start.",
+            help="Folder for all results; default: LOG-start, from the name of the log.",
         ),
         FOLDER,
     ] = None,
     map_: Annotated[
         Path | None,
         typer.Option(
-            "--map", metavar="FILE", show_default=False, help="What the columns mean; not asked then."
+            "--map", metavar="FILE", show_default=False, help="Map of the log; skips its questions."
         ),
     ] = None,
     time: Annotated[Line, _line("clock")] = None,
@@ -70,7 +70,7 @@ def start(
     commands: Annotated[Line, _line("thrusters' commands")] = None,
     vehicle: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", show_default=False, help="Vehicle file; not asked then."),
+        typer.Option(metavar="FILE", show_default=False, help="Vehicle file; skips its questions."),
     ] = None,
     preset: Annotated[
         str | None,
@@ -81,7 +81,7 @@ def start(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="Layout of the thrusters, as of hydro vehicle new; by default by their number.",
+            help="Layout of the thrusters, see hydro vehicle new; default: by their number.",
         ),
     ] = None,
     mass: Annotated[
@@ -101,21 +101,21 @@ def start(
         bool,
         typer.Option(
             "--correct-thrusters/--keep-thrusters",
-            help="Where the audit contradicts the vehicle file: go on as the audit states, or stop there.",
+            help="If the audit contradicts the vehicle file: continue with the audit's result, or stop.",
         ),
     ] = True,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
 ) -> None:
-    """Go from a log to a report by a few questions.
+    """Turn a log into a report with a few questions.
 
-    At most eight questions: which columns are what, in which axes and units, and which vehicle it is. The
-    names and numbers of the columns and the motion in the log suggest the answers: Enter takes them. Then the
-    log is imported and drawn, the thrusters are audited, missing effects are searched for, and a page tells
-    the result. Every command is printed as it runs, and stands in DIR/commands.sh.
+    At most eight questions ask for the columns of each sensor, their axes and units, and the vehicle. Column
+    names, values and the motion in the log suggest the answers: press Enter to accept one. The command then
+    imports and draws the log, audits the thrusters, searches for missing effects and writes a report. It
+    prints every command that it runs and saves all of them in DIR/commands.sh.
 
-    Without a terminal the suggested answers are taken; every answer has an option. The columns
-    of a sensor stand in one text, with axes and unit; braces list or count what differs:
+    Without a terminal it uses the suggested answers. Every answer has an option. One text names the columns
+    of a sensor, its axes and its unit; braces list or count columns:
 
         hydro start dive.bag -o study
 
@@ -123,8 +123,8 @@ def start(
 
         hydro start dive.csv --position 'depth=press_m' --mass 30 --box 1.2 0.5 0.4 --layout vectored8
 
-    To correct an answer, edit DIR/map.toml or DIR/vehicle.toml and run the same line again: what is there is
-    used, and what has not changed is not computed again. So it goes on after an interrupt.
+    To correct an answer, edit DIR/map.toml or DIR/vehicle.toml and run the same command again. Steps whose
+    inputs have not changed are skipped, so an interrupted run resumes.
     """
     lines = {
         name: text
@@ -162,7 +162,7 @@ def start(
 
 @dataclass
 class Given:
-    """What the command line says.
+    """Options of the command line.
 
     Attributes:
         logs: The logs.
@@ -196,20 +196,20 @@ class Given:
             UsageError: There are some.
         """
         if STREAM in self.logs:
-            raise UsageError("hydro start reads a log more than once: name a file instead of -")
+            raise UsageError("hydro start reads the log several times: give a file, not -")
         if self.map is not None and self.lines:
             raise UsageError(
-                f"--map says it already: leave {listed([f'--{name}' for name in self.lines])} out"
+                f"--map defines these columns: leave {listed([f'--{name}' for name in self.lines])} out"
             )
         if self.vehicle is not None and self.makes_vehicle:
-            raise UsageError("--vehicle is a file: leave --preset, --layout, --mass, --box and --thrust out")
+            raise UsageError("--vehicle is complete: leave the options that make a vehicle out")
         if self.preset is not None and self.layout is not None:
             raise UsageError("--preset and --layout: give one of them")
 
 
 @contextlib.contextmanager
 def _held(folder: Path) -> Generator[None]:
-    """Hold the folder that no option names."""
+    """Lock the default folder."""
     from hydro.io.files import check_folder
     from hydro.io.lock import alone
 
@@ -230,7 +230,7 @@ class _Guide:
         self._code = 0
 
     def run(self) -> None:
-        """Ask, run the commands, and say what was written."""
+        """Ask the questions, run the commands and list the files written."""
         from hydro.study import guided
         from hydro.study.steps import Runner
 
@@ -247,8 +247,8 @@ class _Guide:
         if anew or table or not places.picture.exists():
             self._draw(places)
         message(
-            f"hydro: {places.picture}: the recording as it was understood. Is it the dive? If not, stop with "
-            f"Ctrl-C, correct {places.map or places.vehicle} and run the same line again"
+            f"hydro: {places.picture}: picture of the recording. If it does not show the dive, stop with "
+            f"Ctrl-C, edit {places.map or places.vehicle} and run the same command again"
         )
         check = guided.audited(places)
         message(f"hydro {check.name}")
@@ -260,8 +260,8 @@ class _Guide:
         self._write_script(places, [*made, *first, check, *rest])
         if self._code and self._corrects:
             message(
-                "hydro: the audit contradicts the vehicle file: explain goes on as the audit states "
-                "(--keep-thrusters stops there)"
+                "hydro: the audit contradicts the vehicle file: explain continues with the audit's result "
+                "(--keep-thrusters stops instead)"
             )
         try:
             runner.run(rest)
@@ -269,10 +269,10 @@ class _Guide:
             self._tell(places)
 
     def _is_table(self) -> bool:
-        """Return whether the recording is a raw table already.
+        """Return whether the recording is a raw table, which needs no import.
 
         Raises:
-            UsageError: It is, and there are others, or a map.
+            UsageError: A raw table is combined with other logs or with a map.
         """
         from hydro.io import recordings
 
@@ -280,7 +280,7 @@ class _Guide:
         if self._files and not tables:
             return False
         if len(self._given.logs) > 1:
-            raise UsageError(f"{self._given.logs[0]}: a raw table stands alone: give one, or logs")
+            raise UsageError(f"{self._given.logs[0]}: give one raw table, or logs without raw tables")
         if self._given.map is not None or self._given.lines:
             raise UsageError(
                 f"{self._given.logs[0]}: a raw table needs no map: leave --map and its lines out"
@@ -288,12 +288,12 @@ class _Guide:
         return True
 
     def _map(self) -> Path:
-        """Return the map of the logs: the given one, that of before, or a new one of answers."""
+        """Return the map of the logs: the given one, an existing one in the folder, or a new one."""
         if self._given.map is not None:
             return self._given.map
         path = self._folder / "map.toml"
         if path.exists() and not self._given.lines:
-            message(f"hydro: {path}: there already and used as it is; remove it to be asked again")
+            message(f"hydro: {path}: using the existing file; delete it to be asked again")
             return path
         from hydro.io import mapdraft
         from hydro.io.files import write_bytes
@@ -311,20 +311,20 @@ class _Guide:
         text = mapdraft.draft(blocks, proposal.columns, self._given.logs[0], blanks=False)
         _keep(path, text)
         write_bytes(text.encode(), path)
-        message(f"hydro: {path}: what the columns mean; correct it there and run the same line again")
+        message(f"hydro: {path}: map written; to correct it, edit it and run the same command again")
         return path
 
     def _answered(self, proposal: Proposal) -> dict[str, Any]:
-        """Show a proposal and return its blocks after the answers.
+        """Show the proposed map, ask for corrections and return the blocks.
 
         Raises:
-            UsageError: Something is missing that a map needs, and nobody can be asked.
+            UsageError: The map lacks a required line and there is no terminal.
         """
         from hydro.core.guessing import interview
         from hydro.core.guessing.map_lines import KINDS, text_of
         from hydro.io import log_topics
 
-        message(f"\n{' '.join(self._given.logs)}: {len(proposal.columns)} columns. What they probably mean:")
+        message(f"\n{' '.join(self._given.logs)}: {len(proposal.columns)} columns. Proposed map:")
         for name in KINDS:
             message(f"  {name:<9} {text_of(name, proposal.blocks.get(name))}")
         for note in proposal.notes:
@@ -334,11 +334,11 @@ class _Guide:
             if missing:
                 raise UsageError(_wanting(self._given.logs[0], missing))
             return dict(proposal.blocks)
-        message("\nEnter takes what stands in brackets; ? lists the columns.")
+        message("\nPress Enter to accept the answer in brackets; type ? to list the columns.")
         hint = textwrap.fill(" ".join(log_topics.ranges(proposal.columns)), 100, break_long_words=False)
         blocks = self._asker.talk(interview.about_map(proposal.columns, proposal.blocks), hint)
         if missing := interview.lacking(blocks):
-            raise DataError(f"{self._given.logs[0]}: without {listed(missing)} a log shows no motion")
+            raise DataError(f"{self._given.logs[0]}: the map has no {listed(missing)}: name its columns")
         return blocks
 
     def _thrusters(self, map_: Path | None) -> int:
@@ -359,7 +359,7 @@ class _Guide:
         return table.read(self._given.logs[0], ("raw",))
 
     def _vehicle(self, runner: Runner, thrusters: int) -> list[Step]:
-        """See that there is a vehicle file; return the command that makes it, if one does."""
+        """Provide the vehicle file; return the command that makes it, if a command does."""
         from hydro.core.guessing import interview
         from hydro.core.guessing.vehicle_choice import command_line
         from hydro.io import vehicle as vehicles
@@ -370,7 +370,7 @@ class _Guide:
             return []
         path = self._folder / "vehicle.toml"
         if path.exists() and not self._given.makes_vehicle:
-            message(f"hydro: {path}: there already and used as it is; remove it to be asked again")
+            message(f"hydro: {path}: using the existing file; delete it to be asked again")
             return []
         fleet = _fleet()
         footer = "" if self._files and not self._is_table() else (self._table().provenance.vehicle or "")
@@ -392,19 +392,19 @@ class _Guide:
         return []
 
     def _execute(self, step: Step) -> None:
-        """Run a step in this process; remember whether the audit contradicts the file."""
+        """Run a step in this process and keep its exit code."""
         code = self._root.main(list(step.line), prog_name="hydro", standalone_mode=False)
         self._code = code if isinstance(code, int) else 0
         if self._code and step.line[0] != "check":
             raise typer.Exit(self._code)
 
     def _draw(self, places: Places) -> None:
-        """Draw what was understood of the log."""
+        """Draw the imported recording."""
         from hydro.io import table
-        from hydro.report import figures, understood
+        from hydro.report import figures, overview
 
-        rows = understood.overview(table.read(places.recording, ("raw",)).frame)
-        figures.save(understood.draw(rows, " ".join(self._given.logs)), places.picture)
+        rows = overview.overview(table.read(places.recording, ("raw",)).frame)
+        figures.save(overview.draw(rows, " ".join(self._given.logs)), places.picture)
 
     def _write_script(self, places: Places, steps: Sequence[Step]) -> None:
         """Write the commands as a script."""
@@ -416,15 +416,15 @@ class _Guide:
         write_bytes(guided.script(steps, Path.cwd(), again).encode(), places.script)
 
     def _tell(self, places: Places) -> None:
-        """Say where everything is."""
+        """List the files and folders written."""
         told = [
-            (places.map, "what the columns mean"),
-            (places.vehicle, "the vehicle file to begin with"),
-            (places.recording, "the recording, for all other commands"),
-            (places.picture, "the recording as it was understood"),
-            (places.study, "every step of explain"),
-            (places.script, "all commands above: run it with sh"),
-            (places.report, "the report: open it in a browser"),
+            (places.map, "map of the log"),
+            (places.vehicle, "vehicle file"),
+            (places.recording, "imported recording, for all other commands"),
+            (places.picture, "picture of the recording"),
+            (places.study, "results of explain, step by step"),
+            (places.script, "all commands above, as a shell script"),
+            (places.report, "report: open it in a browser"),
         ]
         width = max(len(str(path)) for path, _ in told)
         for path, what in told:
@@ -433,18 +433,18 @@ class _Guide:
 
 
 _FOOTER = "footer"
-"""Answer that takes the vehicle file in the recording's footer."""
+"""Answer that selects the vehicle file in the footer of the recording."""
 
 
 def _wanting(log: str, missing: Sequence[str]) -> str:
-    """Return what to give where the names of a log do not suffice."""
+    """Return the error line for a map that lacks a required line."""
     from hydro.core.guessing.map_lines import EXAMPLES
 
     name = missing[0] if missing[0] in EXAMPLES else "rates"
     example = EXAMPLES[name].partition(", or ")[0]
     return (
-        f"{log}: the columns' names do not say {listed(missing)}: give such a line as --{name} '{example}', "
-        f"or --map FILE; `hydro import {in_shell(log)} --topics` lists the columns"
+        f"{log}: no columns found for {listed(missing)}: give them, such as --{name} '{example}', or --map "
+        f"FILE; `hydro import {in_shell(log)} --topics` lists the columns"
     )
 
 
@@ -456,7 +456,7 @@ def _count(vehicle: Path) -> int:
 
 
 def _fleet() -> list[Preset]:
-    """Return the known vehicles: the bundled files, and the one that is estimated."""
+    """Return the presets: the bundled vehicle files, and the BlueROV2."""
     from hydro.core.guessing.vehicle_choice import BLUEROV2, Hull, Preset
     from hydro.io import vehicle as vehicles
     from hydro.io.files import bundled
@@ -470,7 +470,7 @@ def _fleet() -> list[Preset]:
 
 
 def _described(fleet: Sequence[Preset]) -> str:
-    """Return the known vehicles, a line each."""
+    """Describe each preset in one line."""
     rows = (
         f"{one.name:<16} {one.thrusters} thrusters, {one.hull.mass:g} kg, "
         f"{' x '.join(f'{side:g}' for side in one.hull.sides)} m"
@@ -487,20 +487,20 @@ def _file_of(choice: Choice) -> Path:
 
 
 def _keep(path: Path, text: str) -> None:
-    """Refuse to write over a file that somebody may have edited.
+    """Refuse to overwrite a file that may have been edited.
 
     Raises:
-        DataError: It is there and another one.
+        DataError: The file exists with another content.
     """
     if path.exists() and path.read_text(encoding="utf-8") != text:
         raise _other(path)
 
 
 def _other(path: Path) -> DataError:
-    """Return the error for a file that is there and is not what the options say."""
+    """Return the error for an existing file that differs from the options."""
     return DataError(
-        f"{path}: there already, and not what the options say: leave them out to use it, remove it, or "
-        "name another folder with -o"
+        f"{path}: the file exists and differs from the options: leave the options out to use it, delete it, "
+        "or choose another folder with -o"
     )
 
 

@@ -14,7 +14,7 @@ from hydro.core.logs.logmap import LogMap
 ANSWERS = 0.25
 """A thruster and its controller take up to so long [s]: a later answer of the motion may be a clock's."""
 TOLD = 0.01
-"""Lag of a sensor from which on it is told although it is shorter than a sample [s]."""
+"""Minimum lag of a sensor that is reported although it is shorter than a sample [s]."""
 AGAINST = {"velocity": "the position", "attitude": "the position", "rates": "the attitude"}
 
 
@@ -53,12 +53,12 @@ class Clocks:
         ]
 
     def lags(self) -> dict[str, float]:
-        """The lags to write into the map [s], by the name of the block: of sensors, not of the commands."""
+        """Lags of the sensors to write into the map [s], by the name of the block."""
         told = (one for one in self.sensors if one.plain and (one.over_a_sample or abs(one.seconds) >= TOLD))
         return {one.block: self._lag(one) for one in told}
 
     def _lag(self, one: Offset) -> float:
-        """Return what a sensor's lag is to be [s]."""
+        """Return the lag of a sensor to write into the map [s]."""
         declared: float = getattr(self.declared, one.block).lag
         return declared + one.seconds
 

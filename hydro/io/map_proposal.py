@@ -1,4 +1,4 @@
-"""The map that a log suggests: by names and numbers of its columns, then by what its motion contradicts."""
+"""Proposed map of a log: guessed from names and values of its columns, corrected by its motion."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from hydro.io.log_import import import_log
 
 @dataclass(frozen=True)
 class Proposal:
-    """A map to begin with.
+    """Proposed map.
 
     Attributes:
         columns: All columns of the log.
-        blocks: The blocks of the map; those that nothing suggests are not there.
-        notes: What the motion changed in the guess, or why it could not be asked, a line each.
+        blocks: The blocks of the map that could be guessed.
+        notes: Corrections of the guess, or why the motion could not be tested, a line each.
     """
 
     columns: list[str]
@@ -41,16 +41,16 @@ def proposed(
     progress: log_files.Progress = log_files.silent,
     thrusters: int | None = None,
 ) -> Proposal:
-    """Guess the map of some files, with the lines that are given already.
+    """Propose the map of some files.
 
     Args:
         files: The files of one dive.
-        given: Lines of the map, as `map_lines.block_of` reads them, by the name of the block.
-        progress: Gives what is told how far each file is read.
-        thrusters: How many the vehicle has, if that is known.
+        given: Given blocks in their text form (`map_lines.block_of`), by name.
+        progress: Reports the progress of reading a file.
+        thrusters: Number of thrusters of the vehicle, if known.
 
     Raises:
-        DataError: A file cannot be read, or a given line is none.
+        DataError: A file cannot be read, or the text of a block is invalid.
     """
     columns, blocks = log_files.drafted(files, progress, None, thrusters)
     for name, text in given.items():
@@ -70,16 +70,19 @@ def corrected(
     stated: Collection[str],
     progress: log_files.Progress = log_files.silent,
 ) -> tuple[dict[str, Block], tuple[str, ...]]:
-    """Return the blocks with axes, units, signs and lags by the motion of the log, and what was changed.
+    """Correct axes, units, signs and lags of a map by the motion of the log.
 
-    Samples that a column beside a sensor calls invalid do not count.
+    Columns of validity are added to their sensors.
 
     Args:
         files: The files of one dive.
         columns: All columns of the log.
-        blocks: The blocks of a whole map.
-        stated: Names of blocks that a person has stated: their axes, units and signs stay.
-        progress: Gives what is told how far each file is read.
+        blocks: The blocks of a complete map.
+        stated: Names of blocks given by a person, whose axes, units and signs are kept.
+        progress: Reports the progress of reading a file.
+
+    Returns:
+        The corrected blocks, and a line for each correction.
     """
     asked = validity(columns, blocks)
     gated = {name: {**blocks[name], "valid": column} for name, column in asked.items()}
@@ -91,37 +94,33 @@ def corrected(
         meaning = logmap.from_guess(found, columns)
         report = import_log(source, msgspec.structs.replace(meaning, session=read.session))
     except DataError as error:
-        return dict(blocks), (f"the motion could not be asked: {error}",)
+        return dict(blocks), (f"the motion was not tested: {error}",)
     declared = _without_derived(report.imported.meaning, meaning)
     changes = [one for one in difference(declared, report.verdict.follows) if one.block not in stated]
     for change in changes:
         meaning = change.apply(meaning)
         found[change.block] = msgspec.to_builtins(getattr(meaning, change.block))
-    notes = tuple(
-        f"{one.claim(declared).removesuffix(' as declared')} as the names suggest" for one in changes
-    )
-    lags = {name: lag for name, lag in report.clocks.lags().items() if "lag" not in found[name]}
-    for name, lag in lags.items():
-        found[name] = {**found[name], "lag": float(f"{lag:.3g}")}
-    late = (
-        f"{name} is stamped {abs(lag):.3g} s {'late' if lag > 0.0 else 'early'}: the map says lag = {lag:.3g}"
-        for name, lag in lags.items()
-    )
-    counts = (
-        f"{name} counts where {column} is not 0: the map says valid"
+    notes = [f"{one.claim(declared).removesuffix(' as declared')}: corrected" for one in changes]
+    notes += [
+        f"{name}: samples with {column} = 0 are excluded"
         for name, column in asked.items()
         if name not in void
-    )
-    return found, (*notes, *counts, *late)
+    ]
+    for name, lag in report.clocks.lags().items():
+        if "lag" not in found[name]:
+            found[name] = {**found[name], "lag": float(f"{lag:.3g}")}
+            late = "late" if lag > 0.0 else "early"
+            notes.append(f"{name}: stamps are {abs(lag):.3g} s {late}: corrected by lag = {lag:.3g}")
+    return found, tuple(notes)
 
 
 def _says(source: Log, column: str) -> bool:
-    """Return whether a column calls any sample valid; one that nobody fills in is 0 throughout."""
+    """Return whether a column marks any sample as valid; an unused column is 0 throughout."""
     numbers = values(source, column)
     return numbers is not None and bool(np.any(np.nan_to_num(numbers) != 0.0))
 
 
 def _without_derived(read: LogMap, given: LogMap) -> LogMap:
-    """Return the map that the check of the conventions was asked about: without rates of the attitude."""
+    """Return the map that the check of the conventions used: without rates from the attitude."""
     derived = given.rates is not None and given.rates.source == "attitude"
     return msgspec.structs.replace(read, rates=None) if derived else read

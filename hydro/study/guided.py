@@ -1,4 +1,4 @@
-"""The commands of `hydro start` as steps, and the shell script that repeats them."""
+"""Steps of `hydro start`, and the shell script that repeats them."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class Places:
 
     @property
     def report(self) -> Path:
-        """The page."""
+        """The report."""
         return self.folder / "report.html"
 
     @property
     def explained(self) -> tuple[Path, ...]:
-        """The files that an explanation rests on; of a folder of sessions all in it."""
+        """Inputs of `hydro explain`: the vehicle file and the files of the recording."""
         parts = sorted(each for each in self.recording.rglob("*") if each.is_file())
         return (self.vehicle, *(parts or [self.recording]))
 
@@ -59,7 +59,7 @@ def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading
     Args:
         places: Where the files of the study are.
         logs: The logs as they were named.
-        files: All files that they consist of.
+        files: All files of the logs.
         reading: Further options of `hydro import`.
     """
     line = ["import", *logs, "--map", str(places.map), "--vehicle", str(places.vehicle), *reading]
@@ -78,7 +78,7 @@ def explained(places: Places, *, corrected: bool) -> Step:
 
     Args:
         places: Where the files of the study are.
-        corrected: Whether directions and order of the thrusters are those of the audit.
+        corrected: Whether the directions and the order of the audit replace those of the vehicle file.
     """
     files = (places.vehicle, places.recording)
     more = ["--correct-thrusters"] if corrected else []
@@ -87,7 +87,7 @@ def explained(places: Places, *, corrected: bool) -> Step:
 
 
 def reported(places: Places) -> Step:
-    """Return the page of the study."""
+    """Return the report of the study."""
     line = ("report", str(places.study), "-o", str(places.report))
     return Step(line, explained(places, corrected=False).writes, (places.report,))
 
@@ -98,7 +98,7 @@ def script(steps: Sequence[Step], folder: Path, again: Sequence[str]) -> str:
     Args:
         steps: The steps, in order.
         folder: The folder in which they were run.
-        again: Words of the `hydro start` that does the same without questions.
+        again: Arguments of a `hydro start` that gives the same result without questions.
     """
     lines = [
         "#!/bin/sh",

@@ -27,7 +27,7 @@ def proposal(path: Path, **given: str) -> Proposal:
 def test_the_motion_corrects_the_names() -> None:
     found = proposal(EXAMPLE)
     assert found.blocks["velocity"]["frame"] == "FLU"
-    assert found.notes == ("velocity looks FLU, not FRD as the names suggest",)
+    assert found.notes == ("velocity looks FLU, not FRD: corrected",)
     right = logmap.read(bundled("logs") / "map.toml")
     read = logmap.from_guess(found.blocks, found.columns)
     assert (read.velocity, read.attitude, read.rates) == (right.velocity, right.attitude, right.rates)
@@ -52,7 +52,7 @@ def test_a_late_sensor_gets_its_lag(tmp_path: Path) -> None:
     frame.write_csv(tmp_path / "late.csv")
     found = proposal(tmp_path / "late.csv")
     assert found.blocks["velocity"]["lag"] == pytest.approx(0.2, abs=0.02)
-    assert [note for note in found.notes if note.startswith("velocity is stamped 0.2")]
+    assert [note for note in found.notes if note.startswith("velocity: stamps are 0.2")]
     assert "lag" not in found.blocks["position"]
 
 
@@ -76,5 +76,5 @@ def test_samples_that_the_log_calls_invalid_do_not_count(filled: bool, tmp_path:
     ).write_csv(tmp_path / "log.csv")
     found = proposal(tmp_path / "log.csv")
     assert found.blocks["velocity"].get("valid") == ("dvl_valid" if filled else None)
-    assert any("dvl_valid is not 0" in note for note in found.notes) == filled
+    assert any("dvl_valid = 0 are excluded" in note for note in found.notes) == filled
     assert "valid" not in found.blocks["position"]

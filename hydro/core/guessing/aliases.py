@@ -172,7 +172,7 @@ def guess(
 
 
 def _without_turns(plain: dict[str, str]) -> dict[str, str]:
-    """Return the columns that are not called angular, so that no turn is taken for a velocity."""
+    """Return the columns without angular velocities."""
     return {name: column for name, column in plain.items() if "angular" not in name.split("_")}
 
 

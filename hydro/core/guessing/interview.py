@@ -1,7 +1,7 @@
-"""The questions of `hydro start`: from a guessed map and the vehicles that are known, at most eight.
+"""Questions of `hydro start` about a guessed map and about the vehicle: at most eight.
 
-Each function is a generator: it yields a question, is sent the answer, and returns what the answers say.  So
-questions depend on earlier answers, and nothing here knows a terminal.
+Each function is a generator. It yields a question, receives the answer and returns the result. A question can
+depend on earlier answers. The module is independent of the terminal.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hydro.core.guessing.vehicle_choice import (
 from hydro.core.logs.logmap import BLOCKS
 
 MOST = 8
-"""Greatest number of questions: of the map one and five lines, or six lines; of the vehicle two."""
+"""Maximum number of questions: one and five lines of the map, or six lines; two about the vehicle."""
 MEANINGS = {
     "time": "Clock: column and unit",
     "position": "Position or depth: columns, world axes, unit",
@@ -42,11 +42,11 @@ class Question:
     """One question.
 
     Attributes:
-        key: What it is about: `lines`, a line of the map, `vehicle` or `hull`.
+        key: Subject: `lines`, a line of the map, `vehicle` or `hull`.
         text: The question.
-        default: The answer that Enter gives; empty where there is none.
-        option: How the answer is given on a command line.
-        check: Raises DataError for an answer that is none.
+        default: Answer that Enter gives; empty without a default.
+        option: Option that gives the answer on the command line.
+        check: Raises DataError for an invalid answer.
     """
 
     key: str
@@ -57,7 +57,7 @@ class Question:
 
 
 def lacking(blocks: Mapping[str, Block]) -> list[str]:
-    """Return what a map needs and these blocks do not have."""
+    """Return the required lines of a map that are missing from these blocks."""
     missing = [name for name in ("time", "commands") if name not in blocks]
     return missing if any(name in blocks for name in BLOCKS) else [*missing, listed(BLOCKS, "or")]
 
@@ -65,7 +65,7 @@ def lacking(blocks: Mapping[str, Block]) -> list[str]:
 def about_map(
     columns: Sequence[str], blocks: Mapping[str, Block]
 ) -> Generator[Question, str, dict[str, Block]]:
-    """Ask what the columns of a log mean: where a guess is whole, which of its lines are wrong; else all.
+    """Ask for the columns of a log: for lines to correct if the guess is complete, otherwise for every line.
 
     Args:
         columns: All columns of the log.
@@ -78,7 +78,7 @@ def about_map(
     asked = list(KINDS)
     if not lacking(blocks):
         lines = [name for name in KINDS if name != "time"]
-        text = f"Which lines are wrong, or lack something the log has? {', '.join(lines)}"
+        text = f"Lines to correct ({', '.join(lines)})"
         asked = _named((yield Question("lines", text, NONE, "--velocity, --commands, ...", _named)))
     for name in asked:
         before = text_of(name, found.get(name))
@@ -98,20 +98,20 @@ def about_map(
 def about_vehicle(
     fleet: Sequence[Preset], thrusters: int, footer: str = ""
 ) -> Generator[Question, str, Choice]:
-    """Ask which vehicle it is, and for its mass and box where it is no known one.
+    """Ask for the vehicle; for a layout also for mass and box.
 
     Args:
         fleet: The presets.
         thrusters: How many commands the log has.
-        footer: Name of the file in the recording's footer, the default; empty without one.
+        footer: Default answer if the recording has a vehicle file in its footer; otherwise empty.
     """
     known = suited(fleet, thrusters)
     names = {one.name for one in fleet}
     layouts = [name for name in LAYOUTS if layouts_thrusters(name) == thrusters and name not in names]
-    beside = f"; or a layout, to be asked for mass and box: {listed(layouts, 'or')}" if layouts else ""
+    more = f"; or the layout {listed(layouts, 'or')}, with mass and box" if layouts else ""
     text = yield Question(
         "vehicle",
-        f"Vehicle with {thrusters} thrusters: {presets_named(fleet, thrusters)}; a vehicle file{beside}",
+        f"Vehicle with {thrusters} thrusters: preset {presets_named(fleet, thrusters)}; a vehicle file{more}",
         footer or (known.name if known is not None else ""),
         "--preset NAME, --vehicle FILE, or --mass KG --box L W H",
         lambda text: chosen(text, fleet, thrusters),
@@ -121,7 +121,7 @@ def about_vehicle(
         return choice
     text = yield Question(
         "hull",
-        "Dry mass [kg], length, width and height [m]; of thrusters that are no T200s the greatest thrust [N]",
+        "Dry mass [kg], length, width, height [m]; also the maximum thrust [N] of thrusters other than T200",
         known.hull.text if known is not None else "",
         "--mass KG --box L W H",
         hull_of,
@@ -132,17 +132,17 @@ def about_vehicle(
 def by_options(
     fleet: Sequence[Preset], thrusters: int, name: str | None, layout: str | None, hull: Mapping[str, float]
 ) -> Choice:
-    """Return the vehicle that options say.
+    """Return the vehicle that the options select.
 
     Args:
         fleet: The presets.
         thrusters: How many commands the log has.
         name: Of a preset.
         layout: Of the thrusters.
-        hull: What was given of `mass`, `length`, `width`, `height` and `thrust`.
+        hull: The given values of `mass`, `length`, `width`, `height` [kg, m] and `thrust` [N].
 
     Raises:
-        DataError: They contradict each other or the log, or do not suffice.
+        DataError: The options contradict each other or the log, or are incomplete.
     """
     word = name or layout or layout_for(thrusters)
     if word is None:
@@ -152,14 +152,10 @@ def by_options(
         )
     choice = chosen(word, fleet if name else (), thrusters)
     if choice.file is not None:
-        raise DataError(
-            f"no preset is called {word}: choose {presets_named(fleet, thrusters)}, or --vehicle FILE"
-        )
+        raise DataError(f"unknown preset {word}: choose {presets_named(fleet, thrusters)}, or --vehicle FILE")
     if choice.preset is not None:
         if hull:
-            raise DataError(
-                f"{word} has a file of its own: leave --mass, --box and --thrust out, or give --layout"
-            )
+            raise DataError(f"the preset {word} defines mass and box: leave them out, or give --layout")
         return choice
     known = choice.hull or Hull(0.0, (0.0, 0.0, 0.0))
     sides = zip(("length", "width", "height"), known.sides, strict=True)
@@ -172,27 +168,29 @@ def by_options(
 
 
 def _named(text: str) -> list[str]:
-    """Return the lines of an answer.
+    """Return the lines that an answer names.
 
     Raises:
-        DataError: There is no such line, or the clock is among them, which stands.
+        DataError: An unknown line, or the clock, which is not asked again.
     """
     words = text.replace(",", " ").split()
     lines = [name for name in KINDS if name != "time"]
     if words in ([], [NONE]):
         return []
     if unknown := [word for word in words if word not in lines]:
-        raise DataError(f"{unknown[0]!r} is none of the lines {', '.join(lines)}; Enter: all are right")
+        raise DataError(
+            f"{unknown[0]!r} is not a line: name some of {', '.join(lines)}, or press Enter if all are right"
+        )
     return [name for name in lines if name in words]
 
 
 def _line(name: str, text: str, columns: Sequence[str]) -> Block | None:
-    """Return the block of an answer.
+    """Return the block that an answer describes; None for `none`.
 
     Raises:
-        DataError: It is none, or missing where a map needs it.
+        DataError: The answer is invalid, or `none` for a required line.
     """
     found = block_of(name, text, columns)
     if found is None and name in ("time", "commands"):
-        raise DataError(f"{name}: a recording needs it: give columns, such as {EXAMPLES[name]}")
+        raise DataError(f"{name}: required: name its columns, such as {EXAMPLES[name]}")
     return found

@@ -1,7 +1,7 @@
-"""A block of a map as one line of words, for a person to read and to type: columns, frames and units.
+"""Text form of a block of a map, for questions and options: columns, frames and units in one line.
 
-`dvl_{x,y,z} FLU m/s` is a velocity, `east north depth=depth_m ENU` a position.  Braces list or count what
-differs between columns, as in a shell; `data[0..7]` counts too, as `hydro import --topics` prints it.
+`dvl_{x,y,z} FLU m/s` is a velocity, `east north depth=depth_m ENU` a position.  Braces
+list or count columns, as in a shell; so does `data[0..7]`, as `hydro import --topics` prints it.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ KINDS: Mapping[str, type[msgspec.Struct]] = {
     "rates": Rates,
     "commands": Commands,
 }
-"""Lines of a map that a person is asked for, and what each becomes."""
+"""Blocks with a text form, and the structure of each."""
 NONE = "none"
-"""Word for a sensor that the log does not have."""
+"""Text of a missing block."""
 KEYED = ("depth", "height", "latitude", "longitude")
-"""Columns that are given by their key, as in `depth=COLUMN`."""
+"""Columns given with their key, as in `depth=COLUMN`."""
 EXAMPLES = {
     "time": "stamp_ms ms",
     "position": "x y z ENU, or x y depth=d, or depth=d",
@@ -41,14 +41,14 @@ EXAMPLES = {
     "commands": "motor{1..6} pwm",
 }
 SHORTEST = 2
-"""Least number of characters that columns share from which braces say what differs."""
+"""Minimum length of the common beginning of columns that are abbreviated with braces."""
 _SCALED = re.compile(r"(.+?)\*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)([-+][0-9.]+(?:[eE][-+]?\d+)?)?")
 _LIST = re.compile(r"\{([^{}]*,[^{}]*)\}")
 _COUNT = re.compile(r"\{(\d+)\.\.(\d+)\}|(?<=\[)(\d+)\.\.(\d+)(?=\])")
 
 
 def text_of(name: str, block: Mapping[str, Any] | None) -> str:
-    """Return a block as a line of words, and `none` where there is none.
+    """Return the text form of a block, `none` without a block.
 
     Args:
         name: Name of the block, one of KINDS.
@@ -67,15 +67,15 @@ def text_of(name: str, block: Mapping[str, Any] | None) -> str:
 
 
 def block_of(name: str, text: str, columns: Sequence[str]) -> Block | None:
-    """Return the block that a line of words describes; None for `none`.
+    """Parse the text form of a block; None for `none`.
 
     Args:
         name: Name of the block, one of KINDS.
-        text: The line.
-        columns: All columns of the log; a word may be the end of one alone.
+        text: The text.
+        columns: All columns of the log; a unique ending names a column.
 
     Raises:
-        DataError: A word is neither a column nor a setting, or the columns are too many or too few.
+        DataError: A word is neither a column nor a setting, or the number of columns is wrong.
     """
     try:
         words = [part for word in shlex.split(text) for part in expanded(word, columns)]
@@ -85,7 +85,7 @@ def block_of(name: str, text: str, columns: Sequence[str]) -> Block | None:
         return None
     settings = _settings(name)
     found: Block = {}
-    last = True  # among the last words, where settings stand: before these a column's name is a column
+    last = True  # among the trailing words, which are settings even if a column has such a name
     taken = list[Any]()
     for word in reversed(words):
         key, given, value = word.partition("=")
@@ -104,10 +104,10 @@ def block_of(name: str, text: str, columns: Sequence[str]) -> Block | None:
 
 
 def _shaped(name: str, found: Block, taken: list[Any]) -> Block:
-    """Put columns where the block has them.
+    """Add the columns to a block.
 
     Raises:
-        DataError: They are too many or too few.
+        DataError: The number of columns is wrong.
     """
     if name == "time":
         if len(taken) != 1:
@@ -143,10 +143,10 @@ def _command(source: Any) -> Any:
 
 
 def column_of(word: str, columns: Sequence[str]) -> Any:
-    """Return the column that a word names: whole, by its end, or with `*SCALE+OFFSET` behind it.
+    """Find a column by its name or its ending, optionally followed by `*SCALE+OFFSET`.
 
     Raises:
-        DataError: There is no such column, or there are several.
+        DataError: No column or several columns match.
     """
     if word in columns:
         return word
@@ -154,7 +154,9 @@ def column_of(word: str, columns: Sequence[str]) -> Any:
     if len(ending) == 1:
         return ending[0]
     if len(ending) > 1:
-        raise DataError(f"{shown(word)}: {len(ending)} columns end so: {listed(ending[:4])}; name one whole")
+        raise DataError(
+            f"{shown(word)}: {len(ending)} columns have this ending: {listed(ending[:4])}; give the full name"
+        )
     if match := _SCALED.fullmatch(word):
         found = {"column": column_of(match[1], columns), "scale": float(match[2])}
         return found | ({"offset": float(match[3])} if match[3] else {})
@@ -164,7 +166,7 @@ def column_of(word: str, columns: Sequence[str]) -> Any:
 
 
 def expanded(word: str, columns: Sequence[str]) -> Iterator[str]:
-    """Yield the words that braces or counts in a word stand for; a column's own name stands for itself."""
+    """Expand braces and counts in a word; the exact name of a column is not expanded."""
     if word in columns:
         yield word
     elif match := _LIST.search(word):
@@ -179,10 +181,10 @@ def expanded(word: str, columns: Sequence[str]) -> Iterator[str]:
 
 
 def _known(name: str, word: str, columns: Sequence[str], settings: Mapping[str, str]) -> Any:
-    """Return the column of a word; settings of the block stand in the error line.
+    """Find the column of a word.
 
     Raises:
-        DataError: There is none.
+        DataError: No column matches; the line lists the settings of the block.
     """
     try:
         return column_of(word, columns)
@@ -192,7 +194,7 @@ def _known(name: str, word: str, columns: Sequence[str], settings: Mapping[str, 
 
 @cache
 def _settings(name: str) -> Mapping[str, str]:
-    """Return words for the settings of a block, and the key of each."""
+    """Return the words for the settings of a block with their keys."""
     found: dict[str, str] = {}
     hints = get_type_hints(KINDS[name])
     for field in msgspec.structs.fields(KINDS[name]):
@@ -202,7 +204,7 @@ def _settings(name: str) -> Mapping[str, str]:
 
 
 def _said(name: str, block: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the settings that a line states, with their defaults: frames and units, others if they differ."""
+    """Yield the settings of the text form with their defaults: frames, units and changed settings."""
     usual = {"unit", "world", "body", "frame"}
     if "quaternion" in block:
         usual = {"layout", "world", "body"}
@@ -219,7 +221,7 @@ def _said(name: str, block: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _word(text: str) -> str:
-    """Return a text as one word of a line, in quotes where it has to be."""
+    """Quote a word of the text form if necessary."""
     try:
         return text if shlex.split(text) == [text] else shlex.quote(text)
     except ValueError:
@@ -227,7 +229,7 @@ def _word(text: str) -> str:
 
 
 def _column_text(source: Any) -> str:
-    """Return a column, with its scale and offset if it has some."""
+    """Return the text of a column with its scale and offset."""
     if not isinstance(source, Mapping):
         return str(source)
     scale, offset = source.get("scale", 1.0), source.get("offset", 0.0)
@@ -239,7 +241,7 @@ def _column_text(source: Any) -> str:
 
 
 def _beginning(words: Sequence[str]) -> str:
-    """Return the characters that all words begin with."""
+    """Return the common beginning of all words."""
     shared = list[str]()
     for letters in zip(*words, strict=False):
         if len(set(letters)) > 1:
@@ -249,7 +251,7 @@ def _beginning(words: Sequence[str]) -> str:
 
 
 def _compact(words: Sequence[str]) -> list[str]:
-    """Return columns as one word with braces where they share a beginning; as they are otherwise."""
+    """Abbreviate columns with a common beginning by braces."""
     start = _beginning(words).rstrip("0123456789")
     if len(words) < 2 or len(start) < SHORTEST or len(set(words)) < len(words):
         return list(words)

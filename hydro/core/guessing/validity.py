@@ -1,4 +1,4 @@
-"""Columns that say which samples of a sensor count, by their names beside it: `velocity_valid`, `valid`."""
+"""Columns that mark valid samples of a sensor, found by name: `velocity_valid`, `valid`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ Block = dict[str, Any]
 
 
 def validity(names: Sequence[str], blocks: Mapping[str, Block]) -> dict[str, str]:
-    """Return the column that says which samples count, by the name of the block; of those that have one.
+    """Find the column of validity of each block by its name.
 
     Args:
         names: The log's columns.
-        blocks: The blocks of a map; those that say `valid` already are left out.
+        blocks: The blocks of a map; blocks with `valid` are skipped.
+
+    Returns:
+        The column by the name of the block, for blocks that have one.
     """
     there = set(names)
     found = {}
@@ -31,7 +34,7 @@ def validity(names: Sequence[str], blocks: Mapping[str, Block]) -> dict[str, str
 
 
 def _candidates(column: str, name: str) -> Iterator[str]:
-    """Yield what a column of validity may be called beside a column of the block, the nearest first."""
+    """Yield possible names of the column of validity, the closest to a column of the block first."""
     stem = column
     while (cut := max(stem.rfind("."), stem.rfind("_"))) > 0:
         stem = stem[:cut]

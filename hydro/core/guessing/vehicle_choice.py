@@ -1,4 +1,4 @@
-"""The vehicle of a log by what its user says: a preset, a vehicle file, or a layout with mass and box."""
+"""Vehicle of a log: a preset, a vehicle file, or a layout of thrusters with mass and box."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hydro.core.vehicle.description import Vector3
 
 @dataclass(frozen=True)
 class Hull:
-    """What a vehicle file can be estimated from, beside the thrusters' layout.
+    """Mass, box and thrust, from which a vehicle file is estimated together with a layout of thrusters.
 
     Attributes:
         mass: Dry mass [kg].
@@ -26,20 +26,20 @@ class Hull:
 
     @property
     def text(self) -> str:
-        """The numbers as a person types them."""
+        """The numbers as text, separated by spaces."""
         numbers = [self.mass, *self.sides, *([] if self.thrust is None else [self.thrust])]
         return " ".join(f"{number:.9g}" for number in numbers)
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A vehicle that is known by its name.
+    """Vehicle with a name.
 
     Attributes:
         name: Its name.
-        thrusters: How many it has.
-        hull: Its mass and box.
-        layout: The layout that its file is estimated by; None where there is a file of it.
+        thrusters: Number of thrusters.
+        hull: Mass and box.
+        layout: Layout for the estimate of its file; None if it has a bundled file.
     """
 
     name: str
@@ -54,13 +54,13 @@ BLUEROV2 = Preset("bluerov2", 6, Hull(11.5, (0.457, 0.338, 0.254)), "bluerov2")
 
 @dataclass(frozen=True)
 class Choice:
-    """The vehicle that was chosen: one of its attributes is set.
+    """Chosen vehicle: one of preset, layout and file is set.
 
     Attributes:
-        preset: A preset with a file.
-        layout: A layout of thrusters, for which a hull is needed.
+        preset: Name of a preset with a bundled file.
+        layout: Layout of thrusters.
         file: Path of a vehicle file.
-        hull: Mass and box that go with the layout, where they are known already.
+        hull: Mass and box for the layout; None if they are still unknown.
     """
 
     preset: str | None = None
@@ -70,27 +70,27 @@ class Choice:
 
 
 def suited(fleet: Sequence[Preset], thrusters: int) -> Preset | None:
-    """Return the lightest preset with so many thrusters, for most vehicles are small; None without any."""
+    """Return the lightest preset with this number of thrusters, or None; most vehicles are small."""
     return min(
         (one for one in fleet if one.thrusters == thrusters), key=lambda one: one.hull.mass, default=None
     )
 
 
 def layout_for(thrusters: int) -> Layout | None:
-    """Return the layout of so many thrusters, a maker's before a general one; None without any."""
+    """Return the layout with this number of thrusters, or None; a maker's layout comes first."""
     return next((layout for layout in reversed(LAYOUTS) if layouts_thrusters(layout) == thrusters), None)
 
 
 def layouts_thrusters(layout: Layout) -> int:
-    """Return how many thrusters a layout has."""
+    """Return the number of thrusters of a layout."""
     return len(PLACES[layout])
 
 
 def chosen(text: str, fleet: Sequence[Preset], thrusters: int) -> Choice:
-    """Return what an answer says: the name of a preset, of a layout, or else the path of a file.
+    """Parse an answer: the name of a preset, the name of a layout, or the path of a file.
 
     Raises:
-        DataError: It has another number of thrusters than the log has commands.
+        DataError: The number of thrusters differs from the number of commands in the log.
     """
     text = text.strip()
     if not text:
@@ -114,10 +114,10 @@ def chosen(text: str, fleet: Sequence[Preset], thrusters: int) -> Choice:
 
 
 def hull_of(text: str) -> Hull:
-    """Return the hull of an answer of four or five numbers.
+    """Parse a hull from four or five numbers.
 
     Raises:
-        DataError: They are others.
+        DataError: The text is something else.
     """
     try:
         numbers = [float(word) for word in text.replace(",", " ").split()]
@@ -133,7 +133,7 @@ def hull_of(text: str) -> Hull:
 
 
 def command_line(layout: Layout, hull: Hull, output: str) -> tuple[str, ...]:
-    """Return the words of the command that writes the vehicle file, without `hydro`."""
+    """Return the command that writes the vehicle file, without `hydro`."""
     sides = [
         word
         for name, side in zip(("length", "width", "height"), hull.sides, strict=True)
@@ -145,7 +145,7 @@ def command_line(layout: Layout, hull: Hull, output: str) -> tuple[str, ...]:
 
 
 def presets_named(fleet: Sequence[Preset], thrusters: int) -> str:
-    """Return the presets with so many thrusters in words, all of them where there is none."""
+    """List the presets with this number of thrusters, or all presets if none has it."""
     return listed(
         [one.name for one in fleet if one.thrusters == thrusters] or [one.name for one in fleet], "or"
     )

@@ -81,12 +81,12 @@ def test_there_are_never_more_than_eight_questions() -> None:
 @pytest.mark.parametrize("needed", ["time", "commands"])
 def test_what_a_map_needs_cannot_be_none(needed: str) -> None:
     known = {name: block for name, block in WHOLE.items() if name != needed}
-    with pytest.raises(DataError, match=f"{needed}: a recording needs it"):
+    with pytest.raises(DataError, match=f"{needed}: required"):
         talked(about_map(NAMES, known), {})
 
 
 def test_a_line_that_is_none_is_refused() -> None:
-    with pytest.raises(DataError, match="'speed' is none of the lines position, attitude"):
+    with pytest.raises(DataError, match="'speed' is not a line: name some of position, attitude"):
         talked(about_map(NAMES, WHOLE), {"lines": "speed"})
 
 
@@ -169,9 +169,9 @@ def test_a_vehicle_by_options(
 @pytest.mark.parametrize(
     ("thrusters", "name", "layout", "hull", "told"),
     [
-        (6, "none such", None, {}, "no preset is called none such: choose bluerov2"),
+        (6, "none such", None, {}, "unknown preset none such: choose bluerov2"),
         (6, "small", None, {}, "small has 8 thrusters, but the log has 6 commands"),
-        (8, "small", None, {"mass": 3.0}, "small has a file of its own"),
+        (8, "small", None, {"mass": 3.0}, "the preset small defines mass and box"),
         (6, None, "vectored6", {"mass": 9.0}, "vectored6 needs --box L W H"),
         (6, None, None, {"length": 1.0, "width": 1.0, "height": 1.0}, "bluerov2 needs --mass KG"),
         (7, None, None, {"mass": 9.0}, "no layout has 7 thrusters"),

@@ -109,7 +109,7 @@ def test_what_is_no_line_is_refused(name: str, text: str, told: str) -> None:
 
 
 def test_an_end_of_several_columns_is_refused() -> None:
-    with pytest.raises(DataError, match="2 columns end so"):
+    with pytest.raises(DataError, match="2 columns have this ending"):
         block_of("time", "stamp", ["/a.stamp", "/b.stamp"])
 
 

@@ -1,4 +1,4 @@
-"""A picture of a recording as it was imported: track, depth, velocities and commands over time."""
+"""Picture of an imported recording: track, depth, velocities and commands."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ OVER_TIME = (
     ("Attitude", "rad", ("phi", "theta", "psi")),
     ("Angular velocity, body axes", "rad/s", ("p", "q", "r")),
 )
-"""Panels over time: title, unit and columns of a raw table."""
+"""Panels over time: title, unit, columns of the raw table."""
 
 
 def overview(raw: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows that the picture draws, sessions one after another on one clock.
+    """Return the rows of the picture, with consecutive sessions on one clock.
 
     Args:
         raw: Raw table.
 
     Returns:
-        The columns of `raw`, thinned, with `clock` [s] from the first row on; sessions are a step apart, and
-        a row of nulls stands in every gap so that no line crosses it.
+        The columns of `raw`, averaged over bins, and `clock` [s] from the first row. Sessions are one sample
+        time apart. A row of nulls follows every piece without a gap, so that lines end there.
     """
     step = sample_time(raw)
     since = (pl.col("t") - pl.col("t").first()).over("session").cast(pl.Float64)
@@ -52,7 +52,7 @@ def overview(raw: pl.DataFrame) -> pl.DataFrame:
 
 
 def _thinned(laid: pl.DataFrame, every: int) -> pl.DataFrame:
-    """Return a row of each so many, with the means of the samples in them; commands as at the first."""
+    """Average the samples over bins of rows; commands are those of the first row."""
     if every == 1:
         return laid
     measured = [
@@ -69,11 +69,11 @@ def _thinned(laid: pl.DataFrame, every: int) -> pl.DataFrame:
 
 
 def draw(rows: pl.DataFrame, title: str) -> Figure:
-    """Draw a recording from its `overview`: the track at the left where there is one, all else over time.
+    """Draw a recording: the track on the left if it is known, other quantities over time.
 
     Args:
-        rows: What `overview` returns.
-        title: What stands above.
+        rows: Result of `overview`.
+        title: Title of the figure.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -101,17 +101,17 @@ def draw(rows: pl.DataFrame, title: str) -> Figure:
 
 
 def _has(rows: pl.DataFrame, columns: tuple[str, ...] | list[str]) -> bool:
-    """Return whether there are samples of any of these columns."""
+    """Return whether any of these columns has samples."""
     return any(rows[name].count() for name in columns if name in rows.columns)
 
 
 def _several(rows: pl.DataFrame) -> bool:
-    """Return whether there is more than one session."""
+    """Return whether there are several sessions."""
     return rows["session"].n_unique() > 1
 
 
 def _draw_track(panel: Axes, rows: pl.DataFrame) -> None:
-    """Draw north over east, a colour for each session, with a dot where it begins."""
+    """Draw north over east in a colour for each session, with a dot at its start."""
     names = rows["session"].unique(maintain_order=True).to_list()
     for number, name in enumerate(names):
         one = rows.filter(pl.col("session") == name, pl.col("x").is_not_null(), pl.col("y").is_not_null())
@@ -119,7 +119,7 @@ def _draw_track(panel: Axes, rows: pl.DataFrame) -> None:
         panel.plot(one["y"], one["x"], color=colour, linewidth=1.2, label=name)
         panel.plot(one["y"].head(1), one["x"].head(1), "o", color=colour, markersize=6)
     panel.set_aspect("equal", adjustable="datalim")
-    panel.set(title="Track (dot: beginning)", xlabel="east y [m]", ylabel="north x [m]")
+    panel.set(title="Track (dot: start)", xlabel="east y [m]", ylabel="north x [m]")
     if 1 < len(names) <= len(COLOURS):
         panel.legend(frameon=False, fontsize=8)
 
@@ -127,7 +127,7 @@ def _draw_track(panel: Axes, rows: pl.DataFrame) -> None:
 def _draw_over_time(
     panel: Axes, rows: pl.DataFrame, title: str, unit: str, columns: tuple[str, ...] | list[str]
 ) -> None:
-    """Draw columns over the clock; depth downward, commands held as a thruster has them."""
+    """Draw columns over time: depth downward, commands as steps."""
     for number, name in enumerate(columns):
         if name not in rows.columns or not rows[name].count():
             continue

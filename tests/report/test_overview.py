@@ -10,7 +10,7 @@ import pytest
 from matplotlib.image import imread
 
 from hydro.report import figures
-from hydro.report.understood import draw, overview
+from hydro.report.overview import draw, overview
 
 
 def recording(seconds: float = 20.0, **nothing: None) -> pl.DataFrame:
@@ -50,7 +50,7 @@ def test_a_long_recording_is_thinned_to_means() -> None:
 @pytest.mark.parametrize(
     ("missing", "titles"),
     [
-        ((), ["Track (dot: beginning)", "Depth", "Velocity over ground, body axes", "Attitude"]),
+        ((), ["Track (dot: start)", "Depth", "Velocity over ground, body axes", "Attitude"]),
         (("x", "y", "u", "v", "w"), ["Depth", "Attitude", "Angular velocity, body axes"]),
         (("x", "y", "z", "u", "v", "w", "phi", "theta", "psi"), ["Angular velocity, body axes"]),
     ],
