@@ -29,10 +29,8 @@ COLUMNS = "COLUMNS"
 
 
 def _line(of: str) -> Any:
-    """Return the option of a line of the map."""
-    return typer.Option(
-        metavar=COLUMNS, show_default=False, help=f"Columns of the {of} with axes and unit, or none."
-    )
+    """Return the option for a line of the map."""
+    return typer.Option(metavar=COLUMNS, show_default=False, help=f"{of}.")
 
 
 def start(
@@ -62,12 +60,12 @@ def start(
             "--map", metavar="FILE", show_default=False, help="Map of the log; skips its questions."
         ),
     ] = None,
-    time: Annotated[Line, _line("clock")] = None,
-    position: Annotated[Line, _line("position or depth")] = None,
-    attitude: Annotated[Line, _line("attitude")] = None,
-    velocity: Annotated[Line, _line("velocity")] = None,
-    rates: Annotated[Line, _line("angular velocity")] = None,
-    commands: Annotated[Line, _line("thrusters' commands")] = None,
+    time: Annotated[Line, _line("Column of the clock and its unit")] = None,
+    position: Annotated[Line, _line("Columns of the position or the depth, axes and unit; or none")] = None,
+    attitude: Annotated[Line, _line("Columns of the attitude, axes and unit; or none")] = None,
+    velocity: Annotated[Line, _line("Columns of the velocity over ground, axes and unit; or none")] = None,
+    rates: Annotated[Line, _line("Columns of the angular velocity, axes and unit; or none")] = None,
+    commands: Annotated[Line, _line("Columns of the thrusters' commands and their unit")] = None,
     vehicle: Annotated[
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Vehicle file; skips its questions."),
