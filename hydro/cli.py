@@ -38,6 +38,7 @@ from hydro.commands import (
     report,
     rl,
     serve,
+    start,
     streams,
     study,
     vehicle,
@@ -48,12 +49,12 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 
 \b
   hydro demo
-  hydro import dive.bag --write-map map.toml
+  hydro start dive.bag
   hydro explain vehicle.toml dive.bag --map map.toml -o study
 """
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
-    "Start": (demo,),
+    "Start": (start, demo),
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
     "Data": (imports, files, partition, collect),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),

@@ -39,9 +39,15 @@ def piped(*arguments: object, stdin: bytes = b"", cwd: Path | None = None) -> Do
         return Done(code, out.read(), error.read())
 
 
-def on_terminal(*arguments: object, columns: int = 160, term: str = "dumb") -> tuple[int, str]:
-    """Run a command whose three streams are one terminal, and return its exit code and everything printed."""
+def on_terminal(
+    *arguments: object, columns: int = 160, term: str = "dumb", answers: Sequence[str] = ()
+) -> tuple[int, str]:
+    """Run a command whose three streams are one terminal, and return its exit code and everything printed.
+
+    The answers are typed ahead, a line each, and then the end of the input.
+    """
     leader, follower = pty.openpty()
+    os.write(leader, "".join(f"{answer}\n" for answer in answers).encode() + b"\x04")
     printed: list[bytes] = []
     reader = threading.Thread(target=lambda: printed.extend(_read(leader)))
     reader.start()

@@ -32,6 +32,12 @@ def shorten(folder: Path, seconds: float) -> None:
         table.write(table.make("raw", short, stage="import", vehicle_text=whole.provenance.vehicle), path)
 
 
+def shorten_text(path: Path, rows: int) -> None:
+    """Cut a log of text to its header and so many rows."""
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[: rows + 1]))
+
+
 def raw(rows: int = 40, sessions: tuple[str, ...] = ("turn-1", "turn-2"), thrusters: int = 3) -> pl.DataFrame:
     """A plain raw table: `rows` rows at 50 Hz, shared evenly among `sessions`."""
     each = rows // len(sessions)

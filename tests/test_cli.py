@@ -22,7 +22,7 @@ import polars as pl
 import pytest
 from command_lines import parse, pasted_from
 from streams_here import on_terminal, piped
-from tables import shorten
+from tables import shorten, shorten_text
 
 from hydro import cli
 from hydro.core.errors import DataError, UsageError
@@ -132,6 +132,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     for folder in ("logs", "hidden"):
         shutil.copytree(ROOT / "datasets" / folder, data.parent / folder)
     shorten(data.parent / "hidden", 10.0)
+    shorten_text(data.parent / "logs" / "example.csv", 420)
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
     handed_on = b""

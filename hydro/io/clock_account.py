@@ -13,6 +13,8 @@ from hydro.core.logs.logmap import LogMap
 
 ANSWERS = 0.25
 """A thruster and its controller take up to so long [s]: a later answer of the motion may be a clock's."""
+TOLD = 0.01
+"""Minimum lag of a sensor that is reported although it is shorter than a sample [s]."""
 AGAINST = {"velocity": "the position", "attitude": "the position", "rates": "the attitude"}
 
 
@@ -47,8 +49,18 @@ class Clocks:
     def suspicions(self) -> list[str]:
         """Lags that are plain, but shorter than a sample of their sensor."""
         return [
-            self._line(one) for one in self._plain() if not one.over_a_sample and abs(one.seconds) >= 0.01
+            self._line(one) for one in self._plain() if not one.over_a_sample and abs(one.seconds) >= TOLD
         ]
+
+    def lags(self) -> dict[str, float]:
+        """Lags of the sensors to write into the map [s], by the name of the block."""
+        told = (one for one in self.sensors if one.plain and (one.over_a_sample or abs(one.seconds) >= TOLD))
+        return {one.block: self._lag(one) for one in told}
+
+    def _lag(self, one: Offset) -> float:
+        """Return the lag of a sensor to write into the map [s]."""
+        declared: float = getattr(self.declared, one.block).lag
+        return declared + one.seconds
 
     def _plain(self) -> list[Offset]:
         sensors = [one for one in self.sensors if one.plain]
@@ -69,11 +81,10 @@ class Clocks:
             return (
                 f"{what} ({_range(one)}): their clocks disagree{else_}; write lag = {lag:.2f} in [commands]"
             )
-        lag = getattr(self.declared, one.block).lag + one.seconds
         early = "late" if one.seconds > 0.0 else "early"
         return (
             f"{one.block} is stamped {abs(one.seconds):.3g} s {early} on {AGAINST[one.block]} "
-            f"({_range(one)}); write lag = {lag:.3g} in [{one.block}]"
+            f"({_range(one)}); write lag = {self._lag(one):.3g} in [{one.block}]"
         )
 
 

@@ -82,16 +82,25 @@ def gather(
 
 
 def drafted(
-    files: Sequence[LogFile], progress: Progress = silent, preset: str | None = None
+    files: Sequence[LogFile],
+    progress: Progress = silent,
+    preset: str | None = None,
+    thrusters: int | None = None,
 ) -> tuple[list[str], dict[str, dict[str, Any]]]:
     """Return the columns of some files, and the blocks of a map that their names and numbers suggest.
+
+    Args:
+        files: The files, in any order.
+        progress: Gives what is told how far each file is read.
+        preset: Whose names a guess takes the columns to have; by default those of any.
+        thrusters: How many the vehicle has, if that is known.
 
     Raises:
         DataError: a file cannot be read.
     """
     headers = _headers(files, progress)
     known = _beside(headers)
-    blocks = guess(known.table.columns, known.texts(), preset)
+    blocks = guess(known.table.columns, known.texts(), preset, thrusters)
     wanted = {*CLOCKS, *_texts(blocks)}
     parts = []
     for file, header_ in zip(files, headers, strict=True):

@@ -60,20 +60,22 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
 }
 
 
-def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
+def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks: bool = True) -> str:
     """The text of a map to begin with: guessed blocks, empty names for the rest, and what may be written.
 
     Args:
         blocks: What was guessed.
         columns: All columns of the log.
         log: The log's name.
+        blanks: Whether blocks that were not guessed stand there with empty names; else they are left out.
     """
     import tomlkit
 
     document = tomlkit.document()
     for line in (
         f"How `hydro import {in_shell(log)} --map THIS` reads that log.",
-        "Guessed from the columns' names: check every line; empty names stand for what could not be guessed.",
+        "Guessed from the columns' names: check every line"
+        + ("; empty names stand for what could not be guessed." if blanks else "."),
         f"The log has: {listed(columns)}",
         'A column may be {column = "NAME", scale = 1.0, offset = 0.0}: scale times its number plus offset.',
         'Any of them may have valid = "COLUMN", per = "COLUMN", lag = 0.1 [s]; see docs/map.md.',
@@ -83,6 +85,8 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
     document.add("format", tomlkit.item("hydro-map/1"))
     optional: dict[str, dict[str, Any]] = {name: {} for name in _OPTIONAL if name in blocks}
     for name, empty in {**_EMPTY, **optional}.items():
+        if not blanks and name not in blocks:
+            continue
         given = blocks.get(name, empty)
         table = tomlkit.table()
         for line in _NOTES[name]:

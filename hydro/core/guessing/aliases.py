@@ -159,7 +159,7 @@ def guess(
         "session": _session(plain),
         "position": _position(measured),
         "attitude": _attitude(measured),
-        "velocity": _vector(measured, _VELOCITY, _SPEEDS),
+        "velocity": _vector(_without_turns(measured), _VELOCITY, _SPEEDS),
         "rates": _vector(measured, _RATES, _SPINS),
         "commands": _commands(plain, thrusters),
         "voltage": _voltage(measured),
@@ -169,6 +169,11 @@ def guess(
     if thrusters is not None and (driven := found["commands"]) is not None:
         found["commands"] = {**driven, "columns": driven["columns"][:thrusters]}
     return {name: block for name, block in found.items() if block is not None}
+
+
+def _without_turns(plain: dict[str, str]) -> dict[str, str]:
+    """Return the columns without angular velocities."""
+    return {name: column for name, column in plain.items() if "angular" not in name.split("_")}
 
 
 def _is_wanted(name: str) -> bool:

@@ -141,3 +141,11 @@ def test_a_preset_of_another_logger_is_refused():
 def test_servo_outputs_are_pulse_widths_of_thrusters():
     names = [f"servo{i}_raw" for i in range(1, 17)]
     assert guess(names)["commands"] == {"columns": names[:8], "unit": "pwm"}
+
+
+def test_an_angular_velocity_is_no_velocity() -> None:
+    names = [f"field.{what}.{axis}" for what in ("velocity", "angular_velocity") for axis in "xyz"]
+    blocks = guess(names)
+    assert blocks["velocity"]["columns"] == names[:3]
+    assert blocks["rates"]["columns"] == names[3:]
+    assert "velocity" not in guess(names[3:])

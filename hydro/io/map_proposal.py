@@ -1,0 +1,126 @@
+"""Proposed map of a log: guessed from names and values of its columns, corrected by its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from hydro.core.errors import DataError
+from hydro.core.guessing.aliases import Block
+from hydro.core.guessing.interview import lacking
+from hydro.core.guessing.map_lines import block_of
+from hydro.core.guessing.validity import validity
+from hydro.core.logs.alternatives import difference
+from hydro.core.logs.logmap import LogMap
+from hydro.io import log_files, logmap
+from hydro.io.log import Log, LogFile, values
+from hydro.io.log_import import import_log
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Proposed map.
+
+    Attributes:
+        columns: All columns of the log.
+        blocks: The blocks of the map that could be guessed.
+        notes: Corrections of the guess, or why the motion could not be tested, a line each.
+    """
+
+    columns: list[str]
+    blocks: dict[str, Block]
+    notes: tuple[str, ...] = ()
+
+
+def proposed(
+    files: Sequence[LogFile],
+    given: Mapping[str, str],
+    progress: log_files.Progress = log_files.silent,
+    thrusters: int | None = None,
+) -> Proposal:
+    """Propose the map of some files.
+
+    Args:
+        files: The files of one dive.
+        given: Given blocks in their text form (`map_lines.block_of`), by name.
+        progress: Reports the progress of reading a file.
+        thrusters: Number of thrusters of the vehicle, if known.
+
+    Raises:
+        DataError: A file cannot be read, or the text of a block is invalid.
+    """
+    columns, blocks = log_files.drafted(files, progress, None, thrusters)
+    for name, text in given.items():
+        blocks.pop(name, None)
+        if (block := block_of(name, text, columns)) is not None:
+            blocks[name] = block
+    if lacking(blocks):
+        return Proposal(columns, blocks)
+    blocks, notes = corrected(files, columns, blocks, set(given), progress)
+    return Proposal(columns, blocks, notes)
+
+
+def corrected(
+    files: Sequence[LogFile],
+    columns: Sequence[str],
+    blocks: Mapping[str, Block],
+    stated: Collection[str],
+    progress: log_files.Progress = log_files.silent,
+) -> tuple[dict[str, Block], tuple[str, ...]]:
+    """Correct axes, units, signs and lags of a map by the motion of the log.
+
+    Columns of validity are added to their sensors.
+
+    Args:
+        files: The files of one dive.
+        columns: All columns of the log.
+        blocks: The blocks of a complete map.
+        stated: Names of blocks given by a person, whose axes, units and signs are kept.
+        progress: Reports the progress of reading a file.
+
+    Returns:
+        The corrected blocks, and a line for each correction.
+    """
+    asked = validity(columns, blocks)
+    gated = {name: {**blocks[name], "valid": column} for name, column in asked.items()}
+    found = {**blocks, **gated}
+    try:
+        source, read = log_files.gather(files, logmap.from_guess(found, columns), progress)
+        void = [name for name, column in asked.items() if not _says(source, column)]
+        found |= {name: blocks[name] for name in void}
+        meaning = logmap.from_guess(found, columns)
+        report = import_log(source, msgspec.structs.replace(meaning, session=read.session))
+    except DataError as error:
+        return dict(blocks), (f"the motion was not tested: {error}",)
+    declared = _without_derived(report.imported.meaning, meaning)
+    changes = [one for one in difference(declared, report.verdict.follows) if one.block not in stated]
+    for change in changes:
+        meaning = change.apply(meaning)
+        found[change.block] = msgspec.to_builtins(getattr(meaning, change.block))
+    notes = [f"{one.claim(declared).removesuffix(' as declared')}: corrected" for one in changes]
+    notes += [
+        f"{name}: samples with {column} = 0 are excluded"
+        for name, column in asked.items()
+        if name not in void
+    ]
+    for name, lag in report.clocks.lags().items():
+        if "lag" not in found[name]:
+            found[name] = {**found[name], "lag": float(f"{lag:.3g}")}
+            late = "late" if lag > 0.0 else "early"
+            notes.append(f"{name}: stamps are {abs(lag):.3g} s {late}: corrected by lag = {lag:.3g}")
+    return found, tuple(notes)
+
+
+def _says(source: Log, column: str) -> bool:
+    """Return whether a column marks any sample as valid; an unused column is 0 throughout."""
+    numbers = values(source, column)
+    return numbers is not None and bool(np.any(np.nan_to_num(numbers) != 0.0))
+
+
+def _without_derived(read: LogMap, given: LogMap) -> LogMap:
+    """Return the map that the check of the conventions used: without rates from the attitude."""
+    derived = given.rates is not None and given.rates.source == "attitude"
+    return msgspec.structs.replace(read, rates=None) if derived else read

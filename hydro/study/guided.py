@@ -1,0 +1,117 @@
+"""Steps of `hydro start`, and the shell script that repeats them."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hydro.study.steps import Step
+
+
+@dataclass(frozen=True)
+class Places:
+    """Paths of the files of a guided study.
+
+    Attributes:
+        folder: Its folder.
+        map: The map of the log; None where the recording is a raw table.
+        vehicle: The vehicle file.
+        recording: The raw table.
+    """
+
+    folder: Path
+    map: Path | None
+    vehicle: Path
+    recording: Path
+
+    @property
+    def picture(self) -> Path:
+        """The picture of the recording."""
+        return self.folder / "recording.png"
+
+    @property
+    def study(self) -> Path:
+        """The folder of `hydro explain`."""
+        return self.folder / "study"
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.folder / "report.html"
+
+    @property
+    def explained(self) -> tuple[Path, ...]:
+        """Inputs of `hydro explain`: the vehicle file and the files of the recording."""
+        parts = sorted(each for each in self.recording.rglob("*") if each.is_file())
+        return (self.vehicle, *(parts or [self.recording]))
+
+    @property
+    def script(self) -> Path:
+        """The shell script with all commands."""
+        return self.folder / "commands.sh"
+
+
+def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading: Sequence[str]) -> Step:
+    """Return the import of the logs.
+
+    Args:
+        places: Where the files of the study are.
+        logs: The logs as they were named.
+        files: All files of the logs.
+        reading: Further options of `hydro import`.
+    """
+    line = ["import", *logs, "--map", str(places.map), "--vehicle", str(places.vehicle), *reading]
+    reads = (*files, *([places.map] if places.map is not None else []), places.vehicle)
+    return Step((*line, "-o", str(places.recording)), reads, (places.recording,))
+
+
+def audited(places: Places) -> Step:
+    """Return the audit of the thrusters."""
+    line = ("check", str(places.vehicle), str(places.recording))
+    return Step(line, places.explained, ())
+
+
+def explained(places: Places, *, corrected: bool) -> Step:
+    """Return the search for missing effects.
+
+    Args:
+        places: Where the files of the study are.
+        corrected: Whether the directions and the order of the audit replace those of the vehicle file.
+    """
+    files = (places.vehicle, places.recording)
+    more = ["--correct-thrusters"] if corrected else []
+    written = tuple(places.study / f"{name}.parquet" for name in ("ladder", "replay", "sessions"))
+    return Step(("explain", *map(str, files), *more, "-o", str(places.study)), places.explained, written)
+
+
+def reported(places: Places) -> Step:
+    """Return the report of the study."""
+    line = ("report", str(places.study), "-o", str(places.report))
+    return Step(line, explained(places, corrected=False).writes, (places.report,))
+
+
+def script(steps: Sequence[Step], folder: Path, again: Sequence[str]) -> str:
+    """Return a shell script that runs these steps.
+
+    Args:
+        steps: The steps, in order.
+        folder: The folder in which they were run.
+        again: Arguments of a `hydro start` that gives the same result without questions.
+    """
+    lines = [
+        "#!/bin/sh",
+        "# The commands of `hydro start`. Map and vehicle file may be edited before they are run again.",
+        f"# The same without questions: hydro {shlex.join(again)}",
+        "set -e",
+        f"cd {shlex.quote(str(folder))}",
+    ]
+    for step in steps:
+        line = f"hydro {step.name}"
+        if step.line[0] == "check":
+            line += " || test $? -eq 1  # 1: the audit contradicts the file"
+        elif step.line[0] == "vehicle":
+            line = f"test -e {shlex.quote(str(step.writes[0]))} || {line}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
