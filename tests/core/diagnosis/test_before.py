@@ -159,7 +159,7 @@ def test_of_two_fins_the_one_that_was_turned_is_named():
     assert {name: found.parameters[name] for name in ("area", "roll", "stall")} == {
         name: rudder[name] for name in ("area", "roll", "stall")
     }, "nothing else of it is free to follow the hull's error"
-    told = re.search(r"control_surface:rudder\.deflection goes from 0 to ([\d.]+);", found.advice)
+    told = re.search(r"control_surface:rudder\.deflection from 0 to ([\d.]+);", found.advice)
     assert told is not None
     assert float(told[1]) == pytest.approx(found.parameters["deflection"], rel=0.01)
 
