@@ -78,7 +78,7 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
 
 
 def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: int) -> Array:
-    """Return the noise from slopes of the `pose_error` over `length` rows; 0 where white noise explains them."""
+    """Return the noise from slopes of `pose_error` over `length` rows; 0 where white noise explains them."""
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
     if len(starts) < LEAST_SLOPES:
         return np.zeros(len(sigma) - POSE_CHANNELS)

@@ -114,7 +114,7 @@ class KinematicTest:
         return self.chance(np.zeros_like(self.estimate))
 
     def distance(self, claimed: Array) -> float:
-        """Return the squared distance of the estimate from claimed values, (p,), in standard errors (Wald)."""
+        """Return the squared distance of the estimate from claimed values (p,), in standard errors (Wald)."""
         away = self.estimate - claimed
         return float(away @ np.linalg.solve(self.covariance, away))
 
@@ -287,7 +287,7 @@ def _spare(gram: Array, shared: Array) -> float:
 
 
 def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield Gram matrices of [columns, residual], their noise contribution, and squares by axis; per segment."""
+    """Yield Gram matrices of [columns, residual], their noise part, and squares by axis, per segment."""
     dt, mount, turned = record.dt, _mount(log), _mount_derivatives(log)
     wander = np.sqrt((sigma[6:9] ** 2).mean())
     horizon = np.clip(sigma[:3] / wander, *HORIZON)
@@ -341,7 +341,7 @@ def _mount_derivatives(log: Array) -> Array:
 
 
 def _reading(log: Array, mount: Array, turned: Array, nu: Array, t: Array) -> tuple[Array, Array]:
-    """Return the velocity of CO from the DVL output, (N, 3), and its derivatives by parameters, (LOG, N, 3)."""
+    """Return the velocity of CO from the DVL output, (N, 3), and its parameter derivatives, (LOG, N, 3)."""
     path = CubicSpline(t, nu[:, :3])
     now, before, after = (path(np.clip(t + log[DELAY] + shift, t[0], t[-1])) for shift in (0.0, -BOX, BOX))
     now -= log[BIAS]
