@@ -34,9 +34,7 @@ UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of readings with the vehicle upside down
 MOSTLY = 0.9
 WORSE = 1.5  # ratio of unexplained shares in few windows above which a reading is dropped
 STARTS = 8  # number of combinations of frames from which single signs are tried
-DEAD_RECKONED = (
-    0.4  # ratio of an error to the noise of the velocity below which the pose was integrated from it
-)
+DEAD_RECKONED = 0.4  # ratio of error to velocity noise below which the pose was dead-reckoned
 STRETCHES = 30  # number of blocks of the log for standard errors
 
 
