@@ -27,10 +27,8 @@ from hydro.core.vehicle.description import Vehicle
 
 OTHERWISE_NOISY = 0.1  # relative difference of residual and noise above which weights are updated
 LEAST_SIGMA = 1e-6
-OFF, SHORTER = (
-    1.5,
-    (0.3, 0.1, 0.0),
-)  # cost relative to its expectation above which shorter steps are tried; their lengths
+OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)
+"""Ratio of a cost to its expectation above which shorter steps are tried, and the lengths of these."""
 WAVE_BANDS = 6
 """Number of frequency bands of a sea, with one harmonic each: over a shot each is little more than a slope.
 """
