@@ -89,7 +89,7 @@ def main() -> None:
         for seed in range(10):
             words, stated = told(kind, seed)
             named += stated
-            silent += "nothing can be told" in words
+            silent += "nothing can be concluded" in words
             print(f"{kind} {seed}: {words}", flush=True)
         spent = (time.process_time() - begun) / 10
         rows.append(

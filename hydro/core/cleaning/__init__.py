@@ -1,1 +1,1 @@
-"""The one cleaned recording that all commands see, and whether it can answer a question at all."""
+"""Cleaned recording used by all commands, and a test of whether it can answer a question."""

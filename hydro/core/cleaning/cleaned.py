@@ -1,10 +1,10 @@
-"""The cleaned recording that compare, diagnose, explain and fit work on, and what was changed in it.
+"""Cleaned recording used by compare, diagnose, explain and fit, with a list of the changes.
 
-The order matters.  Readings that no motion makes go first, for they would hide what columns mean.  Columns
-that mean something else are put right next.  A gyro's bias and the tails of the noise come last.
+The order matters.  Impossible readings are removed first, since they would hide mislabelled columns.
+Mislabelled columns are corrected next.  A gyro's bias and the tails of the noise come last.
 
-Everything that is changed is a line in `Cleaned.changes`.  Outliers of a channel with heavy tails are weighed
-down in the observation model (`Cleaned.record`), and stay in the table as they were logged.
+Every change is a line in `Cleaned.changes`.  Outliers of a channel with heavy tails get a smaller weight in
+the observation model (`Cleaned.record`) and stay in the table as logged.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Cleaned:
-    """A recording without the faults of its log.
+    """Recording with the faults of its log corrected.
 
     Attributes:
-        raw: Raw table; rows and columns without faults are as they were logged.
-        record: The same as arrays, with the observation model of channels whose noise has heavy tails.
+        raw: Raw table; rows and columns without faults are as logged.
+        record: The table as arrays, with the observation model of channels whose noise has heavy tails.
         faults: Faults of the log, one of each kind.
         tails: Noise of the channels with heavy tails.
     """
@@ -46,7 +46,7 @@ class Cleaned:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """One sentence for each change."""
+        """Sentences on the changes, one each."""
         return (*(fault.message for fault in self.faults), *heavy_tails_told(self.tails))
 
 
@@ -56,11 +56,11 @@ def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> C
     Args:
         vehicle: The vehicle.
         raw: Raw table.
-        put_right: Whether columns that mean something else are put right; otherwise they are refused.
+        put_right: Whether mislabelled columns are corrected; otherwise they are refused.
 
     Raises:
-        DataError: The recording does not fit the vehicle, columns contradict each other and it does not show
-            which is wrong, or a column is wrong and is not to be put right.
+        DataError: The recording does not fit the vehicle, columns contradict each other without showing which
+            is wrong, or a column is wrong and `put_right` is False.
     """
     readings = without_bad_readings(vehicle, raw)
     found = axis_faults(readings.raw, readings.record)

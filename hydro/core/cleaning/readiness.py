@@ -1,4 +1,4 @@
-"""Whether a recording can answer a question about the vehicle, asked before anything is stated.
+"""Test of whether a recording can answer any question about the vehicle.
 
 The thrusters must have run, or the vehicle must have sunk or risen freely.  It must have moved beyond the
 noise of its sensors, and under water.  Its commands must be sampled faster than the vehicle responds.
@@ -17,34 +17,34 @@ from hydro.core.recording.filling import unshown
 from hydro.core.recording.jumps import is_sparse
 
 LEAST_COMMAND = 0.02
-"""Share of full thrust up to which a command is an offset of the neutral pulse [1]."""
+"""Share of full thrust below which a command is an offset of the neutral pulse [1]."""
 WINDOW = 1.0
-"""Length over which velocities are averaged before they are compared with their noise [s]."""
+"""Window of the average of velocities before they are compared with their noise [s]."""
 MOVES = 0.02
 """Smallest root mean square velocity that is motion [m/s, rad/s]: drift of a sensor at rest is less."""
 ABOVE_NOISE = 3.0
-"""Multiple of its noise that the mean velocity of a window must reach."""
+"""Ratio to the noise that the mean velocity of a window must exceed."""
 BEYOND_NOISE = 1.5
-"""Multiple of its noise that the depth must vary by to be in motion; 1 of noise alone."""
+"""Ratio of variation to noise above which the depth changes; noise alone gives 1."""
 TRAVEL = 0.3
-"""Change of position or attitude that counts as motion however slow it is [m, rad]."""
+"""Change of position or attitude that counts as motion at any speed [m, rad]."""
 SURFACE = 0.3
-"""Depth up to which a vehicle floats at the surface [m]: half the height of a small vehicle."""
+"""Depth within which a vehicle floats at the surface [m]: half the height of a small vehicle."""
 MOSTLY = 0.95
-"""Share of the rows that must lie within SURFACE."""
+"""Minimum share of rows within SURFACE of a floating vehicle."""
 SLOW_COMMANDS = 1.0
 """Longest sample time of commands [s]: a small vehicle reaches its speed within one second."""
 LEVELS, LEAST_TICKS = 20, 10
-"""Distinct values, and number of changes, from which commands are judged to be samples of a curve."""
+"""Minimum distinct values and changes of commands that can be samples of a curve."""
 EVEN = 0.9
-"""Share of the changes that must lie at multiples of the sample time of the commands."""
+"""Minimum share of changes at multiples of the commands' sample time."""
 SMOOTH = 0.5
-"""Correlation of successive values from which commands are samples of a curve and not steps."""
-NOTHING = "nothing can be told of the vehicle"
+"""Correlation of successive values above which commands are samples of a curve, not steps."""
+NOTHING = "nothing can be concluded about the vehicle"
 
 
 def unready(record: Recording) -> str:
-    """Return why a recording cannot show anything of the vehicle, in one sentence; empty where it can."""
+    """Return the reason why a recording shows nothing of the vehicle, in one sentence; else empty."""
     runs, still, floats = ran(record), not moved(record), at_surface(record)
     if not runs and still:
         return f"the thrusters never ran and the vehicle did not move: {NOTHING}; record it under way"
@@ -73,10 +73,10 @@ def unready(record: Recording) -> str:
 
 
 def require_ready(record: Recording) -> None:
-    """Refuse a recording that cannot show anything of the vehicle.
+    """Refuse a recording that shows nothing of the vehicle.
 
     Raises:
-        DataError: It cannot; the line says why.
+        DataError: It shows nothing; the message gives the reason.
     """
     if why := unready(record):
         raise DataError(why)
@@ -105,7 +105,7 @@ def at_surface(record: Recording) -> bool:
 
 
 def command_step(record: Recording) -> float:
-    """Return the sample time of the commands [s]; the recording's own where they are steps."""
+    """Return the sample time of the commands [s]; that of the recording if they are steps."""
     steps = [_held(record, column) for column in record.commands.T]
     return max(steps, default=0.0) or record.dt
 
@@ -127,9 +127,9 @@ def _heaves(record: Recording) -> bool:
 
 
 def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bool:
-    """Return whether mean velocities of windows are beyond what noise makes of them.
+    """Return whether mean velocities of windows exceed their noise.
 
-    Between sparse samples the noise cannot be told from the motion: then the pose alone decides.
+    Between sparse samples noise and motion cannot be separated, so the pose alone decides.
     """
     rows = max(round(WINDOW / record.dt), 1)
     measured = record.seen is None or bool(record.seen[:, 6 + axis].any())
@@ -138,9 +138,9 @@ def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bo
     means = np.array([piece.mean() for part in parts for piece in _pieces(part, rows)])
     if not means.size:
         return False
-    if measured and means.size == 1:  # one window cannot tell motion from a bias
+    if measured and means.size == 1:  # one window cannot separate motion from a bias
         return True
-    if measured:  # a sensor's bias is no motion
+    if measured:  # a sensor's bias is not motion
         share = 1.0 if record.seen is None else float(record.seen[:, 6 + axis].mean())
         size, least = float(np.std(means)), sigma[6 + axis] / np.sqrt(max(rows * share, 1.0))
     else:  # the slope of the pose
@@ -150,7 +150,7 @@ def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bo
 
 
 def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) -> bool:
-    """Return whether the pose changes by more than TRAVEL within a segment, and plainly beyond its noise."""
+    """Return whether the pose changes within a segment by more than TRAVEL and more than its noise."""
     if record.seen is not None and not record.seen[:, channel].any():
         return False
     rows = max(round(WINDOW / record.dt), 1)
@@ -160,13 +160,13 @@ def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) 
 
 
 def _pieces(part: Array, rows: int) -> Iterator[Array]:
-    """Return the pieces of so many rows, end to end; the whole of a shorter part."""
+    """Yield contiguous pieces of `rows` rows; the whole of a shorter part."""
     for start in range(0, max(len(part) - rows + 1, min(len(part), 1)), rows):
         yield part[start : start + rows]
 
 
 def _held(record: Recording, column: Array) -> float:
-    """Return the time for which a command column holds each of its samples [s]; 0 of steps by a pilot."""
+    """Return the time for which a command column holds each sample [s]; 0 for steps by a pilot."""
     changes = np.flatnonzero(np.diff(column) != 0.0)
     if len(changes) < LEAST_TICKS or len(np.unique(column)) < LEVELS:
         return 0.0

@@ -1,1 +1,1 @@
-"""Laws that the catalogue has not: sparse terms that transfer from one regime of motion to others."""
+"""Discovery of sparse force terms outside the catalogue that transfer between regimes of motion."""

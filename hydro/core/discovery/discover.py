@@ -1,9 +1,9 @@
-"""Discovery: sparse terms beside a file's own effects that remove error where they were not fitted.
+"""Discovery of sparse terms that reduce the error of held-out data.
 
-Where no effect of the catalogue explains a recording, terms join a formula one at a time (forward selection;
-Brunton, Proctor and Kutz 2016 choose such terms by thresholds).  A term is chosen by what it removes of the
-error of sessions and of regimes of motion that had no part in its value, the lesser of both counts, and stays
-only while it is needed beside those that came after it.  Its powers are then fitted with its coefficient.
+Terms join a formula one at a time where no effect of the catalogue explains a recording (forward selection;
+Brunton, Proctor and Kutz 2016 select such terms by thresholds).  A term is scored by the error that it
+removes from held-out sessions and from held-out regimes of motion.  The lesser of both scores counts.  A term
+is dropped when later terms make it redundant.  The powers of a term are fitted together with its coefficient.
 """
 
 from __future__ import annotations
@@ -36,43 +36,44 @@ from hydro.core.progress import Progress, part, silent
 from hydro.core.vehicle.description import Vehicle
 
 UNNAMED = ("far_from_noise", "none_of_the_known")
-"""Verdicts that leave something to discover."""
+"""Verdicts after which a discovery is attempted."""
 LEAVES = 1.2
-"""Mean squared residual, in units of the noise, from which it is looked whether another law is nearer."""
+"""Minimum reduced chi-square at which a formula is searched although every finding has a name."""
 BETTER = 0.7
-"""Part of what named forces leave beyond the noise below which a formula casts doubt on them."""
+"""Ratio of excess reduced chi-squares, formula to named forces, below which a formula casts doubt on these.
+"""
 SHOTS = 96
-"""Shots on which terms are chosen."""
+"""Maximum number of shots on which terms are selected."""
 MOST_TERMS = 8
 WORTH = 0.05
-"""Share of the error of left-out data that a term must remove of what is left,"""
+"""Minimum share of the remaining held-out error that a term must remove."""
 BESIDE, PLAIN = 0.005, 0.05
-"""of what there was at first, and of the noise."""
+"""Minimum gain of a term as a share of the initial held-out error (BESIDE) and of the noise (PLAIN)."""
 NEEDED = 0.02
-"""Share of what is left that a term must still remove once all others are there, or half of PLAIN."""
+"""Minimum share of the remaining error that a kept term must remove; the other limit is half of PLAIN."""
 SHORTLIST = 30
-"""Terms whose transfer is looked at, by what they explain."""
+"""Number of terms whose transfer is evaluated, ranked by the error that they explain."""
 TRIED = 3
-"""Of them, those that are fitted with their powers."""
+"""Number of shortlisted terms that are fitted together with their powers."""
 MOVED = 2.0
-"""Standard deviations of what is known of a value of the file's beyond which it is told what it became."""
+"""Prior standard deviations by which a value of the file must change to be reported."""
 STEPS, LAST_STEPS = 6, 12
 LOOSE = 1e-2
-"""Information that is held beforehand on the coefficient of a term, times the mean squared residual."""
+"""Prior information on the coefficient of a term, times the mean squared residual."""
 TOLD = 0.2
-"""Part of what a recording tells of a term that the rest must tell where a part is left out."""
+"""Minimum share of the information on a term that must remain when a fold is held out."""
 LITTLE = 0.01
-"""Of the vehicle's weight, or that times its length: the coefficient of a term in a column."""
+"""Perturbation of a term's coefficient for derivatives, relative to weight or weight times length."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A formula so far.
+    """Candidate formula during forward selection.
 
     Attributes:
-        model: The vehicle with it, its own effects and the formula fitted together.
-        left: Squared residual of every shot beyond the noise, predicted from the other sessions and from
-            other regimes, (2, S); NaN where too little tells of it.
+        model: The vehicle with the formula, fitted together with the effects of the file.
+        left: Excess squared residual of every shot over the noise, (2, S): predicted from the other sessions
+            and from the other regimes. NaN where the other data hold too little information.
     """
 
     model: Model
@@ -80,18 +81,18 @@ class Choice:
 
     @property
     def costs(self) -> Array:
-        """What is left of the left-out sessions and of the left-out regimes, (2,)."""
+        """Held-out excess squared residual, summed over sessions and over regimes, (2,)."""
         return np.asarray(np.nansum(self.left, axis=1))
 
 
 @dataclass(frozen=True)
 class Found:
-    """What was discovered.
+    """Result of a discovery.
 
     Attributes:
-        findings: The formula, and values of the file's own that go with it.
-        fit: All of it fitted together.
-        left: Mean squared residual that it leaves, in units of the noise.
+        findings: The formula, and values of the file that changed with it.
+        fit: The joint fit of the formula and the file's effects.
+        left: Reduced chi-square after the fit.
     """
 
     findings: tuple[Finding, ...]
@@ -101,11 +102,11 @@ class Found:
 
 @dataclass(frozen=True)
 class Discovery:
-    """The data that terms are chosen by.
+    """Data and prior knowledge used to select terms.
 
     Attributes:
         baseline: The vehicle file and the shots.
-        known: What is known of the file's own entries.
+        known: Prior of the file's entries.
         folds: Sessions and regimes of the shots, (S,) each.
     """
 
@@ -115,14 +116,14 @@ class Discovery:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Effects of the file that are fitted beside the terms."""
+        """Effects of the file that are fitted together with the terms."""
         return tuple(name for name in self.baseline.effects if name != FORMULA.name)
 
     def fitted(self, vehicle: Vehicle, steps: int) -> Choice:
-        """The formula that a vehicle has fitted together with the file's own effects.
+        """Fit the formula of a vehicle together with the effects of the file.
 
         Raises:
-            Diverges: The predicted motion does.
+            Diverges: The predicted motion diverges.
         """
         log, problem = self.baseline.log, self.baseline.problem
         effects = [*self.own, *({FORMULA.name} if vehicle.effects(FORMULA.name) else ())]
@@ -130,12 +131,12 @@ class Discovery:
         return Choice(model, self.transferred(model))
 
     def transferred(self, model: Model) -> Array:
-        """Left-out squared residual beyond the noise, (2, S)."""
+        """Return the held-out excess squared residual over the noise, (2, S)."""
         freedom = model.normal.freedoms
         return np.stack([left_out(model, self.known, fold) - freedom for fold in self.folds])
 
     def shortlist(self, choice: Choice) -> list[Term]:
-        """Terms that explain most beside all that is fitted, those that transfer best first."""
+        """Return the terms with the largest explained error, sorted by how well they transfer."""
         model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
         pulls = [LITTLE * size for size in _sizes(model.vehicle)]
@@ -152,7 +153,7 @@ class Discovery:
         return [terms[number] for gain, number in sorted(scored, reverse=True) if gain > 0.0]
 
     def _left(self, model: Model, normal: Normal, columns: Sequence[int], fold: Rows) -> Array:
-        """Left-out squared residual of each shot with some columns, (S,)."""
+        """Return the held-out squared residual of each shot with the given columns, (S,)."""
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
@@ -161,7 +162,7 @@ class Discovery:
         return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), TOLD)
 
     def better(self, choice: Choice, progress: Progress) -> Choice | None:
-        """The formula with one more term; None where none is worth it."""
+        """Return the formula with one more term; None where no term transfers."""
         progress("every term on data that it was not fitted to", 0.0)
         best: Choice | None = None
         for number, term in enumerate(self.shortlist(choice)[:TRIED]):
@@ -175,7 +176,7 @@ class Discovery:
         return best
 
     def needed(self, choice: Choice) -> Choice:
-        """The formula without terms that others have made needless; what the file has of one stays."""
+        """Remove terms that later terms made redundant; terms given in the file stay."""
         given = {
             text for table in self.baseline.vehicle.effects(FORMULA.name) for text, _, _ in amounts(table)
         }
@@ -201,7 +202,7 @@ class Discovery:
 def discovered(
     vehicle: Vehicle, log: Preprocessed, diagnosis: Diagnosis, progress: Progress | None = None
 ) -> Diagnosis:
-    """A diagnosis with the formula that explains what no effect of the catalogue does, where there is one.
+    """Add a discovered formula to a diagnosis where the catalogue leaves an unexplained residual.
 
     Args:
         vehicle: The file.
@@ -210,9 +211,8 @@ def discovered(
         progress: Called with a few words and the share of the work done.
 
     Returns:
-        The diagnosis as it is where it leaves nothing to discover, or nothing transfers.  Forces that it
-        names and that leave more than the formula does are suspects beside it: one law is called by other
-        names.
+        The diagnosis, unchanged if nothing is unexplained or no term transfers.  Named forces become suspects
+            if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
     if not unnamed and not diagnosis.chi2[-1] > LEAVES:
@@ -234,20 +234,21 @@ def discovered(
 
 
 def _force(finding: Finding) -> bool:
-    """Whether what is found is a force on the hull: such names a formula may stand for."""
+    """Return whether a finding is a force on the hull, which a formula can replace."""
     return bool(finding.effect) and CATALOGUE[finding.effect].kind == "wrench"
 
 
 def _doubted(one: Finding, left: float, leaves: float) -> Finding:
-    """A force that was named, as a suspect beside a formula that leaves less.
+    """Turn a named force into a suspect where a formula has the smaller residual.
 
-    What was only suspected is less so where the formula leaves next to nothing.
+    The confidence in a force that was already a suspect is lowered only where the formula reaches the noise
+    floor.
     """
     named = one.verdict == "missing" or (one.verdict == "suspect" and left <= RIGHT)
     if not (named and _force(one) and np.isfinite(one.confidence)):
         return one
-    amounts_left = f"{left:.3g} of the noise against {leaves:.3g}"
-    words = f"sparse terms leave less without it, {amounts_left}: see {FORMULA.name}"
+    amounts_left = f"{left:.3g} instead of {leaves:.3g} times the noise variance"
+    words = f"sparse terms without it have a smaller residual, {amounts_left}: see {FORMULA.name}"
     sure = one.confidence * max(left - 1.0, 0.0) / (leaves - 1.0)
     said = f"{one.advice}; {words}"
     said = suspecting(one.effect, said) if one.verdict == "missing" else said
@@ -255,7 +256,7 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 
 
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
-    """The formula that a file lacks; None where no term is worth it."""
+    """Return the formula that the file lacks; None where no term transfers."""
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + PLAIN:
         return None
@@ -269,14 +270,14 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     choice = data.needed(choice)
     if choice is first:
         return None
-    # What is known of values weighs as much as what is left now says, no longer as what was left at first.
+    # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
     choice = replace(data, known=known).fitted(choice.model.vehicle, LAST_STEPS)
     return _found(vehicle, first, choice)
 
 
 def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
-    """The data, and the file without a formula fitted within what is known of it."""
+    """Prepare the data, and fit the file without a formula within its prior."""
     start, problem = stable_start(vehicle, log)
     baseline = refit(vehicle, log, problem, start)
     baseline = replace(baseline, problem=baseline.problem.some(SHOTS))
@@ -288,14 +289,14 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
 
 
 def _worth(first: Choice, before: Choice, after: Choice) -> bool:
-    """Whether a term removes enough of the left-out error, of sessions and of regimes alike."""
+    """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
     gained, noise = before.costs - after.costs, before.model.normal.residuals
     least = np.maximum(WORTH * before.costs, np.maximum(BESIDE * first.costs, PLAIN * noise))
     return bool((gained >= least).all())
 
 
 def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
-    """The formula as a finding, and what else it asks of the file."""
+    """Return the formula as a finding, and the values of the file that change with it."""
     model = choice.model
     fit = model.estimated()
     findings = (_formula(first, choice, fit), *_retuned(file, fit))
@@ -303,7 +304,7 @@ def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
 
 
 def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
-    """Values of the file's own that the formula was fitted with and that are far from the file's."""
+    """Yield the values of the file that the joint fit moved far from the file."""
     entries = fit.free.entries
     change = (fit.values - in_file(file, entries)) / deviations(file, entries)
     for name in dict.fromkeys(entry.effect for entry in entries):
@@ -317,7 +318,7 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
 
 
 def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
-    """The formula; what it removes is that of left-out data, the lesser of both ways."""
+    """Return the formula as a finding; its share is that of held-out data, the lesser of both folds."""
     model = choice.model
     values, errors = fit.table(FORMULA.name)
     removed = first.left - choice.left
@@ -343,7 +344,7 @@ def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
 
 
 def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, model: Model) -> list[int]:
-    """Terms that explain most beside the first `count` columns, the best first."""
+    """Rank terms by the error that they explain in addition to the first `count` columns, best first."""
     matrix, score = normal.matrix.sum(axis=0), normal.score.sum(axis=0)
     held = matrix[:count, :count] + np.diag(known(model.unknown).information)
     across = matrix[count:, :count]
@@ -355,24 +356,24 @@ def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, 
 
 
 def _sizes(vehicle: Vehicle) -> list[float]:
-    """Weight, and weight times length, by axis."""
+    """Return the weight [N] for force axes and weight times length [N m] for moment axes."""
     weight = vehicle.rigid_body.mass * vehicle.environment.gravity
     return [weight] * 3 + [weight * vehicle.hull.length] * 3
 
 
 def _with(vehicle: Vehicle, tables: Sequence[dict[str, Any]]) -> Vehicle:
-    """The vehicle with more terms in its formula."""
+    """Return the vehicle with more terms in its formula."""
     return _replaced(vehicle, joined([*vehicle.effects(FORMULA.name), *tables]))
 
 
 def _replaced(vehicle: Vehicle, table: dict[str, Any]) -> Vehicle:
-    """The vehicle with another formula."""
+    """Return the vehicle with its formula replaced."""
     rest = tuple(effect for effect in vehicle.effect if effect["name"] != FORMULA.name)
     return msgspec.structs.replace(vehicle, effect=(*rest, table))
 
 
 def _terms(vehicle: Vehicle) -> list[dict[str, Any]]:
-    """The formula of a vehicle as one table per term."""
+    """Return the formula of a vehicle as one table per term."""
     tables = vehicle.effects(FORMULA.name)
     return [one_term(*one) for table in tables for one in amounts(table)]
 

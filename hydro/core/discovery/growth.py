@@ -1,13 +1,13 @@
-"""How the force of the water on a hull grows with each velocity: powers with intervals, of the force itself.
+"""Estimation of the powers by which the water's force on a hull grows with each velocity.
 
-The force is all that the water does to the hull, found from the motion: what the file's damping, drag and
-lift exert, and what the file leaves over.  Along each axis i it is taken apart as
+The force is the whole force of the water on the hull: damping, drag and lift of the file plus the residual
+force.  Along each axis i the model is
 
     F_i = -d |nu_i|^n sgn(nu_i) - sum over j of d_j |nu_j|^m_j nu_i + mixed products,
 
-one power at a time: every power of a grid is tried, all other terms with their usual ones beside it, and the
-one that leaves least is told.  Its interval is that of the recording's blocks drawn again (Bayesian
-bootstrap, Rubin 1981), for neighbouring rows share their errors.
+one power at a time.  Every power of a grid is tried while all other terms have their usual powers.  The power
+with the least residual is reported.  Its interval comes from a Bayesian bootstrap over blocks of the
+recording (Rubin 1981), since neighbouring rows have correlated errors.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from hydro.core.vehicle.description import Vehicle
 POWERS = np.arange(0.0, 4.01, 0.05)
 RESAMPLES = 400
 PLAIN = 0.02
-"""Share of the force's variance that a term must hold for its growth to be told."""
+"""Minimum share of the force's variance that a term must explain for its power to be reported."""
 WIDEST = 1.5
-"""Widest interval of a power that tells anything."""
+"""Maximum width of a power's 95 % interval for the power to be reported."""
 RIDGE = 1e-9
 
 
 def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None) -> pl.DataFrame:
-    """Powers by which the force of the water grows with velocities.
+    """Estimate the powers by which the force of the water grows with velocities.
 
     Args:
-        vehicle: The vehicle; of its file count rigid body, weight, thrusters, added mass and current.
+        vehicle: The vehicle; rigid body, weight, thrusters, added mass and current of its file are used.
         raw: Raw table of the measured motion and commands.
         record: The cleaned recording as arrays; by default the table as it was logged.
 
@@ -68,7 +68,7 @@ def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None)
 
 
 def without_hull_water(vehicle: Vehicle) -> Vehicle:
-    """The vehicle without what its file says of damping, drag and lift on the hull."""
+    """Return the vehicle without damping, drag and lift on the hull."""
 
     def stays(name: str) -> bool:
         effect = CATALOGUE[name]
@@ -80,7 +80,7 @@ def without_hull_water(vehicle: Vehicle) -> Vehicle:
 
 
 def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
-    """Lines of one axis: its own velocity first."""
+    """Yield the table rows of one axis, its own velocity first."""
     nu, force, number = means.velocity, means.force[:, axis], _numbers(means.block)
     for against in (axis, *(j for j in range(6) if j != axis)):
         tried = np.stack([_term(nu, axis, against, power) for power in POWERS], axis=1)
@@ -105,13 +105,13 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
 
 
 def _term(nu: Array, axis: int, against: int, power: float) -> Array:
-    """|nu_i|^n sgn(nu_i), or |nu_j|^n nu_i."""
+    """Return |nu_i|^n sgn(nu_i) if i = j, else |nu_j|^n nu_i."""
     size = np.abs(nu[:, against]) ** power
     return np.asarray(size * (np.sign(nu[:, axis]) if against == axis else nu[:, axis]))
 
 
 def _beside(nu: Array, axis: int, against: int) -> Array:
-    """All other terms with their usual powers, mixed products, and what is steady."""
+    """Return all other terms with their usual powers, mixed products and a constant."""
     own, size = nu[:, axis], np.abs(nu)
     drags = [size[:, j] * own for j in range(6) if j not in (axis, against)]
     if against != axis:
@@ -126,16 +126,16 @@ def _numbers(block: Rows) -> Rows:
 
 
 def _grams(tried: Array, beside: Array, number: Rows) -> Array:
-    """Of each block: products of every tried column with itself and with what stands beside it, and of those.
+    """Return the products of every candidate column with itself and with the other columns, block by block.
 
     Args:
         tried: A column for each power, (P, G).
         beside: Other columns and the force, (P, K + 1).
-        number: Of each row's block, from 0.
+        number: Block of each row, from 0.
 
     Returns:
-        (B, G + K + 1, K + 2): the first G rows hold a tried column's products with those beside and itself,
-        the rest those beside with one another.
+        (B, G + K + 1, K + 2): the first G rows hold the products of a candidate column with the other columns
+        and with itself, the rest those of the other columns with one another.
     """
     blocks, out = int(number.max()) + 1, []
     for k in range(blocks):
@@ -146,7 +146,7 @@ def _grams(tried: Array, beside: Array, number: Rows) -> Array:
 
 
 def _profile(gram: Array) -> tuple[Array, Array, Array]:
-    """What is left, the coefficient and the share of the force's square, for each tried column, (G,) each."""
+    """Return residual, coefficient and share of the force's square of each candidate column, (G,) each."""
     powers, count = len(POWERS), gram.shape[1] - 2
     within = gram[powers:, : count + 1]
     held = within[:count, :count] + RIDGE * np.diag(np.diag(within)[:count])
@@ -160,6 +160,6 @@ def _profile(gram: Array) -> tuple[Array, Array, Array]:
 
 
 def _drawn(gram: Array) -> Array:
-    """Powers that resampled recordings ask for, (RESAMPLES,)."""
+    """Return the best powers of resampled recordings, (RESAMPLES,)."""
     drawn = weights(len(gram), RESAMPLES, 0)
     return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])

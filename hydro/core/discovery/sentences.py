@@ -1,4 +1,4 @@
-"""What discovered terms say, in sentences that an engineer can judge."""
+"""Descriptions of discovered terms in sentences for engineers."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from hydro.core.effects.formula import AXES, amounts
 from hydro.core.effects.layout import COMMAND_NAMES
 
 SAME = 0.3
-"""Powers that differ by less are told as one law that acts off CO."""
+"""Maximum difference of two powers that are reported as one force acting away from CO."""
 OFFSETS = {
     ("Y", "N"): (1.0, "ahead of"),
     ("Z", "M"): (-1.0, "ahead of"),
     ("Y", "K"): (-1.0, "below"),
     ("X", "M"): (1.0, "below"),
 }
-"""Force and moment axes, the sign of the lever (N = x Y, M = -x Z, K = -z Y, M = z X), where it points."""
+"""Force and moment axes, sign of the lever arm (N = x Y, M = -x Z, K = -z Y, M = z X), and its direction."""
 AGAINST = {"ahead of": "aft of", "below": "above"}
 OF_DOWN = {"g_x": "pitch", "g_y": "roll", "g_z": "being upright"}
 
 
 def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
-    """A formula in words.
+    """Describe a formula in words.
 
     Args:
         table: Its terms and values.
@@ -47,7 +47,7 @@ def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
 
 
 def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence[float]) -> str:
-    """One term."""
+    """Describe one term."""
     axis, *factors = text.split()
     dof, own = DOF[AXES.index(axis)], VELOCITY[AXES.index(axis)]
     what = "force" if axis in "XYZ" else "moment"
@@ -79,7 +79,7 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
 def _lever(
     force: tuple[str, float, tuple[float, ...]], moment: tuple[str, float, tuple[float, ...]]
 ) -> str | None:
-    """Where a force acts whose moment is another term: the same law on both axes."""
+    """Return where a force acts if its moment is another term with the same law on both axes."""
     (text, value, powers), (other, turning, its) = force, moment
     sign, way = OFFSETS.get((text[0], other[0]), (0.0, ""))
     if not sign or not value or text[1:] != other[1:] or text[1:].startswith((" g", " z")):

@@ -1,8 +1,8 @@
-"""Terms that a wrench on a vehicle may have: an axis and a product of velocities, commands or where down is.
+"""Library of candidate terms: a wrench axis and a product of velocities, commands or gravity direction.
 
-They are what drag, lift and friction of bodies in water are made of (Fossen 2011, section 6.4, with powers
-left free), what weight, trim and steady pulls add, and what jets and fins do that obey a command.  Powers of
-a grid stand for those between them until a fit moves them.
+The terms cover drag, lift and friction of bodies in water (Fossen 2011, section 6.4, with free powers),
+weight, trim and steady forces, and jets and fins that follow a command.  A grid of powers supplies the
+initial values; the fit moves them.
 """
 
 from __future__ import annotations
@@ -20,23 +20,24 @@ OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)
 SIZE_POWERS = (0.5, 1.0, 2.0)
 AHEAD_POWERS = (1.0, 2.0)
-"""Of the speed ahead, with which a command's force grows: a jet's loss so, a fin's lift as its square."""
+"""Powers of surge speed in the force of a command: about 1 for the thrust loss of a jet, 2 for the lift of a
+fin."""
 DOWN = ("g_x", "g_y", "g_z")
 MIRRORED = frozenset("YKNvpr")
 """Axes and velocities that change sign in a mirror that swaps port and starboard, and g_y."""
 PLAIN, UNUSUAL, UNEVEN = 1.0, 0.95, 0.8
-"""How far a term is preferred: drag along an axis; what couples axes; what a hull that is the same on port
-and starboard cannot have."""
+"""Weights on the gain of a term: drag along its own axis (PLAIN), coupling between axes (UNUSUAL), and terms
+that a port-starboard symmetric hull cannot have (UNEVEN)."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """A candidate.
+    """Candidate term.
 
     Attributes:
-        text: As a vehicle file writes it, see `effects.formula`.
-        powers: Where its free powers begin.
-        preferred: Factor on what it gains, at most 1.
+        text: The term as written in a vehicle file, see `effects.formula`.
+        powers: Initial values of its free powers.
+        preferred: Factor on its gain, at most 1.
     """
 
     text: str
@@ -49,12 +50,12 @@ class Term:
         return AXES.index(self.text[0])
 
     def table(self, amount: float) -> dict[str, Any]:
-        """The `[[effect]]` table of a formula of this term alone."""
+        """Return the `[[effect]]` table of a formula with this term alone."""
         return one_term(self.text, amount, self.powers)
 
 
 def library(commands: int = 0) -> list[Term]:
-    """All candidates, axis by axis; each term stands there once for each power that it begins from.
+    """Return all candidates, axis by axis; each term appears once per initial power.
 
     Args:
         commands: Number of the vehicle's thrusters and servos.
@@ -64,7 +65,7 @@ def library(commands: int = 0) -> list[Term]:
 
 
 def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
-    """Candidates of one axis that go with a command."""
+    """Yield the candidates of one axis that depend on a command."""
     for name in names:
         yield Term(f"{axis} {name}")
         yield Term(f"{axis} |{name}|^n sgn({name})", (2.0,))
@@ -73,7 +74,7 @@ def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
 
 
 def of_axis(axis: str) -> Iterator[Term]:
-    """Candidates of one axis that go with the motion or with where down is."""
+    """Yield the candidates of one axis that depend on motion or on the direction of gravity."""
     own = VELOCITY[AXES.index(axis)]
     for power in OWN_POWERS:
         yield Term(f"{axis} |{own}|^n sgn({own})", (power,), PLAIN)
@@ -94,7 +95,7 @@ def of_axis(axis: str) -> Iterator[Term]:
 
 
 def even(term: Term, *odd: str) -> Term:
-    """The term, less preferred where its factors, odd in some velocities, turn otherwise than its axis."""
+    """Return the term, with a lower weight where port-starboard symmetry rules it out."""
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)
     return Term(term.text, term.powers, UNEVEN if uneven else term.preferred)

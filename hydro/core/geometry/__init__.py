@@ -1,1 +1,1 @@
-"""A vehicle file from what a user knows of a vehicle: its box or mesh, its mass, its thrusters."""
+"""Estimation of a vehicle file from box or mesh, mass and thrusters."""

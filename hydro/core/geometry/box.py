@@ -1,15 +1,15 @@
 """Added mass of a rectangular box in an unbounded ideal fluid, from tables for plates and rectangles.
 
-Source: DNV-RP-C205 (2010), appendix D: table D-1 (two-dimensional rectangles, added mass per length and added
-moment of inertia) and table D-2 (rectangular plates, broadside on).  No table has boxes of three unequal
-sides, so each axis is put together from two of them:
+The source is DNV-RP-C205 (2010), appendix D.  Table D-1 has two-dimensional rectangles: added mass per length
+and added moment of inertia.  Table D-2 has rectangular plates, broadside on.  No table has boxes of three
+unequal sides, so each axis combines two of them:
 
     along an axis    rho C_plate(q/p) pi/4 p^2 q C_rect(d/p)/C_rect(0), face p x q (p <= q), depth d
     about an axis    rho pi beta(a/b) a^4 s R, section 2a x 2b (a >= b), length s along the axis
 
-R, what the ends take off, is that of an ellipsoid of the same sides (Lamb's k-factor over that of the
-elliptic cylinder).  Against boundary element solutions of boxes with sides up to 1 : 4 the result is good to
-20 % along the axes and 30 % about them.
+R, the reduction by the ends, is that of an ellipsoid of the same sides (Lamb's k-factor over that of the
+elliptic cylinder).  Compared with boundary element solutions of boxes with sides up to 1 : 4, the error is up
+to 20 % along the axes and 30 % about them.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ RECTANGLE = (
 TURNED = ((1.0, 2.0, 5.0, 100.0), (0.234, 0.15, 0.15, 0.125))
 """beta of a rectangle turning about its middle by its sides' ratio, relative to rho pi a^4; table D-1."""
 NUDGE = 0.02
-"""Relative difference of sides that are all but equal: a round section has no k-factor to compare with."""
+"""Minimum relative difference of two sides: a round section has no k-factor to compare with."""
 
 
 def box_added_mass(sides: Sequence[float], density: float) -> Array:
-    """Added mass of a solid box about its centre.
+    """Return the added mass of a solid box about its centre.
 
     Args:
         sides: Length, width, height [m] along body x, y, z.
@@ -58,7 +58,7 @@ def box_added_mass(sides: Sequence[float], density: float) -> Array:
 
 
 def checked_sides(sides: Sequence[float]) -> Array:
-    """Length, width and height (3,) [m].
+    """Return length, width and height (3,) [m] after a check.
 
     Raises:
         DataError: A side is not a positive finite number.
@@ -72,21 +72,21 @@ def checked_sides(sides: Sequence[float]) -> Array:
 
 
 def _along(depth: float, one: float, other: float) -> float:
-    """Volume [m^3] of water that moves with a box along an axis; the two sides across it in any order."""
+    """Return the volume [m^3] of added mass of a box along an axis; the two other sides in any order."""
     p, q = min(one, other), max(one, other)
     plate = np.interp(np.log(q / p), np.log(PLATE[0]), PLATE[1])
     return float(plate * np.pi / 4.0 * p * p * q * np.interp(depth / p, *RECTANGLE))
 
 
 def _about(length: float, one: float, other: float) -> float:
-    """The same about an axis [m^5]: the section's moment times what the ends leave of it."""
+    """Return the added inertia over density [m^5] of a box about an axis, reduced for its ends."""
     a, b = max(one, other) / 2.0, min(one, other) / 2.0
     section = np.pi * np.interp(np.log(a / b), np.log(TURNED[0]), TURNED[1]) * a**4
     return float(section * length * _ends(length / 2.0, a, b))
 
 
 def _ends(half: float, a: float, b: float) -> float:
-    """Added inertia of an ellipsoid about its semi-axis `half`, over that of its elliptic cylinder."""
+    """Return the added inertia of an ellipsoid about its semi-axis `half` over that of its elliptic cylinder."""
     b = min(b, a * (1.0 - NUDGE))
     cylinder = (a * a - b * b) ** 2 / (2.0 * a * b * (a * a + b * b))
     return float(lamb_factors((half, a, b))[3] / cylinder)

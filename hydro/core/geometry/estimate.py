@@ -1,7 +1,7 @@
-"""A whole vehicle from what its user knows: box or mesh, mass, thrusters; each estimate with its error.
+"""Estimate of a whole vehicle from box or mesh, mass and thrusters, with standard errors.
 
-Every number of water physics comes with a standard error, so that a fit and a diagnosis take it as what it
-is: a beginning.  The centre of the box, or of the mesh's volume, is taken for the centre of buoyancy.
+Every hydrodynamic parameter has a standard error, so that a fit and a diagnosis use it as a prior.  The
+centre of buoyancy is that of the box, or of the mesh's volume.
 """
 
 from __future__ import annotations
@@ -35,37 +35,37 @@ from hydro.core.vehicle.description import (
 )
 
 HEIGHT = 0.05
-"""Of the hull's height: the centre of gravity below that of buoyancy where nothing is known of it."""
+"""Default distance of the centre of gravity below that of buoyancy, relative to the hull's height."""
 INERTIA_ERROR = 0.3
-"""Relative standard error of moments of inertia of a uniform body."""
+"""Relative standard error of the moments of inertia of a uniform body."""
 RADIATED = (0.2, 0.2, 0.2, 0.5, 0.3, 0.3)
-"""Relative standard errors of added mass of the very mesh: what it leaves out (thrusters, frames)."""
+"""Relative standard errors of the added mass of a mesh, which omits thrusters and frames."""
 COUPLED = 0.5
-"""Of the geometric mean of two axes' errors: standard error of the entry between them."""
+"""Standard error of a coupling entry, relative to the geometric mean of the errors of its two axes."""
 FIN_ERROR = 0.6
-"""Relative standard error of what follows from fins whose size was not asked for."""
+"""Relative standard error of the effects of tail fins of assumed size."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a vehicle.
+    """Known data of a vehicle.
 
     Attributes:
         name: Its name.
         mass: Dry mass [kg].
-        sides: Length, width, height [m] of the hull's box; those of a mesh where there is one.
-        thrusters: In the order of a log's commands.
+        sides: Length, width, height [m] of the hull's box; those of the mesh if there is one.
+        thrusters: Thrusters in the order of a log's commands.
         buoyancy: Buoyant force [N]; None is neutral.
         gravity_center: Centre of gravity [m] from CO; None is below the centre of buoyancy.
         buoyancy_center: Centre of buoyancy [m] from CO; None is that of the box or of the mesh's volume.
-        metacentric_height: Height [m] of the centre of buoyancy over that of gravity; None is HEIGHT of the
-            hull's, or what the two centres say.
+        metacentric_height: Height [m] of the centre of buoyancy over that of gravity; None is HEIGHT times
+            the hull's height, or that of the two given centres.
         inertia: Moments of inertia (3,) [kg m^2] about the centre of gravity; None is a uniform body.
-        shape: One of `hull_form.SHAPES`; None is by proportions.
+        shape: One of `hull_form.SHAPES`; None decides by proportions.
         fins: Whether a torpedo has tail fins of usual size.
         density: Water density [kg/m^3].
-        gravity: [m/s^2].
-        voltage: Nominal supply voltage [V] where thrust curves depend on it; None of others.
+        gravity: Acceleration of gravity [m/s^2].
+        voltage: Nominal supply voltage [V] if thrust curves depend on it; else None.
     """
 
     name: str
@@ -86,12 +86,12 @@ class Known:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A vehicle, and where its numbers come from.
+    """Estimated vehicle, with the origin of its numbers.
 
     Attributes:
-        vehicle: Its effects carry their standard errors.
-        form: What stood for the hull.
-        origins: A sentence by what it is about: `inertia`, `gravity`, `buoyancy`, and each effect's name.
+        vehicle: The vehicle; its effects have standard errors.
+        form: The form that represents the hull.
+        origins: A sentence for each of `inertia`, `gravity`, `buoyancy` and every effect.
     """
 
     vehicle: Vehicle
@@ -102,16 +102,16 @@ class Estimate:
 def estimate(
     known: Known, hull: Solid | None = None, mesh: str | None = None, radiated: Array | None = None
 ) -> Estimate:
-    """The vehicle file's content from what is known.
+    """Estimate the content of a vehicle file.
 
     Args:
-        known: What is known.
+        known: The known data.
         hull: The mesh's solid, if there is one.
-        mesh: How the vehicle file is to name the mesh.
+        mesh: Name of the mesh in the vehicle file.
         radiated: Added mass (6, 6) of the mesh about CO, if it was computed.
 
     Raises:
-        DataError: A number is not possible; the line names it.
+        DataError: A number is not possible; the message names it.
     """
     _check(known)
     sides = known.sides if hull is None else hull.sides
@@ -137,7 +137,7 @@ def estimate(
 
 
 def _check(known: Known) -> None:
-    """Raise for a number that no vehicle has."""
+    """Refuse impossible numbers."""
     positive = {"mass": known.mass, "water density": known.density, "gravity": known.gravity}
     if known.buoyancy is not None:
         positive["buoyancy"] = known.buoyancy
@@ -159,7 +159,7 @@ def _check(known: Known) -> None:
 
 
 def _centers(known: Known, form: Form, hull: Solid | None) -> tuple[Vector3, Vector3, dict[str, str]]:
-    """Centres of buoyancy and gravity, and where they come from."""
+    """Return the centres of buoyancy and gravity, and their origin."""
     lever = known.metacentric_height
     said = (
         "given" if lever is not None else f"a guess, {HEIGHT:.0%} of the hull's height: measure it by a tilt"
@@ -180,7 +180,7 @@ def _centers(known: Known, form: Form, hull: Solid | None) -> tuple[Vector3, Vec
 
 
 def _inertia(known: Known, form: Form, hull: Solid | None) -> tuple[Array, Array, str]:
-    """Inertia matrix, standard errors of its diagonal, and where it comes from."""
+    """Return the inertia matrix, the standard errors of its diagonal, and its origin."""
     if known.inertia is not None:
         return np.diag(known.inertia), np.zeros(3), "given"
     if hull is not None:
@@ -197,7 +197,7 @@ def _inertia(known: Known, form: Form, hull: Solid | None) -> tuple[Array, Array
 def _added_mass(
     form: Form, hull: Solid | None, radiated: Array | None, body: Array
 ) -> tuple[dict[str, Any], str]:
-    """The table of the added mass, and where it comes from."""
+    """Return the table of the added mass, and its origin."""
     if hull is None:
         diagonal = hull_inertia.added_mass(form)
         errors = hull_inertia.added_mass_errors(form, diagonal, body)
@@ -225,7 +225,7 @@ def _added_mass(
 
 
 def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
-    """Coupling and lift of a torpedo's tail fins."""
+    """Return the coupling and lift of a torpedo's tail fins."""
     if not form.fins:
         return []
     fins = "four tail fins of usual size (tips one diameter off the axis, chord half a diameter)"
@@ -234,7 +234,7 @@ def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
     origins[BODY_LIFT.name] = (
         f"{fins}: 1/2 rho c_L A, c_L by aspect ratio (Hoerner; Prestero 2001, chapter 4)"
     )
-    # Fins lift alike in both planes; the sign of x turns between them.
+    # Fins have equal lift in both planes; the sign of x differs between them.
     lifts = {
         **{"L11": lift, "L15": x * lift, "L51": x * lift, "L55": x * x * lift},
         **{"L22": lift, "L24": -x * lift, "L42": -x * lift, "L44": x * x * lift},
@@ -247,7 +247,7 @@ def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
 
 
 def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
-    """Linear and quadratic damping."""
+    """Return linear and quadratic damping."""
     quadratic = hull_drag.quadratic_drag(form)
     linear = hull_drag.linear_drag(form, quadratic)
     errors, linear_errors = hull_drag.drag_errors(form, quadratic, linear)
@@ -268,7 +268,7 @@ def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
 
 
 def _table(effect: Effect, **values: tuple[Any, Any]) -> dict[str, Any]:
-    """An effect's table as a vehicle file has it, of values with their standard errors."""
+    """Return an effect's table as in a vehicle file, with values and standard errors."""
     plain = {key: np.asarray(value, float).tolist() for key, (value, _) in values.items()}
     errors = {key: np.asarray(error, float).tolist() for key, (_, error) in values.items()}
     return {"name": effect.name, **plain, "standard_error": errors}

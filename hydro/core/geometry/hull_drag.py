@@ -1,9 +1,9 @@
-"""Drag and lift of a vehicle from its form, with the errors that such an estimate has.
+"""Drag and lift of a vehicle from its form, with standard errors.
 
-Along and across, C_d of streamlined and bluff bodies on the area that faces the flow; turning, the same C_d
-integrated over the hull at the local speed omega x r (strip theory of cross-flow drag: Hoerner 1965; Fossen
-2021, chapter 6).  The quadratic coefficient is the force at 1 m/s; a linear one stands for friction and slow
-flow, where both are equal at SLOW.
+Along and across the hull, C_d of streamlined and bluff bodies applies to the area that faces the flow.  In
+rotation, the same C_d is integrated over the hull at the local speed omega x r (strip theory of cross-flow
+drag: Hoerner 1965; Fossen 2021, chapter 6).  The quadratic coefficient is the force at 1 m/s.  The linear one
+represents friction and slow flow; both are equal at SLOW.
 
 Sources: DNV-RP-C205 (2010), appendix E (plates, rods along the flow, elliptic sections, cylinders of finite
 length); S. F. Hoerner, *Fluid-Dynamic Drag* (1965), ch. 3 and 6; friction by the ITTC-1957 line.
@@ -17,49 +17,50 @@ from hydro.core.columns import Array
 from hydro.core.geometry.hull_form import FIN_CHORD, FIN_TIP, Form
 
 SLOW = 0.1
-"""Speed [m/s] of a part of the hull at which linear and quadratic drag are equal: identified vehicles have
-0.1 to 0.2."""
+"""Speed of a part of the hull at which linear and quadratic drag are equal [m/s]: 0.1 to 0.2 for identified
+vehicles."""
 PLATE = 1.16
-"""C_d of a square plate across the flow; also of an open frame, behind whose edges no flow reattaches."""
+"""C_d of a square plate across the flow; also of an open frame, where the flow does not reattach."""
 ROD = ((0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0), (PLATE, 1.15, 0.97, 0.87, 0.9, 0.93, 0.95, 0.95))
 """C_d of a block by its depth along the flow over its narrower side."""
 CYLINDER = 1.2
 """C_d of a long circular cylinder across the flow, below the critical Reynolds number."""
 SPHERE = 0.47
-"""C_d of a sphere, likewise."""
+"""C_d of a sphere, below the critical Reynolds number."""
 FINITE = ((1.0, 2.0, 5.0, 10.0, 20.0, 40.0, 100.0), (SPHERE / CYLINDER, 0.58, 0.62, 0.68, 0.74, 0.82, 0.98))
 """Reduction of C_d of a cylinder by its length over its diameter; a sphere's at 1."""
 ELLIPSE = ((0.125, 0.25, 0.5, 1.0, 2.0), (0.22, 0.3, 0.6, 1.0, 1.6))
 """C_d of an elliptic section by its width across over its depth along the flow."""
 STREAMLINED = 4.0
-"""Least length over diameter at which the flow stays attached."""
+"""Minimum length over diameter at which the flow stays attached."""
 VISCOSITY = 1.2e-6
 """Kinematic viscosity [m^2/s] of water of about 13 degrees."""
 ROLL = 0.1
-"""Least part of the cross-flow drag that meets a round hull in roll, of what stands out of it."""
+"""Minimum share of the cross-flow drag on a round hull in roll, from parts that stand out of it."""
 LIFT_VISCOUS = 0.9
-"""Of the lift slope 2 pi, what a real section reaches (Hoerner)."""
+"""Share of the lift slope 2 pi of a real section (Hoerner)."""
 
 ERROR = 0.6
-"""Relative standard error of C_d: structures reach 2.5 (DNV-RP-H103), a factor of two above a plate, which
-lies at two of these."""
+"""Relative standard error of C_d: frames reach 2.5 (DNV-RP-H103), a factor of two above a plate and about two
+of these errors."""
 ERROR_TURNING = 0.8
-"""The same about an axis, where the arms' fourth power counts; double in the roll of a round hull."""
+"""Relative standard error of C_d about an axis, where the fourth power of lever arms counts; doubled in roll
+of a round hull."""
 ERROR_LINEAR = 1.0
-"""The same of linear damping."""
+"""Relative standard error of linear damping."""
 
 
 def quadratic_drag(form: Form) -> Array:
-    """Diagonal of quadratic damping about the hull's centre, (6,) [N s^2/m^2, N m s^2]."""
+    """Return the diagonal of quadratic damping about the hull's centre, (6,) [N s^2/m^2, N m s^2]."""
     if form.shape == "box":
         return _of_box(form)
     return _of_round_hull(form) + _of_fins(form) * form.fins
 
 
 def linear_drag(form: Form, quadratic: Array) -> Array:
-    """Diagonal of linear damping, (6,) [N s/m, N m s], equal to the quadratic at SLOW.
+    """Return the diagonal of linear damping, (6,) [N s/m, N m s], equal to the quadratic at SLOW.
 
-    Turning, at the rate that moves the hull's parts at SLOW in the mean (root mean square over the box).
+    In rotation they are equal at the rate with a root mean square speed of SLOW over the box.
     """
     squares = form.sides**2 / 12.0
     arms = np.sqrt([squares[1] + squares[2], squares[2] + squares[0], squares[0] + squares[1]])
@@ -67,7 +68,7 @@ def linear_drag(form: Form, quadratic: Array) -> Array:
 
 
 def drag_errors(form: Form, quadratic: Array, linear: Array) -> tuple[Array, Array]:
-    """Standard errors of quadratic and linear damping, (6,) each, in their units."""
+    """Return standard errors of quadratic and linear damping, (6,) each, in their units."""
     relative = np.array([ERROR] * 3 + [ERROR_TURNING] * 3)
     if form.shape != "box":
         relative[3] *= 2.0
@@ -75,7 +76,7 @@ def drag_errors(form: Form, quadratic: Array, linear: Array) -> tuple[Array, Arr
 
 
 def fin_lift(form: Form) -> float:
-    """Lift of a torpedo's pair of tail fins per speed and drift, L_11 of `body_lift` [kg/m]: 1/2 rho c_L A.
+    """Return the lift of a pair of tail fins per speed and drift, L_11 of `body_lift` [kg/m]: 1/2 rho c_L A.
 
     c_L = 1/(1/(2 pi 0.9) + 1/(pi A_e)) with A_e = span^2/area of the pair (Hoerner; Prestero 2001, ch. 4).
     """
@@ -86,9 +87,9 @@ def fin_lift(form: Form) -> float:
 
 
 def _of_box(form: Form) -> Array:
-    """Plates and blocks: of what is solid the flow reattaches as on a block, of the rest it does not.
+    """Return drag of a box: solid parts as a block with reattached flow, the rest as plates.
 
-    About axis i, a face of normal j is met at the arm r along k: int |r|^3 dA = s_i s_k^4/32.
+    About axis i, a face of normal j has the lever arm r along k: int |r|^3 dA = s_i s_k^4/32.
     """
     size, solid = form.sides, min(form.fullness, 1.0)
     across = [(size[(i + 1) % 3], size[(i + 2) % 3]) for i in range(3)]
@@ -103,7 +104,7 @@ def _of_box(form: Form) -> Array:
 
 
 def _of_round_hull(form: Form) -> Array:
-    """A streamlined body along, elliptic strips across, of half widths W/2 sqrt(1 - |2x/L|^n)."""
+    """Return the drag of a streamlined body, with elliptic strips of half widths W/2 sqrt(1 - |2x/L|^n)."""
     length, width, height = form.sides
     stations = np.linspace(0.0, 1.0, 2001)
     outline = np.sqrt(np.maximum(1.0 - stations**form.exponent, 0.0))
@@ -126,10 +127,10 @@ def _of_round_hull(form: Form) -> Array:
 
 
 def _streamlined(slenderness: float, length: float) -> float:
-    """C_d on the greatest section of a body along the flow at 1 m/s.
+    """Return C_d, on the largest section, of a body along the flow at 1 m/s.
 
-    From l/d = 4 on, C_f (3 l/d + 4.5 sqrt(d/l) + 21 (d/l)^2) (Hoerner, ch. 6); towards a sphere's and, below,
-    a plate's where the body is not long enough for that.
+    From l/d = 4 on, C_f (3 l/d + 4.5 sqrt(d/l) + 21 (d/l)^2) (Hoerner, ch. 6); for shorter bodies it tends to
+    that of a sphere and then of a plate.
     """
     friction = 0.075 / (np.log10(max(length / VISCOSITY, 1e4)) - 2.0) ** 2
 
@@ -145,7 +146,7 @@ def _streamlined(slenderness: float, length: float) -> float:
 
 
 def _of_fins(form: Form) -> Array:
-    """Four plates at the tail: two meet sway, two heave, all of them roll."""
+    """Return drag of four plates at the tail: two act in sway, two in heave, all in roll."""
     inner, tip, chord = 0.5 * form.diameter, FIN_TIP * form.diameter, FIN_CHORD * form.diameter
     pair = PLATE * 2.0 * (tip - inner) * chord
     roll = PLATE * 4.0 * chord * (tip**4 - inner**4) / 4.0

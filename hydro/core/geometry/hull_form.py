@@ -1,8 +1,8 @@
-"""Forms that stand for a hull while nothing but its box and its displacement is known.
+"""Forms that represent a hull of known box and displacement.
 
-`torpedo` is a body of elliptic sections S(x) = S_0 (1 - |2x/L|^n), as full as its displacement says, with
-four tail fins; `ellipsoid` is the same with n = 2 and without fins; `box` is an open frame or a box-like hull
-whose solid parts are spread through its box.
+`torpedo` is a body of elliptic sections S(x) = S_0 (1 - |2x/L|^n), with n from the displacement, and four
+tail fins.  `ellipsoid` has n = 2 and no fins.  `box` is an open frame or a box-like hull whose solid parts
+are distributed over its box.
 """
 
 from __future__ import annotations
@@ -20,29 +20,30 @@ from hydro.core.geometry.box import checked_sides
 Shape = Literal["torpedo", "ellipsoid", "box"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 SLENDER = 4.0
-"""Least length over diameter of a torpedo."""
+"""Minimum length over diameter of a torpedo."""
 ROUND = 1.3
-"""Greatest width over height, or height over width, of a torpedo."""
+"""Maximum ratio of width and height, or height and width, of a torpedo."""
 FULL = (0.4, 0.65)
-"""Displacement over the box's volume of what is likely an ellipsoid (pi/6 = 0.52): below is an open frame."""
+"""Range of the displacement over the box's volume of an ellipsoid (pi/6 = 0.52); an open frame is below."""
 PRISMATIC = (2.0 / 3.0, 0.95)
-"""Least (an ellipsoid's) and greatest prismatic coefficient of a torpedo."""
+"""Minimum (of an ellipsoid) and maximum prismatic coefficient of a torpedo."""
 FIN_TIP = 1.0
-"""Of the hull's diameter: how far the tips of a torpedo's tail fins lie from its axis, and"""
+"""Distance of the fin tips from a torpedo's axis, relative to the hull's diameter."""
 FIN_CHORD = 0.5
-"""their chord; usual proportions of survey vehicles, given with a wide error."""
+"""Chord of tail fins relative to the hull's diameter; usual proportions of survey vehicles, with a wide
+error."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """What stands for the hull.
+    """Form that represents the hull.
 
     Attributes:
         shape: One of SHAPES.
         sides: Length, width, height [m].
         displaced: Mass of the displaced water [kg].
         density: Water density [kg/m^3].
-        fins: Whether it has four tail fins of usual proportions; of a torpedo alone.
+        fins: Whether it has four tail fins of usual proportions; for a torpedo only.
     """
 
     shape: Shape
@@ -53,17 +54,17 @@ class Form:
 
     @property
     def fullness(self) -> float:
-        """Displaced volume over the box's."""
+        """Displaced volume relative to the box's."""
         return float(self.displaced / (self.density * np.prod(self.sides)))
 
     @property
     def diameter(self) -> float:
-        """That of a circle as large as the greatest section [m]."""
+        """Diameter of a circle with the area of the largest section [m]."""
         return float(np.sqrt(self.sides[1] * self.sides[2]))
 
     @property
     def exponent(self) -> float:
-        """Power n of S(x) = S_0 (1 - |2x/L|^n): a prismatic coefficient of n/(n + 1); 2 of an ellipsoid."""
+        """Exponent n of S(x) = S_0 (1 - |2x/L|^n), a prismatic coefficient of n/(n + 1); 2: ellipsoid."""
         if self.shape != "torpedo":
             return 2.0
         prismatic = float(np.clip(self.fullness / (np.pi / 4.0), *PRISMATIC))
@@ -78,17 +79,17 @@ class Form:
 def form_of(
     sides: Sequence[float], displaced: float, density: float, shape: Shape | None = None, fins: bool = True
 ) -> Form:
-    """The form that stands for a hull.
+    """Return the form that represents a hull.
 
     Args:
         sides: Length, width, height [m].
         displaced: Mass of the displaced water [kg].
         density: Water density [kg/m^3].
-        shape: One of SHAPES; by default a torpedo where the box is long and round, else by fullness.
+        shape: One of SHAPES; by default a torpedo if the box is long and round, else by fullness.
         fins: Whether a torpedo has tail fins.
 
     Raises:
-        DataError: A number is not positive and finite, or more is displaced than the box holds.
+        DataError: A number is not positive and finite, or the displacement exceeds the box.
     """
     size = checked_sides(sides)
     for name, value in (("displaced mass", displaced), ("water density", density)):
@@ -108,7 +109,7 @@ def form_of(
 
 
 def default_shape(sides: Array, fullness: float) -> Shape:
-    """The likely shape of a hull by the proportions of its box (3,) [m], and by how full that is."""
+    """Return the likely shape of a hull by the proportions (3,) [m] and the fullness of its box."""
     length, width, height = sides
     if length >= SLENDER * max(width, height) and max(width, height) <= ROUND * min(width, height):
         return "torpedo"
@@ -116,17 +117,17 @@ def default_shape(sides: Array, fullness: float) -> Shape:
 
 
 def second_moment(form: Form) -> float:
-    """Mean square of x over the volume of a torpedo or ellipsoid [m^2], sections 1 - |2x/L|^n."""
+    """Return the mean square of x over the volume of a torpedo or ellipsoid [m^2], sections 1 - |2x/L|^n."""
     n = form.exponent
     return float(form.sides[0] ** 2 / 4.0 * (1.0 / 3.0 - 1.0 / (n + 3.0)) / (1.0 - 1.0 / (n + 1.0)))
 
 
 def uniform_inertia(form: Form, mass: float) -> Array:
-    """Moments of inertia (3,) [kg m^2] about the centre of a body of uniform density.
+    """Return the moments of inertia (3,) [kg m^2] about the centre of a body of uniform density.
 
-    A torpedo's and an ellipsoid's are their form's.  Of a box, the ellipsoid within it: heavy parts
-    (batteries, pressure hulls) stand near the middle, and the uniform box with its full corners is an upper
-    bound, 5/3 of it.
+    A torpedo and an ellipsoid have those of their form.  A box has those of the ellipsoid within it, since
+    heavy parts (batteries, pressure hulls) are near the middle.  The uniform box is an upper bound, 5/3 of
+    these values.
     """
     _, width2, height2 = form.sides**2
     n = form.exponent

@@ -1,4 +1,4 @@
-"""Added mass of a vehicle from its form, with the errors that such an estimate has."""
+"""Added mass of a vehicle from its form, with standard errors."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ ERRORS = {
     "ellipsoid": (0.5, 0.3, 0.3, 1.0, 0.5, 0.5),
     "box": (0.5, 0.5, 0.5, 0.6, 0.6, 0.6),
 }
-"""Relative standard errors.  A torpedo's sway is known well whatever its ends; along the axis and about it,
-what stands out of the hull counts most.  A box is between its solid parts alone and a solid box, about a
-factor of two either way."""
+"""Relative standard errors.  A torpedo's sway is well known for any ends; along and about the axis,
+protruding parts matter most.  A box lies between its solid parts alone and a solid box, about a factor of two
+either way."""
 LEAST = 0.05
-"""Of the displaced mass and inertia: least standard error, where a round body has no added inertia."""
+"""Minimum standard error relative to displaced mass and inertia, for a round body without added inertia."""
 
 
 def added_mass(form: Form) -> Array:
-    """Diagonal of the added mass matrix about the hull's centre, (6,) [kg, kg m^2].
+    """Return the diagonal of the added mass matrix about the hull's centre, (6,) [kg, kg m^2].
 
-    Ellipsoid: Lamb's k-factors times displaced mass and inertia (Lamb 1932, art. 114-115).  Torpedo: the
-    same k-factors (what the ends take off a strip of elliptic section; Newman 1977, section 4.15) times the
-    mass and second moment of its fuller form, and the fins.  Box: the solid box of DNV-RP-C205 times its
-    fullness: the solid parts of a frame carry water in proportion to their volume.
+    Ellipsoid: Lamb's k-factors times displaced mass and inertia (Lamb 1932, art. 114-115).  Torpedo: the same
+    k-factors, as the reduction by the ends of a strip of elliptic section (Newman 1977, section 4.15), times
+    the mass and second moment of its fuller form, plus the fins.  Box: the solid box of DNV-RP-C205 times its
+    fullness, since solid parts of a frame have added mass in proportion to their volume.
     """
     if form.shape == "box":
         return np.asarray(form.fullness * box_added_mass(tuple(form.sides), form.density))
@@ -43,23 +43,24 @@ def added_mass(form: Form) -> Array:
 
 
 def fin_mass(form: Form) -> float:
-    """Added mass in sway, or heave, of the pair of tail fins across it [kg].
+    """Return the added mass in sway, or heave, of the pair of tail fins across it [kg].
 
-    Slender-body theory of a cylinder of radius R with fins to s (Nielsen 1960; Blevins 1979), less the bare
-    cylinder's: rho pi (s^2 - R^2)^2/s^2 per length.  About the axis, four fins have 2/pi rho s^4 per length.
+    Slender-body theory of a cylinder of radius R with fins to s (Nielsen 1960; Blevins 1979), minus that of
+    the bare cylinder: rho pi (s^2 - R^2)^2/s^2 per length.  About the axis, four fins have 2/pi rho s^4 per
+    length.
     """
     s, R = FIN_TIP * form.diameter, 0.5 * form.diameter
     return float(form.density * np.pi * (s * s - R * R) ** 2 / (s * s) * FIN_CHORD * form.diameter)
 
 
 def added_mass_errors(form: Form, values: Array, body: Array, relative: tuple[float, ...] = ()) -> Array:
-    """Standard errors of the added mass, (6,) [kg, kg m^2].
+    """Return standard errors of the added mass, (6,) [kg, kg m^2].
 
     Args:
         form: The form.
         values: Diagonal of the added mass, (6,).
-        body: Standard errors of the dry moments of inertia (3,) [kg m^2]: a vehicle file holds none beside
-            `inertia`, and motion shows the sum of both alone, so they are added here.
+        body: Standard errors of the dry moments of inertia (3,) [kg m^2]: a vehicle file has no standard
+            error of `inertia`, and motion shows only the sum of both, so they are added here.
         relative: Relative standard errors, (6,); by default those of the shape.
     """
     mass = form.displaced

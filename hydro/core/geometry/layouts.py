@@ -1,4 +1,4 @@
-"""Thrusters as a user knows them: each by seven numbers, or a usual layout within the hull's box."""
+"""Thrusters from user input: seven numbers each, or a usual layout within the hull's box."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hydro.core.vehicle.description import Thruster
 Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8", "bluerov2", "bluerov2_heavy"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 GUESSED_LAG = 0.1
-"""Time constant [s] of a thruster that nothing is known of; small electric ones have 0.03 to 0.2."""
+"""Default time constant of a thruster [s]; small electric ones have 0.03 to 0.2 s."""
 
 AHEAD, ASIDE, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 TO_PORT, TO_STARBOARD = (math.sqrt(0.5), -math.sqrt(0.5), 0.0), (math.sqrt(0.5), math.sqrt(0.5), 0.0)
@@ -25,7 +25,7 @@ HORIZONTAL: tuple[Placed, ...] = (
     ((-1 / 3, 1 / 3, 0.0), TO_STARBOARD),
     ((-1 / 3, -1 / 3, 0.0), TO_PORT),
 )
-"""Four at 45 degrees in the corners, all of which push ahead with a positive command."""
+"""Four thrusters at 45 degrees in the corners; a positive command pushes ahead."""
 TO_PORT_ASTERN, TO_STARBOARD_ASTERN = (
     (-math.sqrt(0.5), -math.sqrt(0.5), 0.0),
     (-math.sqrt(0.5), math.sqrt(0.5), 0.0),
@@ -35,7 +35,7 @@ TO_PORT_ASTERN, TO_STARBOARD_ASTERN = (
 def _ardusub_horizontal(x: float, y: float) -> tuple[Placed, ...]:
     """Return motors 1 to 4 of ArduSub's vectored frames: front right, front left, rear right, rear left.
 
-    The directions are those of a positive output with MOT_n_DIRECTION = 1, as the signs of the mixer say
+    The directions are those of a positive output with MOT_n_DIRECTION = 1, by the signs of the mixer
     (AP_Motors6DOF, setup_motors): motors 1 and 2 push astern, 3 and 4 ahead, and the vertical ones down.
     """
     return (
@@ -67,16 +67,16 @@ PLACES: dict[Layout, tuple[Placed, ...]] = {
 def laid_out(
     layout: Layout, thrust: float, sides: Sequence[float], middle: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> tuple[Thruster, ...]:
-    """The thrusters of a usual layout.
+    """Return the thrusters of a usual layout.
 
     Args:
         layout: One of LAYOUTS.
-        thrust: Greatest thrust of each [N], either way.
+        thrust: Maximum thrust of each [N], in both directions.
         sides: Length, width, height [m].
         middle: Centre of the box [m] from CO.
 
     Raises:
-        DataError: There is no such layout, or the thrust is not a positive number.
+        DataError: The layout is unknown, or the thrust is not a positive number.
     """
     if layout not in PLACES:
         raise DataError(f"layout: expected {', '.join(LAYOUTS)}, got {layout}")
@@ -88,9 +88,9 @@ def laid_out(
 
 
 def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
-    """Thrusters from texts such as `0.2,0.1,0,1,0,0,40`: position, direction, greatest thrust.
+    """Parse thrusters from texts such as `0.2,0.1,0,1,0,0,40`: position, direction, maximum thrust.
 
-    Directions may have any length.  An eighth number is the greatest thrust astern, where it is another.
+    Directions may have any length.  An optional eighth number is the maximum thrust astern.
 
     Raises:
         DataError: A text is not seven or eight numbers, has no direction or no positive thrust.
@@ -104,10 +104,10 @@ def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
 
 
 def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> list[float]:
-    """So many finite numbers from a text with commas.
+    """Parse finite numbers from a text with commas.
 
     Raises:
-        DataError: It is something else; the line says what is expected.
+        DataError: The text is invalid; the message shows the expected form.
     """
     try:
         found = [float(part) for part in text.split(",")]
@@ -125,9 +125,9 @@ def driven(
     curve: Literal["linear", "quadratic", "t200"] | None,
     time_constant: float | None,
 ) -> tuple[Thruster, ...]:
-    """The thrusters with another curve and time constant [s]; None leaves the guess.
+    """Return the thrusters with another curve and time constant [s]; None keeps the default.
 
-    The T200's curve has its own largest thrusts.
+    The T200's curve has its own maximum thrusts.
 
     Raises:
         DataError: The time constant is negative or not finite.
@@ -143,7 +143,7 @@ def driven(
 
 
 def _made(index: int, numbers: Sequence[float], what: str) -> Thruster:
-    """A thruster of a point, a direction of any length and the greatest thrust ahead and astern."""
+    """Return a thruster from a point, a direction of any length and the maximum thrust ahead and astern."""
     x, y, z, dx, dy, dz, ahead, *rest = numbers
     astern = rest[0] if rest else ahead
     length = math.sqrt(dx * dx + dy * dy + dz * dz)

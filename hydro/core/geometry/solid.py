@@ -1,7 +1,7 @@
-"""What a closed triangulated surface says of a hull: its moments, and its added mass in unbounded water.
+"""Compute the moments of a closed triangulated surface.
 
 The moments are those of a solid of uniform density, exact for the polyhedron.  The added mass is computed by
-the boundary element method of Capytaine, where that is installed (extra `mesh`).
+the boundary element method of Capytaine, if it is installed (extra `mesh`).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.panels import panels
 
 MOST_FACES = 4000
-"""Panels of the problem: its two dense matrices have so many rows, 0.5 GB in all."""
+"""Maximum number of panels: the two dense matrices have as many rows, 0.5 GB in total."""
 
 
 @dataclass(frozen=True)
 class Solid:
-    """What a mesh says of a hull, in body axes FRD about CO.
+    """Solid of a hull mesh, in body axes FRD about CO.
 
     Attributes:
         volume: Enclosed volume [m^3].
@@ -40,18 +40,18 @@ class Solid:
     middle: Array
 
     def inertia(self, mass: float) -> Array:
-        """Inertia matrix (3, 3) [kg m^2] about the centroid, of a mass [kg] spread evenly."""
+        """Return the inertia matrix (3, 3) [kg m^2] about the centroid for a uniform mass [kg]."""
         return np.asarray(mass * (np.trace(self.moments) * np.eye(3) - self.moments))
 
     @property
     def semi_axes(self) -> Array:
-        """Semi-axes (3,) [m] along x, y, z of the ellipsoid of the same volume and proportions of moments."""
+        """Return the semi-axes (3,) [m] along x, y, z of the ellipsoid of equal volume and moment ratios."""
         axes = np.sqrt(5.0 * np.diag(self.moments))
         return np.asarray(axes * (self.volume / (4.0 / 3.0 * np.pi * np.prod(axes))) ** (1.0 / 3.0))
 
 
 def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
-    """Moments of a closed triangulated surface.
+    """Compute the moments of a closed triangulated surface.
 
     Args:
         vertices: (V, 3) points [m], FRD about CO.
@@ -67,7 +67,7 @@ def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
     points = np.asarray(vertices, dtype=np.float64)
     corners = points[np.asarray(faces, dtype=np.int64)] - hull.center
     sixfold = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    # Of a tetrahedron with one corner at the origin: int x x^T dV = 6 V/120 (s s^T + sum of c c^T).
+    # For a tetrahedron with one corner at the origin: int x x^T dV = 6 V/120 (s s^T + sum of c c^T).
     total = corners.sum(axis=1)
     outer = np.einsum("f,fi,fj->ij", sixfold, total, total)
     outer += np.einsum("f,fci,fcj->ij", sixfold, corners, corners)
@@ -80,20 +80,20 @@ def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
 
 
 def solvable() -> bool:
-    """Whether Capytaine is installed."""
+    """Return whether Capytaine is installed."""
     return importlib.util.find_spec("capytaine") is not None
 
 
 def radiated_added_mass(vertices: ArrayLike, faces: ArrayLike, density: float) -> Array:
-    """Added mass of a closed surface about the body origin, far below the water's surface.
+    """Compute the added mass of a closed surface about the body origin, far below the water's surface.
 
-    The six radiation problems of the unit motions in an unbounded ideal fluid, sources on flat panels
-    (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free surface there are
-    no waves, and the result holds at every frequency.
+    It solves the six radiation problems of unit motions in an unbounded ideal fluid, with sources on flat
+    panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free surface
+    there are no waves, and the result holds at every frequency.
 
     Args:
         vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside; MOST_FACES at most.
+        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside; at most MOST_FACES.
         density: Water density [kg/m^3].
 
     Returns:

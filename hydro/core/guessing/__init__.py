@@ -1,1 +1,1 @@
-"""A first map of a log: what the names of columns suggest, and what their numbers say of it."""
+"""Guess of a log's map from the names and values of its columns."""

@@ -1,7 +1,7 @@
-"""What a log's columns probably mean, by their names alone: a first map, for its owner to read and correct.
+"""Guess of the meaning of a log's columns by their names: a first map for its owner to correct.
 
-The raw table's own names come first, then those that loggers and papers use.  Names are compared without
-case and punctuation, and may carry their unit (`roll_deg`) and a prefix (`/odom/pose/pose/position/x`).
+Names of the raw table have priority, then those of loggers and papers.  Names are compared without case and
+punctuation.  They may carry their unit (`roll_deg`) and a prefix (`/odom/pose/pose/position/x`).
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ Block = dict[str, Any]
 
 
 class _Family(NamedTuple):
-    """Names of a vector's columns, and what whoever uses these names usually means."""
+    """Names of a vector's columns, and their usual meaning."""
 
     names: tuple[str, ...]
     settings: Mapping[str, Any] = MappingProxyType({})
 
 
 def _xyz(*stems: str, axes: str = "xyz", **settings: Any) -> list[_Family]:
-    """Families whose names are a stem and an axis."""
+    """Return families whose names are a stem and an axis."""
     return [_Family(tuple(stem + axis for axis in axes), settings) for stem in stems]
 
 
@@ -59,9 +59,9 @@ _VERTICAL = {
     "altituderelative": "height",
 }
 _PRESSURE = {"fluid_pressure": "Pa", "water_pressure": None, "press_abs": None, "pressure": None}
-"""Names of the water's pressure, and its unit where a standard says it."""
+"""Names of the water's pressure, with the unit if a standard defines it."""
 _PLACED = ("", "_m", "_data")
-"""What may stand behind the name of a depth: a unit, or the field of a ROS message of one number."""
+"""Suffixes of the name of a depth: a unit, or the field of a ROS message of one number."""
 _ANGLES = [
     _Family(("phi", "theta", "psi")),
     _Family(("roll", "pitch", "yaw")),
@@ -103,28 +103,28 @@ _LONG_COMMAND = re.compile(
     r"(.+)_(cmd|command|thruster|motor|servo|pwm|rcout|channels|setpoint|setpoints|control|output)_?(\d+)"
     r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
 )
-"""The same behind the name of a message, where a short stem would be anything."""
+"""Commands after the name of a message, where a short stem is ambiguous."""
 _ROW_OF_THRUSTERS = re.compile(
     r"(?:.+_)?(thrusters?|motors?|servos?|pwm|escs?)"
     r"((?:_(?:data|input|inputs|values?|cmd|commands?|setpoints?|pwm|us|raw|out|outputs?|controls?|channels|thrust))*)"
     r"_(\d+)"
 )
-"""An array in a message whose name says thrusters."""
+"""Array in a message whose name contains thrusters."""
 _VOLTAGE = re.compile(
     r"(?:(?:.+_)?(?:battery|batt|bat|supply|bus)_?(?:voltage|volt|volts|v)|voltage|v_?bat|v_?batt|vbus)(?:_(v|mv))?"
 )
-"""The supply's voltage; that of a single cell, or of a payload, is another."""
+"""Supply voltage; voltages of a single cell or of a payload are excluded."""
 _STICKS = re.compile(
     r"(^|_)(rc_?in|rc_channels(_raw|_scaled|_override)?|rc_override|manual_control|joy|joystick)(_|$)"
 )
-"""Messages of what a pilot's sticks say, which no thruster hears."""
+"""Messages of a pilot's sticks, which do not drive thrusters."""
 _WORDS = (
     "rc cmd command commanded set setpoint setpoints sp ref reference target goal joy joystick "
     "manual demand demanded input control ctrl controller override pilot stick servo pwm output "
     "error err innov std var cov covariance bias"
 )
 _WANTED = frozenset(_WORDS.split())
-"""Words of names that are wanted, or told of a quantity, and not measured."""
+"""Words in names of demanded or derived quantities, which are not measured."""
 _DESIRED = re.compile(r"des(?!c|k)|tgt")
 _PULSED = ("servo", "pwm", "rcout", "rcou_c", "ch", "channel", "channels", "esc")
 
@@ -135,22 +135,22 @@ def guess(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> dict[str, Block]:
-    """The blocks of a map that the names of columns suggest; those of a known logger before others.
+    """Guess the blocks of a map from the names of columns; those of a known logger have priority.
 
-    What is commanded or wanted (`rc_roll`, `roll_cmd`, `DesYaw`) is never taken for what was measured.
+    Commanded or demanded quantities (`rc_roll`, `roll_cmd`, `DesYaw`) are never mistaken for measurements.
 
     Args:
         names: The log's columns.
-        texts: Those that hold text: a clock among them is one of ISO timestamps.
-        preset: A logger of `presets.PRESETS`; by default the one whose names these are.
-        thrusters: Those of the vehicle; by default as many as the names number, at most eight outputs.
+        texts: Columns of text; a clock among them has ISO timestamps.
+        preset: A logger of `presets.PRESETS`; by default the one with these names.
+        thrusters: Number of thrusters; by default the number of such names, at most eight outputs.
 
     Returns:
-        Blocks by name, as a map file has them; those that no names suggest are not there.  A depth by
-        pressure has a key `pressure`, its unit, which `refining.refined` resolves.
+        Blocks by name, as in a map file; blocks without matching names are missing.  A depth by pressure has
+        a key `pressure`, its unit, which `refining.refined` resolves.
 
     Raises:
-        DataError: no column is called as the given preset has it.
+        DataError: No column has a name of the given preset.
     """
     plain = {re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_"): name for name in reversed(names)}
     measured = {name: column for name, column in plain.items() if not _is_wanted(name)}
@@ -177,13 +177,13 @@ def _without_turns(plain: dict[str, str]) -> dict[str, str]:
 
 
 def _is_wanted(name: str) -> bool:
-    """Whether a name is of something commanded, or told of a quantity, and not of a measurement."""
+    """Return whether a name denotes a demanded or derived quantity, not a measurement."""
     words = name.split("_")
     return bool(_WANTED.intersection(words)) or any(_DESIRED.match(word) for word in words)
 
 
 def _voltage(plain: dict[str, str]) -> Block | None:
-    """The first column that is called like the supply's voltage."""
+    """Return the first column with a name of a supply voltage."""
     for name, column in reversed(plain.items()):
         if match := _VOLTAGE.fullmatch(name):
             return {"column": column, "unit": "mV"} if match[1] == "mv" else {"column": column}
@@ -191,7 +191,7 @@ def _voltage(plain: dict[str, str]) -> Block | None:
 
 
 def _time(plain: dict[str, str], texts: frozenset[str]) -> Block | None:
-    """The clock, and its unit by the end of its name."""
+    """Return the clock, and its unit by the end of its name."""
     for name, column in reversed(plain.items()):
         if match := _CLOCK.fullmatch(name):
             unit = "iso" if column in texts else _CLOCK_UNITS.get(match[1], match[1])
@@ -204,7 +204,7 @@ def _session(plain: dict[str, str]) -> Block | None:
 
 
 def _position(plain: dict[str, str]) -> Block | None:
-    """Return three columns, or two and a depth or height, which is more telling than a z; or these alone."""
+    """Return three columns, or two and a depth or height, which has priority over a z; or these alone."""
     vertical = next(
         (
             (key, plain[name + suffix])
@@ -228,7 +228,7 @@ def _position(plain: dict[str, str]) -> Block | None:
 
 
 def _depth(plain: dict[str, str]) -> Block | None:
-    """Return the first column that is called like a depth, a height or a pressure, also behind a prefix."""
+    """Return the first column with a name of a depth, a height or a pressure, also after a prefix."""
     kinds = {**_VERTICAL, **dict.fromkeys(_PRESSURE, "pressure")}
     for name, kind in kinds.items():
         for suffix in _PLACED:
@@ -246,7 +246,7 @@ def _attitude(plain: dict[str, str]) -> Block | None:
 
 
 def _vector(plain: dict[str, str], families: Sequence[_Family], units: dict[str, str]) -> Block | None:
-    """The first family that is all there, its names alone or behind one common prefix."""
+    """Return the first complete family, by its names alone or after one common prefix."""
     for family, suffix in ((family, suffix) for family in families for suffix in units):
         wanted = [name + suffix for name in family.names]
         for prefix in _prefixes(plain, wanted[0]):
@@ -258,16 +258,16 @@ def _vector(plain: dict[str, str], families: Sequence[_Family], units: dict[str,
 
 
 def _prefixes(plain: dict[str, str], first: str) -> Iterator[str]:
-    """What may stand before a family's names; before short ones nothing, for much ends in an x."""
+    """Yield the possible prefixes of a family's names; short names get none, since many names end in x."""
     yield ""
     if len(first) > 3:
         yield from (name.removesuffix(first) for name in plain if name.endswith(f"_{first}"))
 
 
 def _commands(plain: dict[str, str], thrusters: int | None) -> Block | None:
-    """Return the longest row of numbered columns that are called like a thruster's command.
+    """Return the longest row of numbered columns with a name of a thruster's command.
 
-    A row of as many as the vehicle has thrusters goes before longer ones.
+    A row with the vehicle's number of thrusters has priority over longer ones.
     """
     rows: dict[tuple[str, str, str], dict[int, str]] = {}
     for name, column in plain.items():

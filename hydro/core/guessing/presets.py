@@ -1,8 +1,8 @@
-"""Columns of well-known loggers, by the names of their messages: what they are, in which frame and unit.
+"""Presets for the columns of well-known loggers: quantity, frame and unit by message name.
 
-A name fits the end of a column, after a slash, a dot or nothing, so that a vehicle's namespace may stand
-before it; an index may be written `[0]` or `.0`.  Of several sources of a quantity the first that is whole is
-taken: the estimate of the vehicle's own filter before a single sensor.
+A name matches the end of a column, after a slash, a dot or nothing, so that a vehicle's namespace may precede
+it.  An index may be written `[0]` or `.0`.  The first complete source of a quantity is used: the estimate of
+the vehicle's filter has priority over a single sensor.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from hydro.core.errors import DataError
 
 Block = dict[str, Any]
 MOST_THRUSTERS = 8
-"""Outputs taken for thrusters where the names do not say: beyond are lights, grippers and mounts."""
+"""Default number of outputs used as thrusters: others are lights, grippers and mounts."""
 LEAST_BLOCKS = 2
-"""Quantities that a log must have by a preset's names before it is taken unasked."""
+"""Minimum number of quantities with a preset's names for it to be selected automatically."""
 
 
 class Source(NamedTuple):
-    """Columns of one quantity: a stem with what is put for its `*`, and the settings of its block."""
+    """Columns of one quantity: a stem with the replacements of its `*`, and the settings of its block."""
 
     stem: str
     parts: tuple[str, ...]
@@ -47,7 +47,7 @@ def _of(stem: str, parts: str | Sequence[str], **settings: Any) -> Source:
 
 
 def _ros(topic: str, world: str, body: str) -> dict[str, list[Source]]:
-    """The fields of a nav_msgs/Odometry."""
+    """Return the fields of a nav_msgs/Odometry."""
     frames = {"world": world, "body": body}
     return {
         "position": [_of(f"{topic}.pose.pose.position.*", "xyz", world=world)],
@@ -67,7 +67,7 @@ _ONE = ("",)
 _SPINS = ("rollspeed", "pitchspeed", "yawspeed")
 _CORE = "XKF1"
 _MAVLINK_KNOWS = {"not": 65535.0}
-"""MAVLink's 16 bits of a voltage that is not known."""
+"""MAVLink's 16-bit value of an unknown voltage."""
 
 PRESETS: dict[str, dict[str, list[Source]]] = {
     "mavros": {
@@ -155,18 +155,18 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
         "voltage": [_of("battery0.voltage", _ONE)],
     },
 }
-"""What each kind of logger calls its columns, by quantity, the preferred source first."""
+"""Column names of each kind of logger, by quantity, the preferred source first."""
 
 
 def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str | None, dict[str, Block]]:
-    """The preset of a log's names, and the blocks of a map that it makes.
+    """Return the preset of a log's names, and its blocks of a map.
 
     Args:
         names: The log's columns.
-        preset: One that is known; by default that with the most blocks, if it has two at least.
+        preset: Name of a preset; by default the one with the most blocks, if it has at least two.
 
     Raises:
-        DataError: no column is called as the given preset has it.
+        DataError: No column has a name of the given preset.
     """
     found = {key: _blocks(names, PRESETS[key]) for key in ([preset] if preset is not None else PRESETS)}
     best = max(found, key=lambda key: len(found[key]))
@@ -190,7 +190,7 @@ def _blocks(names: Sequence[str], quantities: Mapping[str, Sequence[Source]]) ->
 
 
 def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
-    """The block of one source; of thrusters those in a row that are there."""
+    """Return the block of one source; for thrusters, the contiguous ones that exist."""
     columns = [_column(names, source.stem, part) for part in source.parts]
     if quantity == "commands":
         columns = columns[: columns.index(None)] if None in columns else columns
@@ -206,16 +206,16 @@ def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
 
 
 def vertical_block(column: str, kind: str, settings: Mapping[str, Any]) -> Block:
-    """Return the block of a vehicle that knows its depth alone, by a depth, a height or a pressure."""
+    """Return the position block of a depth alone, from a depth, a height or a pressure."""
     if kind == "pressure":
         return {"depth": {"column": column}, "pressure": None, **settings}
     return {kind: column, **settings}
 
 
 def _column(names: Sequence[str], stem: str, part: str) -> str | None:
-    """The first column whose end is the stem with a part in the place of its star.
+    """Return the first column that ends with the stem, with its star replaced by a part.
 
-    The number of an instance, the first of several, and a level `message` may stand within.
+    The name may contain an instance number, of which the first is used, and a level `message`.
     """
     wanted = stem.replace("*", part)
     for name in names:

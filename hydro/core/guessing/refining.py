@@ -1,4 +1,4 @@
-"""A guessed map after a look at the numbers: degrees, pulse widths, outputs that are off, pressures."""
+"""Refinement of a guessed map by column values: degrees, pulse widths, unused outputs, pressures."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from hydro.core.logs.conventions import FAR_OUT, in_degrees
 
 Block = dict[str, Any]
 Values = Callable[[str], Array | None]
-"""The numbers of a column, in the order of the log; None where it has none."""
+"""Values of a column, in the order of the log; None if it has none."""
 PULSES = (700.0, 2300.0)
-"""Pulse widths that controllers of thrusters take [us]; commands within are of no other unit."""
+"""Range of pulse widths of thruster controllers [us]; no other unit has commands in this range."""
 WEATHER = 0.1
-"""Share by which the pressure of the air is off the standard atmosphere, from a mountain lake to a high."""
+"""Relative deviation of the air pressure from the standard atmosphere, from a mountain lake to a high."""
 
 
 def refined(blocks: Mapping[str, Block], values: Values) -> tuple[dict[str, Block], list[str]]:
-    """Return guessed blocks as the numbers of their columns want them, and what was changed, a line each.
+    """Refine guessed blocks by the values of their columns; also return the changes, a line each.
 
-    Only what names leave open is changed: a unit that they state stays.
+    A unit stated in a name stays.
 
     Args:
-        blocks: The blocks of a map, as `aliases.guess` gives them.
-        values: The columns' numbers.
+        blocks: The blocks of a map from `aliases.guess`.
+        values: The columns' values.
     """
     found, notes = {name: dict(block) for name, block in blocks.items()}, []
     if (attitude := found.get("attitude")) is not None:
@@ -51,7 +51,7 @@ def _attitude(block: Block, values: Values) -> list[str]:
 
 
 def _commands(block: Block, values: Values) -> list[str]:
-    """Find the unit of commands, and leave out outputs that are off or never at rest in the whole log."""
+    """Find the unit of commands, and drop outputs that are off or never at rest in the whole log."""
     numbers = {name: values(name) for name in block["columns"]}
     known = {name: each[np.isfinite(each)] for name, each in numbers.items() if each is not None}
     notes = []
@@ -73,7 +73,7 @@ def _commands(block: Block, values: Values) -> list[str]:
 
 
 def _idle(values: Array, *, pulsed: bool) -> bool:
-    """Return whether an output is no thruster's: without any number, off, or still but not at rest."""
+    """Return whether an output does not drive a thruster: empty, off, or constant but not at rest."""
     if not len(values):
         return True
     still = bool(np.ptp(values) == 0.0)
@@ -81,7 +81,7 @@ def _idle(values: Array, *, pulsed: bool) -> bool:
 
 
 def _pressure(found: dict[str, Block], block: Block, values: Values) -> list[str]:
-    """Say how depth follows from a pressure; of an unknown unit, by the air's pressure at the surface."""
+    """Set the conversion of pressure to depth; air pressure at the surface shows an unknown unit."""
     source = block.get("depth")
     if not isinstance(source, dict) or "pressure" not in block:
         return []
@@ -103,7 +103,7 @@ def _pressure(found: dict[str, Block], block: Block, values: Values) -> list[str
 
 
 def _unit(values: Array | None) -> str | None:
-    """Return the unit by which the lowest pressure of a log is that of the air, if any."""
+    """Return the unit in which the lowest pressure of a log is that of the air, if any."""
     if values is None or not np.isfinite(values).any():
         return None
     lowest = float(np.nanmin(values))

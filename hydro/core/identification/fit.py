@@ -1,10 +1,10 @@
-"""Parameters of named effects, and their covariance, from a recording.
+"""Fit of the parameters of named effects, with covariance, to a recording.
 
-Two methods.  Equation error balances accelerations over windows of the smoothed motion
-(`prediction.weak_form`): fast, and close, but noise in the measured motion biases it.  Output error
-predicts short shots and compares them with what was logged (`prediction.multiple_shooting`): it begins
-where equation error ended and is unbiased where the model is true. Both are weighted least squares, solved by
-a Levenberg-Marquardt iteration within bounds.
+There are two methods.  Equation error balances accelerations over windows of the smoothed motion
+(`prediction.weak_form`).  It is fast and close, but noise in the measured motion biases it.  Output error
+predicts short shots and compares them with the log (`prediction.multiple_shooting`).  It starts from the
+equation-error values and is unbiased if the model is true.  Both are weighted least squares, solved by
+Levenberg-Marquardt iterations within bounds.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ from hydro.core.vehicle.description import Vehicle
 Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 
-TURNS = 8  # of search and iteration
+TURNS = 8  # maximum alternations of search and iteration
 MOST_SHOTS = 1000
-"""Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
+"""Maximum number of shots or windows in a fit: half an hour of a recording of any length."""
 LOOSE = 0.1
-"""Standard error of a power from which the standard errors of all else are asked for over its profile."""
-GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
-BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
+"""Standard error of an exponent above which the other standard errors are taken over its profile."""
+GROSS_RESIDUAL = 100.0  # reduced chi-square above which the first weights ignore the noise
+BEGUN_ANEW = 3  # maximum repeats of the search for unmeasured initial states
 MISFIT = 3.0
-"""Mean squared residual in units of the noise from which the file lacks something that may distort a fit."""
+"""Reduced chi-square above which missing effects may distort a fit."""
 EXPLAINED = 0.5
-"""Part of that residual that effects of the same family may leave at most to be fitted along."""
-BETTER = 9.0  # squared residual of a shot by which another beginning must be better
+"""Maximum ratio of chi-squares, joint fit to plain fit, at which missing effects are fitted as well."""
+BETTER = 9.0  # squared residual of a shot that another initial state must gain
 
 
 def fit(
@@ -76,23 +76,23 @@ def fit(
     """Fit named effects to a recording.
 
     Args:
-        vehicle: The vehicle; effects that it has begin at their values, new ones at nothing.  Standard errors
-            beside values count as another estimate, and what is held as known is not fitted.
+        vehicle: The vehicle; its effects start from their values, new ones from zero.  Standard errors in the
+            file count as an independent estimate; entries held as known are not fitted.
         raw: Raw table of the measured motion and commands.
         effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
-            choice), or tables with values to begin from.
+            choice), or tables with initial values.
         method: `output` or `equation`.
-        noise: Standard deviation of pose and velocity, (12,); by default found from the data.
-        most: Shots of output error and windows of equation error, spread evenly over a longer recording;
-            None for all there are.
+        noise: Standard deviation of pose and velocity, (12,); by default estimated from the data.
+        most: Shots of output error and windows of equation error, spread evenly over a longer recording; None
+            for no limit.
         progress: Called with a few words and the share of the work done.
 
     Returns:
         Values with standard errors and warnings.
 
     Raises:
-        DataError: An effect or the recording is at fault (columns that are not what they are called among
-            them), or the vehicle's motion diverges.
+        DataError: An effect or the recording is invalid (such as wrongly named columns), or the motion
+            diverges.
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
@@ -108,10 +108,10 @@ def fit(
 
 
 def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
-    """Return parts of the restoring force that the file lacks and that may have distorted the fit of one.
+    """Return missing restoring effects that may have distorted the fit of another one.
 
-    A sensor that sees what the file lacks spoils the fit of what was asked for: an attitude that is not the
-    file's trim draws a net buoyancy to values that lessen the restoring moment.
+    An effect that the file lacks can bias the fit of the requested one.  For example, an attitude other than
+    the file's trim biases net buoyancy to values that reduce the restoring moment.
     """
     if not found.chi2 > MISFIT or found.method != "output":
         return ()
@@ -123,7 +123,7 @@ def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
 
 
 def _beside(found: Fit, joint: Fit, lacking: Sequence[str]) -> Fit:
-    """Return a joint fit with the entries that were asked for alone; what it lacks is told, not written."""
+    """Return a joint fit with the requested entries only; a warning names the others."""
     kept = [i for i, entry in enumerate(joint.free.entries) if entry.effect not in lacking]
     names = ", ".join(lacking)
     told = f"the file lacks {names}: fitted along and not written; hydro diagnose says what is missing"
@@ -149,7 +149,7 @@ def _fitted(
     most: int | None,
     progress: Progress,
 ) -> Fit:
-    """Fit just the named effects, see `fit`."""
+    """Fit only the named effects, see `fit`."""
     log = cleaned(vehicle, raw, put_right=False)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
@@ -179,10 +179,10 @@ def _fitted(
 
 
 def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], reach: Array) -> Free:
-    """The free entries of effects.
+    """Return the free entries of effects.
 
     Raises:
-        DataError: There are none.
+        DataError: No entry is free.
     """
     unknown = free(vehicle, effects, reach=reach)
     if not unknown.entries:
@@ -191,7 +191,7 @@ def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], rea
 
 
 def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | None) -> Shots:
-    """Shots of a length that the samples allow, with what a late velocity log saw before them."""
+    """Make shots of a length that the samples allow, with a lead for the delay of a late DVL."""
     late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
         entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
     )
@@ -200,7 +200,7 @@ def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | No
 
 
 def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Array, Problem, float]:
-    """The best of all beginnings after equation error from each, and its chi2."""
+    """Return the best equation-error fit over all initial guesses, with its reduced chi-square."""
     tried = [
         descend(unknown, start, windows, ITERATIONS) for start in initial_guesses(unknown, windows, reach)
     ]
@@ -213,7 +213,7 @@ def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Arr
 def _settle(
     unknown: Free, values: Array, problem: Problem, progress: Progress
 ) -> tuple[Array, Normal, Problem]:
-    """Iterate, weigh anew by what is left, and iterate again; gross residuals are weighed before."""
+    """Iterate, reweight by the residuals, and iterate again; gross residuals are reweighted first."""
     first = linearised(unknown, values / unknown.scales, problem)
     if first.chi2 > GROSS_RESIDUAL:
         problem, _ = problem.reweighted(first)
@@ -229,9 +229,9 @@ def _settle(
 def _begun_anew(
     unknown: Free, record: Recording, values: Array, normal: Normal, problem: Problem, sigma: Array
 ) -> tuple[Array, Normal, Problem]:
-    """The same from beginnings that the fitted vehicle makes, shot by shot, while that finds better ones.
+    """Refit from initial states that the fitted vehicle predicts, shot by shot, while that reduces the cost.
 
-    Linear steps do not lead a beginning that no sample shows back from where the first values placed it.
+    Linear steps cannot correct an unmeasured initial state that the first values placed wrongly.
     """
     for _ in range(BEGUN_ANEW):
         assert isinstance(problem, OutputError)
@@ -252,7 +252,7 @@ def _begun_anew(
 
 
 def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:
-    """Iterate; where entries act in steps, search for them and iterate over the others in turn."""
+    """Iterate; alternate with a search where entries act in steps."""
     stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
     if not stepped.any():
         return descend(unknown, values, problem, ITERATIONS)
@@ -269,7 +269,7 @@ def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Norma
 
 
 def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal, Problem]:
-    """Where the best values would drive the vehicle, the best that a passive hull can have; the rest anew."""
+    """Move active values to the best passive ones, and refit the other entries."""
     kept = possible(unknown, values, information(normal))
     if np.array_equal(kept, values):
         return values, normal, problem
@@ -282,7 +282,7 @@ def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> 
 
 
 def _over_powers(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Array:
-    """Least standard errors (P,): what powers that are hardly determined leave open of all else."""
+    """Return lower limits of the standard errors (P,) from the profiles of poorly determined exponents."""
     parameters = [CATALOGUE[entry.effect].parameter(entry.parameter) for entry in unknown.entries]
     if not any(one.power for one in parameters):
         return np.zeros(len(values))

@@ -1,8 +1,8 @@
-"""Where a fit begins with effects that are not linear in all of their parameters.
+"""Initial guesses for effects that are not linear in all of their parameters.
 
-About an effect's absence most of such parameters mean nothing: a payload of no weight may lie anywhere.  What
-`identification.suspects` lays out as columns is linear, a payload's weight and its three moments; the linear
-problem with all other free entries beside them says how large they are, and thus where the weight lies.
+Most such parameters have no influence at zero: a payload without weight may be anywhere.  The columns of
+`identification.suspects` are linear, such as a payload's weight and its three moments.  The linear problem
+with all other free entries gives their sizes, and so the position of the weight.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from hydro.core.prediction.parameters import Free
 from hydro.core.vehicle.description import catalogue_name
 
 KEPT = 4
-"""Shapes of one effect that a fit begins from: those that explain most."""
+"""Maximum number of shapes of one effect that a fit starts from, ranked by explained residual."""
 
 
 def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Array, ...]:
-    """Values (P,) to begin from, the most telling first; those that `unknown` has where all is linear.
+    """Return initial values (P,), best first; those of `unknown` where all effects are linear.
 
     Args:
         unknown: The free entries.
@@ -48,17 +48,17 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
 
 
 def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost: float) -> tuple[Array, ...]:
-    """Other values (P,) from which a fit may find less than it has: one for each effect of the file's own.
+    """Return other initial values (P,) that may lead to a smaller cost, one for each effect of the file.
 
-    A fit that begins at a file's values stays in their valley: a cable whose anchor is wrong by its own
-    length, a delay that is not there.  All places in the record of such an effect are tried in its stead.
+    A fit from a file's values stays in their local minimum, as with a cable whose anchor is wrong by its
+    length or with a delay that does not exist.  All shapes in the record of such an effect are tried instead.
 
     Args:
         unknown: The free entries.
         values: Their fitted values, (P,).
         problem: What is fitted.
         reach: Positions and times of the recording, (N, 4).
-        cost: Sum of squares at `values`; only what the linear problem expects to be less is given.
+        cost: Sum of squares at `values`; only guesses with a smaller predicted cost are returned.
     """
     here, found = replace(unknown, vehicle=unknown.at(values), starts=(values,)), []
     for name in _curved(unknown):
@@ -70,7 +70,7 @@ def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost
 
 
 def _curved(unknown: Free) -> list[str]:
-    """Effects that are not linear, the last of the catalogue first."""
+    """Return the effects that are not linear, in reverse order of the catalogue."""
     places = {name: place for place, name in enumerate(CATALOGUE)}
     names = dict.fromkeys(entry.effect for entry in unknown.entries)
     return sorted(filter(is_curved, names), key=lambda name: -places[catalogue_name(name)])
@@ -81,12 +81,12 @@ def _own(unknown: Free, name: str) -> NDArray[np.bool_]:
 
 
 def _open(unknown: Free, name: str) -> bool:
-    """Whether a fit may begin with an effect anywhere: it is new, and the caller gave no values."""
+    """Return whether the initial values of an effect are free: it is new, and the caller gave no values."""
     return bool((np.ptp(np.array(unknown.starts), axis=0) > 0.0)[_own(unknown, name)].any())
 
 
 def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tuple[float, Array]]:
-    """The best shapes of one effect: squared residual that each leaves, and values (P,) of all entries."""
+    """Return the best shapes of one effect: squared residual and values (P,) of all entries for each."""
     start, mine, record = unknown.starts[0], _own(unknown, name), CATALOGUE[name]
     written = record.written(unknown.vehicle.effects(name)[0])
     rest = unknown.holding(start, mine)
@@ -102,7 +102,7 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
     for suspect, columns in groups:
         gain, step = linear_step(normal, columns)
         table = suspect.begin(step[count:])
-        if record.written(table) != written:  # another thing: a fin that obeys another command
+        if record.written(table) != written:  # a different object, such as a fin on another command
             continue
         values = start.copy()
         values[~mine] = rest.within(rest.starts[0] + step[:count] * rest.scales)
@@ -112,6 +112,6 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
 
 
 def _values(unknown: Free, mine: NDArray[np.bool_], table: Mapping[str, Any]) -> Array:
-    """The entries of one effect as its table has them."""
+    """Return the entries of one effect from its table."""
     own = [entry for entry, chosen in zip(unknown.entries, mine, strict=True) if chosen]
     return np.array([float(np.asarray(table[entry.parameter])[entry.index]) for entry in own])

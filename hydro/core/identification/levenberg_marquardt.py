@@ -1,18 +1,18 @@
-"""To the best values: a Levenberg-Marquardt iteration within bounds, and a search where it finds no slope.
+"""Levenberg-Marquardt iteration within bounds, with a line search for entries that act in steps.
 
-The half-width of a dead band acts on a row of commands or does not.  The cost has a corner at the best value,
-rises in steps away from it and has false valleys farther off, so that derivatives lead nowhere: such an entry
-is searched along its own line, from wide to narrow (`searched`).
+The half-width of a dead band acts on a row of commands or it does not.  The cost has a corner at the best
+value, rises in steps away from it, and has false minima farther away.  Derivatives are useless there, so such
+an entry is searched along its own line, from wide to narrow (`searched`).
 
-Its standard error cannot come from a curvature either, which depends on how far apart it is taken.  Near a
-corner of slope a the cost is a |x| and a Brownian motion of variance 4 a |x|, whose lowest point scatters
-about the truth with a standard deviation of sqrt(26)/a: 26 is the variance of the place where W(s) + |s|/2 is
-least, W a Brownian motion in both directions (its density in Y.-C. Yao, Approximating the distribution of the
-maximum likelihood estimate of the change-point in a sequence of independent random variables, Annals of
-Statistics 15, 1321-1328, 1987).  A derivative over h has the information a/h.  Where h is sqrt(26) times the
-standard error that it gives itself, both agree: `over_standard_errors` takes that h.  Of a smooth cost no h
-changes anything.  Where the commands say little about the dead band, the cost far from its best value tells
-how much (`_reach`).
+Its standard error cannot come from a curvature either, since that depends on the step of the difference.
+Near a corner of slope a, the cost is a |x| plus a Brownian motion of variance 4 a |x|.  Its minimum scatters
+about the truth with a standard deviation of sqrt(26)/a.  Here 26 is the variance of the minimiser of W(s) +
+|s|/2, W a two-sided Brownian motion (its density in Y.-C. Yao, Approximating the distribution of the maximum
+likelihood estimate of the change-point in a sequence of independent random variables, Annals of Statistics
+15, 1321-1328, 1987).  A derivative over h has the information a/h.  Both agree where h is sqrt(26) times the
+standard error that h itself gives: `over_standard_errors` uses that h.  For a smooth cost, h makes no
+difference.  Where the commands hold little information on the dead band, the cost far from its best value
+sets the standard error (`_reach`).
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from hydro.core.prediction.parameters import Free
 from hydro.core.vehicle.description import Vehicle
 
 PRIOR = 10.0
-"""Scales by which a parameter may move before the fit asks for evidence: it keeps what is not determined."""
+"""Prior standard deviation of each parameter in scales: undetermined parameters keep their initial values."""
 ITERATIONS = 25
-ENOUGH = 0.01  # a step that lowers the cost by less than this many residuals' worth ends an iteration
-ALONE = 30.0  # times that share: what pieces' own unknowns gain where no value moves, changes no value
+ENOUGH = 0.01  # minimum gain of a step, in units of the reduced chi-square
+ALONE = 30.0  # minimum gain of steps in the shots' own unknowns alone, as a multiple of that share
 GIVEN_UP = 1e8  # damping at which no step lowers the cost
-WIDEST, NARROWER = 0.2, 0.25  # of a search: distance of its places in scales, and how it shrinks
+WIDEST, NARROWER = 0.2, 0.25  # search: spacing of the trials in scales, and the factor by which it shrinks
 PLACES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
-ROUNDS, SAME = 5, 0.75  # of steps and standard errors; what is no change of a step
-ERRORS = 26.0**0.5  # standard errors that a derivative is taken over
-FINER = 2.0**0.5  # from one distance to the next at which a standard error is looked for
+ROUNDS, SAME = 5, 0.75  # iterations of step and standard error; ratio above which a step counts as unchanged
+ERRORS = 26.0**0.5  # step of a derivative in standard errors
+FINER = 2.0**0.5  # ratio of consecutive distances in the search for a standard error
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of parameters beforehand: a normal distribution, in units of the entries' scales.
+    """Normal prior distribution of parameters, in units of the entries' scales.
 
     Attributes:
         centre: Its mean, (P,).
@@ -55,29 +55,29 @@ class Prior:
 
     @classmethod
     def weak(cls, start: Array) -> Prior:
-        """PRIOR scales about where a fit begins, (P,) in scales."""
+        """Return a prior with a standard deviation of PRIOR scales about the start, (P,) in scales."""
         return cls(start, np.full(len(start), PRIOR**-2))
 
     def cost(self, x: Array) -> float:
-        """What values (P,) in scales cost by it."""
+        """Return the prior cost of values (P,) in scales."""
         return float((self.information * (x - self.centre) ** 2).sum())
 
 
 PROFILE = (-2.0, -1.0, 1.0, 2.0)
-"""Standard errors by which an entry goes from its best value where its profile is asked for."""
+"""Offsets of a profile from the best value, in standard errors."""
 
 
 class Problem(Protocol):
-    """What the iteration asks of a method."""
+    """Protocol of a least-squares problem."""
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """The least-squares problem about a vehicle."""
+        """Linearise the problem about a vehicle."""
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Problem]:
-        """Sum of squares after a step, and the problem with its own unknowns moved along."""
+        """Return the sum of squares after a step, and the problem with its internal unknowns updated."""
 
     def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
-        """The problem with weights that fit its residuals, and whether they differ."""
+        """Return the problem with weights that fit its residuals, and whether the weights changed."""
 
 
 def descend(
@@ -90,11 +90,11 @@ def descend(
     prior: Prior | None = None,
     normal: Normal | None = None,
 ) -> tuple[Array, Normal, Problem]:
-    """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
+    """Minimise by Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
 
-    `prior` is what is known of the values; by default, little.  `normal` is the problem about the start,
-    where it is at hand.  It ends where a step would lower the cost by
-    less than `enough` residuals' worth, or by less than a share of what there is beyond the noise.
+    `prior` is the prior of the values, by default a weak one.  `normal` is the problem linearised at the
+    start, if available.  The iteration ends if a step would lower the cost by less than `enough` times the
+    reduced chi-square, or by less than `share` of the cost in excess of the noise.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
@@ -106,8 +106,7 @@ def descend(
         matrix = normal.matrix.sum(axis=0) + np.diag(known)
         score = normal.score.sum(axis=0) - known * (x - prior.centre)
         worth = max(enough * max(1.0, normal.chi2), share * (normal.cost - normal.residuals))
-        # A step has to beat the cost where the parameters stay and only the pieces' own unknowns move.  The
-        # linear problem says what that is; it is predicted where a step does not come below what that says.
+        # A step must beat a step of the pieces' internal unknowns alone.  Its cost is computed if needed.
         fine, stay = prior.cost(x), None  # type: float, tuple[float, Problem] | None
         stride = np.zeros(len(x))
         while damping < GIVEN_UP:
@@ -124,7 +123,7 @@ def descend(
                 stride = step
                 break
             damping = max(damping * 10.0, 1e-4)
-        # Without a step the pieces' own unknowns move on alone, while that brings them on.
+        # Without a step, only the pieces' internal unknowns are updated, while that lowers the cost.
         if not stride.any():
             cost, along = stay or _stayed(unknown, x, problem, normal)
             little = ALONE * share * (normal.cost - normal.residuals)
@@ -136,18 +135,18 @@ def descend(
 
 
 def _stayed(unknown: Free, x: Array, problem: Problem, normal: Normal) -> tuple[float, Problem]:
-    """Cost where the parameters stay at x (P,) in scales, and the problem with its own unknowns moved."""
+    """Return the cost at fixed x (P,) in scales, and the problem with its internal unknowns updated."""
     return problem.cost(unknown.at(unknown.within(x * unknown.scales)), np.zeros(len(x)), normal)
 
 
 def linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
-    """The problem about x (P,) in scales, with one-sided differences that keep within the bounds."""
+    """Linearise the problem about x (P,) in scales, with one-sided differences within the bounds."""
     here = unknown.within(x * unknown.scales)
     return problem.linearise(unknown.at(here), *moved(unknown, here))
 
 
 def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
-    """The vehicle with each entry a little off `here` (P,), within the bounds; and by how many scales."""
+    """Return the vehicle with each entry of `here` (P,) moved a little within bounds, and the steps."""
     vehicles, steps, (_, high) = [], [], unknown.bounds
     for i, entry in enumerate(unknown.entries):
         values = here.copy()
@@ -159,9 +158,10 @@ def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
 
 
 def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
-    """Squared residual that some columns explain, and how much of each does, (p,), all others held.
+    """Return the squared residual that some columns explain, and their amounts, (p,), with all others held.
 
-    What the recording does not show, as one of two thrusters that run in step, stays as it is.
+    Directions that the recording does not determine, such as two thrusters with equal commands, stay
+    unchanged.
     """
     chosen = list(columns)
     known = normal.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
@@ -172,10 +172,10 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
 
 
 def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 0.0) -> Array:
-    """Values (P,) with each entry that acts in steps at the best place along its own line.
+    """Return values (P,) with each stepped entry at its best place along its own line.
 
-    At every place all else is where the linearised problem would have it.  The search ends at the entry's
-    resolution, or at the narrowest distance that is given, in scales.
+    All other entries follow the linearised problem at every place.  The search ends at the entry's
+    resolution, or at the `narrowest` spacing in scales.
     """
     low, high = unknown.bounds
     for i, entry in enumerate(unknown.entries):
@@ -189,15 +189,15 @@ def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 
 
 
 def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
-    """Sum of squares of each of `trials` (K, P), the smooth entries moved to their best from trials[0]."""
+    """Return the sum of squares of each of `trials` (K, P), with the smooth entries at their best values."""
     smooth = unknown.holding(trials[0], np.array([entry.resolution > 0.0 for entry in unknown.entries]))
     nudged, steps = moved(smooth, smooth.starts[0])
     others = [unknown.at(trial) for trial in trials[1:]]
     gram = problem.linearise(unknown.at(trials[0]), nudged + others, steps + [1.0] * len(others)).gram
     total, count = gram.sum(axis=0), len(nudged)
-    if not np.isfinite(total).all():  # a trial's motion diverges: stay, and try nearer
+    if not np.isfinite(total).all():  # the motion of a trial diverges: stay, and try closer values
         return np.arange(float(len(trials)))
-    # The residual of a trial is the first one's less the column that leads from there to it.
+    # The residual of a trial is that of the first minus the column from the first to the trial.
     way = np.vstack([np.zeros((1, len(trials) - 1)), np.eye(len(trials) - 1)])
     pick = np.hstack([np.zeros((len(trials), count)), -way, np.ones((len(trials), 1))])
     squares = np.einsum("ki,ij,kj->k", pick, total, pick)
@@ -208,9 +208,9 @@ def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
 
 
 def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Normal:
-    """The problem about the best values with derivatives over sqrt(26) standard errors where it has corners.
+    """Linearise at the best values with derivatives over sqrt(26) standard errors for stepped entries.
 
-    From wide to narrow; a derivative so narrow that no row of commands lies in it tells less, and ends it.
+    Steps shrink from wide to narrow.  The loop ends at a step so narrow that it contains no row of commands.
     """
     stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
     before = errors_of(normal)
@@ -238,20 +238,20 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Standard errors of all values over what some entries may be, each by itself, (P,).
+    """Return standard errors of all values, marginalised over the profile of each of some entries, (P,).
 
-    A power that the data leave open leaves open what it multiplies, by far more than the slope at the best
-    value tells: with another power a drag may stand in for one that is quadratic.  It goes over PROFILE of
-    its standard errors, the others are fitted anew, and each place counts as likely as its sum of squares
-    leaves it; variances are those there and of what moves from place to place.
+    An undetermined exponent makes its coefficient far more uncertain than the local curvature shows: a drag
+    with another exponent may imitate a quadratic one.  The entry is set to each offset of PROFILE and the
+    others are refitted.  Each place has the weight of its likelihood.  The variance is the mean variance at
+    the places plus the variance between them.
 
     Args:
         unknown: The entries.
         values: Their best values, (P,).
         normal: The problem about them.
-        problem: What was fitted.
+        problem: The fitted problem.
         errors: Standard errors of the values, (P,).
-        entries: Those that go.
+        entries: Indices of the profiled entries.
     """
     found = errors.copy()
     for i in entries:
@@ -272,12 +272,12 @@ def profiled(
 
 
 def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
-    """Standard error in scales as costs far from the best value tell it.
+    """Return a lower limit of a standard error, in scales, from costs far from the best value.
 
-    Between two levels of the commands the cost does not rise at all: any value there is as good as another.
-    Where few rows of commands lie near the dead band, the cost winds up and down far from the lowest of its
-    valleys, and a curvature or slope there means nothing: three standard errors reach at least to the
-    farthest place at which the sum of squares is less than 9 above the best.
+    The cost is constant between two levels of the commands, so any value there is equally good.  If few rows
+    of commands lie near the dead band, the cost has several minima, and curvature or slope at one of them
+    means nothing.  Three standard errors then reach at least to the farthest place with a sum of squares less
+    than 9 above the best.
     """
     entry, (low, high) = unknown.entries[i], unknown.bounds
     first, widest = entry.resolution * entry.scale, max(values[i] - low[i], high[i] - values[i])
@@ -293,6 +293,6 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
 
 
 def errors_of(normal: Normal) -> Array:
-    """Standard errors in scales, (P,)."""
+    """Return the standard errors in scales, (P,)."""
     count = normal.score.shape[1]
     return np.asarray(np.sqrt(np.diag(covariance(normal, np.full(count, PRIOR**-2)))))

@@ -1,4 +1,4 @@
-"""What a fit has found: values with their covariance, a possible vehicle, and what the user should know."""
+"""Result of a fit: values with covariance, a passive vehicle, and warnings."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from hydro.core.prediction.parameters import Free, effect_table
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.vehicle.description import Vehicle
 
-UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
+UNDETERMINED = 0.5  # standard error in scales above which a value is undetermined, unless it is significant
 PLAIN_ERRORS = 3.0
 CONTRADICTED = 0.95
-"""Probability of the chi-square from which undetermined entries may not return to where they began."""
-ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
+"""Chi-square probability above which undetermined entries may not return to their initial values."""
+ALIKE = 0.995  # correlation above which the data cannot separate two estimates
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
     "a passive hull can have"
@@ -34,7 +34,7 @@ IMPASSIVE = (
 
 @dataclass(frozen=True)
 class Fit:
-    """Fitted effects.
+    """Result of a fit.
 
     Attributes:
         vehicle: The vehicle with the fitted values.
@@ -43,11 +43,12 @@ class Fit:
         standard_errors: (P,).
         covariance: (P, P).
         determined: Which entries the data determine, (P,).
-        chi2: Mean square of the residuals in units of the noise; about 1 where the model is true.
+        chi2: Reduced chi-square: mean square of the residuals in units of the noise; about 1 for a true
+            model.
         method: `output` or `equation`.
-        warnings: What the user should know, one line each.
-        share: Share of the recording that was looked at.
-        changes: What was changed in the log, one sentence each; part of `warnings`.
+        warnings: Warnings to the user, one line each.
+        share: Share of the recording that was used.
+        changes: Corrections of the log, one sentence each; part of `warnings`.
     """
 
     vehicle: Vehicle
@@ -63,11 +64,11 @@ class Fit:
     changes: tuple[str, ...] = ()
 
     def tables(self) -> tuple[dict[str, Any], ...]:
-        """The `[[effect]]` tables of the fitted effects, with their standard errors.
+        """Return the `[[effect]]` tables of the fitted effects, with their standard errors.
 
-        Values are rounded to a hundredth of their standard errors, or to as many more digits as a damping at
-        the edge of what a passive hull can have needs to stay within; a form that another one has replaced (a
-        diagonal by a matrix) is there as None.
+        Values are rounded to a hundredth of their standard errors.  Damping at the limit of passivity keeps
+        as many more digits as it needs to stay passive.  A form replaced by another (a diagonal by a matrix)
+        is None.
         """
         places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
         values = self._rounded(places)
@@ -85,10 +86,10 @@ class Fit:
         return tuple(tables)
 
     def table(self, effect: str) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Values and standard errors of one fitted effect, see `tables`.
+        """Return values and standard errors of one fitted effect, see `tables`.
 
         Raises:
-            KeyError: It was not fitted.
+            KeyError: The effect was not fitted.
         """
         for table in self.tables():
             if table["name"] == effect:
@@ -98,7 +99,7 @@ class Fit:
         raise KeyError(effect)
 
     def estimates(self) -> Estimates:
-        """The fitted values as they stand in `tables`, with their covariance."""
+        """Return the fitted values as written in `tables`, with their covariance."""
         written = {table["name"]: table for table in self.tables()}
         entries = tuple(
             Estimate(
@@ -117,7 +118,7 @@ class Fit:
         return np.array([round(value, digits) for value, digits in pairs])
 
     def frame(self) -> pl.DataFrame:
-        """One row per entry: parameter, value, standard_error, unit, determined."""
+        """Return one row per entry: parameter, value, standard_error, unit, determined."""
         entries = self.free.entries
         return pl.DataFrame(
             {
@@ -131,14 +132,14 @@ class Fit:
 
 
 def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
-    """The standard errors of one effect in the shape of its table; 0 of what is held."""
+    """Return the standard errors of one effect in the shape of its table; 0 for held entries."""
     found = effect_table(free_, name, errors)
     fitted = effect_table(free_, name, np.full(len(errors), np.nan))
     return {key: np.where(np.isnan(fitted[key]), found[key], 0.0).tolist() for key in found}
 
 
 def information(normal: Normal) -> Array:
-    """X^T X of all pieces and what is known beforehand, (P, P)."""
+    """Return X^T X of all pieces plus the prior information, (P, P)."""
     information = normal.matrix.sum(axis=0)
     total: Array = information + PRIOR**-2 * np.eye(len(information))
     return total
@@ -153,16 +154,16 @@ def with_uncertainty(
     file: Vehicle | None = None,
     least: Array | None = None,
 ) -> Fit:
-    """Covariance, warnings and a vehicle that is physically possible.
+    """Add covariance and warnings to fitted values, and make the vehicle physically possible.
 
     Args:
         unknown: The entries.
         values: Their best values, (P,).
         normal: The problem about them.
-        chi2: Mean square of the residuals.
+        chi2: Reduced chi-square.
         method: `output` or `equation`.
         file: The vehicle whose file states standard errors of its values, which count as another estimate.
-        least: Standard errors at least, (P,); correlations stay.
+        least: Lower limits of the standard errors, (P,); correlations stay.
     """
     warnings: list[str] = []
     within = possible(unknown, values, information(normal))
@@ -213,10 +214,10 @@ def with_uncertainty(
 
 
 def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[np.bool_]) -> Array:
-    """Return the values with entries that the data do not determine where they began, as in the file.
+    """Return the values with undetermined entries at their initial values, as in the file.
 
-    The others move to their conditional mean given these.  Where the data contradict the beginning, as where
-    they determine the sum of two entries alone, the values stay.
+    The other entries move to their conditional mean.  The values stay unchanged where the data contradict the
+    initial values, for example where they determine the sum of two entries alone.
     """
     left, start = np.flatnonzero(~determined), unknown.starts[0]
     change = start[left] - values[left]
@@ -232,7 +233,7 @@ def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[n
 
 
 def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
-    """One line for each effect of which the data leave something open."""
+    """Return one line for each effect with undetermined entries."""
     lines = []
     for name in dict.fromkeys(entry.effect for entry in unknown.entries):
         pairs = zip(unknown.entries, determined, strict=True)
@@ -244,7 +245,7 @@ def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
 
 
 def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:
-    """Pairs of entries that the data can hardly tell apart."""
+    """Return a warning for each pair of entries that the data can hardly separate."""
     correlation = spread / np.outer(errors, errors)
     return [
         f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be told apart by these data "

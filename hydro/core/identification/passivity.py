@@ -1,10 +1,10 @@
-"""Values near the fitted ones that a passive hull can have.
+"""Projection of fitted values onto those of a passive hull.
 
-Added mass, and linear damping's symmetric part, must be positive semi-definite in sum.  Both are linear in
-the entries that are fitted, so that each direction e in which e^T D e would be negative cuts a half-space off
-the possible values.  The best values in what is left minimise the linearised sum of squares: a least-distance
-problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).  Worst directions are cut off
-until none is left (Kelley, The cutting-plane method for solving convex programs, 1960).
+Total added mass and the symmetric part of total linear damping must be positive semi-definite.  Both are
+linear in the fitted entries, so each direction e with e^T D e < 0 gives a half-space constraint on the
+values.  The best feasible values minimise the linearised sum of squares: a least-distance problem (Lawson and
+Hanson, Solving Least Squares Problems, 1974, chapter 23).  Constraints for the worst directions are added
+until none is violated (Kelley, The cutting-plane method for solving convex programs, 1960).
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from hydro.core.prediction.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
 
 CUTS = 100
-INSIDE = 1e-6  # of a matrix' greatest entry, by which a cut goes beyond the edge: so that cuts come to an end
+INSIDE = 1e-6  # margin of a cut relative to the matrix' greatest entry, so that the cuts terminate
 HALVINGS = 20
 
 
 def possible(unknown: Free, values: Array, information: Array) -> Array:
-    """Values that `validate` accepts: the fitted ones (P,), or the best of those that it does.
+    """Return values that `validate` accepts: the fitted ones (P,), or the best of the accepted ones.
 
-    Where no cuts lead there, couplings, or all, are drawn back toward where the fit began, or toward nothing
-    where that is not accepted either.  Where nothing is not, it is not theirs to mend: they stay.
+    If no cuts succeed, couplings, or all values, are moved back toward the initial values, or toward zero if
+    those are not accepted either.  Values stay unchanged if zero is not accepted.
 
     Args:
         unknown: The entries.
-        values: The best ones, (P,).
+        values: The fitted values, (P,).
         information: X^T X of the problem about them, in the entries' scales, positive definite, (P, P).
     """
     if accepted(unknown, values):
@@ -46,12 +46,12 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
 
 
 def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
-    """Which entries stand in a sum that must be positive semi-definite, (P,)."""
+    """Return which entries belong to a sum that must be positive semi-definite, (P,)."""
     return np.asarray(_answers(unknown, unknown.starts[0]).any(axis=(1, 2, 3)))
 
 
 def accepted(unknown: Free, values: Array) -> bool:
-    """Whether `validate` accepts the vehicle with these values (P,)."""
+    """Return whether `validate` accepts the vehicle with these values (P,)."""
     try:
         validate(unknown.at(values))
     except DataError:
@@ -60,19 +60,19 @@ def accepted(unknown: Free, values: Array) -> bool:
 
 
 def _sums(vehicle: Vehicle) -> Array:
-    """What must be positive semi-definite: added mass, and linear damping's symmetric part, (2, 6, 6)."""
+    """Return total added mass and the symmetric part of total linear damping, (2, 6, 6)."""
     both = np.stack([added_mass_matrix(vehicle), damping_in_sum(vehicle)[0]])
     return 0.5 * (both + both.transpose(0, 2, 1))
 
 
 def _answers(unknown: Free, values: Array) -> Array:
-    """How the sums answer to each entry, in its scale, (P, 2, 6, 6)."""
+    """Return the derivatives of the sums by each entry, in its scale, (P, 2, 6, 6)."""
     here = _sums(unknown.at(values))
     return np.stack([_sums(unknown.at(values + move)) - here for move in np.diag(unknown.scales)])
 
 
 def _nearest(unknown: Free, values: Array, information: Array) -> Array:
-    """The best values (P,) that keep the sums and the bounds."""
+    """Return the best values (P,) that satisfy passivity and the bounds."""
     scales, count = unknown.scales, len(values)
     here, answers = _sums(unknown.at(values)), _answers(unknown, values)
     root = cholesky(information)
@@ -98,7 +98,7 @@ def _nearest(unknown: Free, values: Array, information: Array) -> Array:
 
 
 def _least_distance(root: Array, sides: Array, edges: Array) -> Array:
-    """The step d of least |root d| with `sides` d >= `edges`; root upper triangular."""
+    """Return the step d of least |root d| with `sides` d >= `edges`; root is upper triangular."""
     normal = solve_triangular(root, sides.T, trans="T").T
     size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
     dual = np.vstack([(normal / size[:, None]).T, edges / size])
@@ -109,7 +109,7 @@ def _least_distance(root: Array, sides: Array, edges: Array) -> Array:
 
 
 def _drawn_back(unknown: Free, values: Array) -> Array:
-    """Couplings, or all values, as far toward the start, or toward nothing, as they must."""
+    """Move couplings, or all values, toward the start or toward zero as far as necessary."""
     nothing = unknown.within(np.zeros(len(values)))
     home = next((one for one in (unknown.starts[0], nothing) if accepted(unknown, one)), None)
     if home is None:
@@ -129,6 +129,6 @@ def _drawn_back(unknown: Free, values: Array) -> Array:
 
 
 def _couples(entry: Entry) -> bool:
-    """Whether an entry stands off the diagonal of a matrix."""
+    """Return whether an entry is off the diagonal of a matrix."""
     off = len(entry.index) == 2 and entry.index[0] != entry.index[1] and entry.parameter == "matrix"
     return off or Role.COUPLING in CATALOGUE[entry.effect].roles

@@ -1,10 +1,10 @@
-"""What a vehicle file says, where the recording says less.
+"""Prior from the values of a vehicle file, for entries that a recording determines poorly.
 
-A fit lets go of what a recording does not show: a slow survey may leave the quadratic damping of roll
-anywhere, and a file that had it right would fly worse with the fitted values.  A file's number is taken to
-be known to within its own size, or that of the fitted one where that is greater, so that numbers ten times
-wrong are still mended, or to within the standard error that the file states.  Where the recording tells more
-than that, nothing changes.
+Without a prior, a fit moves undetermined entries arbitrarily.  A slow survey may leave the quadratic damping
+of roll anywhere, and a vehicle with a correct value would become worse.  A value of a file is assumed to be
+known within its own size, or within that of the fitted value if that is larger.  So values that are wrong by
+a factor of ten are still corrected.  A standard error stated in the file is used instead.  A recording with
+more information than the prior is not affected.
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ from hydro.core.prediction.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
 
 KNOWN = 0.2
-"""Part of itself, or of its natural scale where that is larger, to which a file's number is known,"""
+"""Prior standard deviation of a file's value, relative to itself or to its natural scale if that is larger.
+"""
 EXACTLY = 1e-6
-"""and what is held as known."""
+"""Prior standard deviation of a value held as known, relative to its size."""
 ABSURD = 4.0
-"""Standard deviations of what is known of a value beyond which another is not believed."""
+"""Discrepancy of two estimates, in standard deviations, above which a warning is given."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """How a fit changes the value of a file's entry.
+    """Change of a file's value by a fit.
 
     Attributes:
         entry: The entry.
         given: Its value in the file.
-        value: As fitted.
-        deviations: Their distance, in standard deviations of what is known of the file's.
+        value: The fitted value.
+        deviations: Their distance, in prior standard deviations of the file's value.
     """
 
     entry: Entry
@@ -47,17 +48,16 @@ class Change:
 
 
 def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Standard deviation of what is known of entries in the tables of a file, (P,), in their units.
+    """Return prior standard deviations of entries of a file, (P,), in their units.
 
-    The `standard_error` beside a value is it, and next to nothing of what is held as known; where neither is
-    said, KNOWN.
+    They are the stated `standard_error`, EXACTLY for entries held as known, and KNOWN otherwise.
     """
     said = stated(file, entries)
     return np.where(np.isfinite(said), said, KNOWN * _sizes(file, entries))
 
 
 def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Standard deviations that a file itself states of entries, (P,); infinite where it says nothing."""
+    """Return standard deviations that a file states for entries, (P,); infinite where none is stated."""
     found, sizes = np.full(len(entries), np.inf), _sizes(file, entries)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})
@@ -73,17 +73,16 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
 def combined(
     values: Array, spread: Array, file: Vehicle, entries: Sequence[Entry]
 ) -> tuple[Array, Array, list[str]]:
-    """An estimate and what a file states of some of its entries, together (a Kalman update).
+    """Combine an estimate with the values and standard errors stated in a file (a Kalman update).
 
     Args:
         values: Estimates from a recording, (P,).
         spread: Their covariance, (P, P).
-        file: The vehicle with its own values and their standard errors, from elsewhere.
+        file: The vehicle with independent values and their standard errors.
         entries: The entries.
 
     Returns:
-        Values and covariance of both together, and a sentence for each entry in which recording and file
-        contradict each other.
+        Combined values and covariance, and a sentence for each entry with contradictory estimates.
     """
     said, given = stated(file, entries), in_file(file, entries)
     own = np.flatnonzero(np.isfinite(said))
@@ -101,12 +100,12 @@ def combined(
 
 
 def _sizes(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Size of each entry: that of its value in the file, or its scale where that is larger, (P,)."""
+    """Return the size of each entry: the larger of its absolute value in the file and its scale, (P,)."""
     return np.maximum(np.abs(in_file(file, entries)), [entry.scale for entry in entries])
 
 
 def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> Change:
-    """The entry (of one at least) that fitted values (P,) take farthest from what is known of it."""
+    """Return the entry whose fitted value (P,) deviates most from its prior."""
     given = in_file(file, entries)
     away = np.abs(values - given) / deviations(file, entries)
     most = int(away.argmax())
@@ -114,14 +113,14 @@ def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> C
 
 
 def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:
-    """Fitted values and those of the file, each by what is known of it (a Kalman update with the file).
+    """Shrink fitted values toward those of the file, each by its prior (a Kalman update).
 
     Args:
         unknown: The free entries.
         values: Their fitted values, (P,).
-        normal: The problem about them, in units of the entries' scales.
-        file: The vehicle as its file gives it; entries of effects that it has not stay as they are fitted,
-            but for what follows from their correlation with the others.
+        normal: The problem linearised at them, in units of the entries' scales.
+        file: The vehicle of the file; entries of new effects change only by their correlation with the
+            others.
 
     Returns:
         (P,), within the bounds.
@@ -140,7 +139,7 @@ def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle)
 
 
 def in_file(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Values of entries in the tables of a file, (P,); what a table leaves out, or is too short for, is 0."""
+    """Return values of entries in the tables of a file, (P,); missing entries are 0."""
     tables = (next(iter(file.effects(entry.effect)), {}) for entry in entries)
     return np.array(
         [_number(table.get(e.parameter, 0.0), e) for table, e in zip(tables, entries, strict=True)]
@@ -148,7 +147,7 @@ def in_file(file: Vehicle, entries: Sequence[Entry]) -> Array:
 
 
 def _number(value: object, entry: Entry) -> float:
-    """The number of an entry in a parameter of a table; 0 where that ends before it."""
+    """Return the number of an entry in a parameter of a table; 0 beyond its end."""
     values = np.asarray(value, float)
     if values.ndim and any(i >= size for i, size in zip(entry.index, values.shape, strict=True)):
         return 0.0

@@ -1,11 +1,10 @@
-"""What could be missing in a vehicle file: the whole catalogue, as columns to hold against a recording.
+"""Candidate effects of the whole catalogue, as columns of a linear problem.
 
-An effect that is linear in its parameters gives one column per parameter.  One that is not (the rate of a
-memory, the place of an anchor) gives several suspects, each with that parameter held at one value of a grid;
-the best of them is where a fit of the effect begins.  So does one that acts by a threshold or late (a dead
-band, a delay): each of its suspects is a change of a size, not a derivative.  A few coarse ones tell whether
-the effect is worth a closer look, and a fine grid (`shapes`) then where to begin.  Which shapes an effect has
-its record says.
+An effect that is linear in its parameters gives one column per parameter.  A nonlinear effect (the rate of a
+memory, the place of an anchor) gives several suspects, each with that parameter fixed at a grid value.  A fit
+of the effect starts from the best of them.  An effect with a threshold or delay also gives several suspects,
+each a finite change, not a derivative.  A coarse grid shows whether an effect deserves a closer look; a fine
+grid (`shapes`) supplies initial values.  The record of an effect defines its shapes.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Suspect:
-    """An effect, or one shape of it, as columns.
+    """Candidate effect, or one shape of it, as columns.
 
     Attributes:
         effect: Name in the catalogue.
-        changed: The vehicle with a little of each parameter, one vehicle per column.
-        steps: That little, in units in which 1 is plain to see.
-        begin: Amounts (columns,) to the `[[effect]]` table that a fit begins from.
+        changed: The vehicle with a small change of each parameter, one vehicle per column.
+        steps: Size of the changes, in units in which 1 is a significant change.
+        begin: Function from amounts (columns,) to the `[[effect]]` table of initial values.
     """
 
     effect: str
@@ -43,12 +42,12 @@ class Suspect:
 
 
 def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | None = None) -> list[Suspect]:
-    """All effects that may be missing, or have other values than the vehicle file gives them.
+    """Return all effects that may be missing, or have other values than in the vehicle file.
 
     Args:
         vehicle: The vehicle.
-        without: Effects that are not to be tried.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
+        without: Effects to exclude.
+        reach: Positions and times of the recording, (N, 4), candidates for the place of an anchor.
     """
     found: list[Suspect] = []
     for name in (one for each in CATALOGUE for one in vehicle.names(each) or (each,)):
@@ -64,24 +63,24 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
 
 
 def is_curved(name: str) -> bool:
-    """Whether an effect is not linear in all of its parameters."""
+    """Return whether an effect is nonlinear in any of its parameters."""
     return not CATALOGUE[name].identification.linear
 
 
 def choice(vehicle: Vehicle, effect: str) -> str:
-    """The form of an effect that is tried, as `parameters.free` takes it."""
+    """Return the form of an effect to try, as `parameters.free` takes it."""
     form = CATALOGUE[effect].identification.form
     return effect if form is None or vehicle.effects(effect) else f"{effect}.{form}"
 
 
 def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = False) -> list[dict[str, Any]]:
-    """Return tables of plainer effects that one of a vehicle may nearly be, and that the vehicle has not.
+    """Return tables of simpler effects that an effect of a vehicle may approximate and the vehicle lacks.
 
     Args:
-        vehicle: With the effect.
+        vehicle: The vehicle with the effect.
         effect: Its name.
-        file: What it was looked for beside.
-        itself: Also return the effect itself with fewer numbers, such as one gain for all thrusters.
+        file: The vehicle file without it.
+        itself: Also return the effect itself with fewer parameters, such as one gain for all thrusters.
     """
     reduced = CATALOGUE[effect].identification.plainer
     if reduced is None:
@@ -94,18 +93,18 @@ def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = Fals
 
 
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """A finer grid of one effect than `suspects` has; empty of those that need none."""
+    """Return a finer grid of one effect than `suspects`; empty for effects that need none."""
     return _shaped(vehicle, effect, CATALOGUE[effect].identification.fine, reach)
 
 
 def every_shape(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """All shapes, coarse and fine, of a curved effect that the vehicle has not."""
+    """Return all shapes, coarse and fine, of a nonlinear effect that the vehicle lacks."""
     coarse = _shaped(vehicle, effect, CATALOGUE[effect].identification.coarse, reach)
     return [*coarse, *shapes(vehicle, effect, reach=reach)]
 
 
 def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | None) -> list[Suspect]:
-    """One suspect per shape of an effect that the vehicle has not."""
+    """Return one suspect per shape of an effect that the vehicle lacks."""
 
     def equipped(table: dict[str, Any]) -> Vehicle:
         return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, table))
@@ -117,7 +116,7 @@ def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | N
 
 
 def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> Suspect:
-    """One column per entry of an effect that is linear, or nearly so, about its absence or present values."""
+    """Return one column per entry of a linear or nearly linear effect, about zero or its present values."""
     unknown = free(vehicle, [choice(vehicle, effect)], reach=reach)
     name = unknown.entries[0].effect
     start, (low, high) = unknown.starts[0], unknown.bounds

@@ -1,1 +1,1 @@
-"""From the columns of a log to a raw table, and whether its conventions were declared right."""
+"""Conversion of log columns to a raw table, and tests of the declared conventions."""

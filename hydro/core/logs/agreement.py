@@ -1,10 +1,10 @@
-"""The two kinematic identities of a log, window by window, under any reading of its columns.
+"""Residuals of the two kinematic identities of a log, window by window, for any reading of its columns.
 
 Whatever forces act, the body origin moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega)
-(Fossen 2011, sec. 2.2).  Both are integrated over windows of a second, so that noise averages out: the change
-of the position against the mean of R v, the turn of R against the mean of omega.  A wrong frame, unit or sign
-breaks them by as much as the vehicle moves.  Of a log that lacks a sensor, or the horizontal position, only
-those rows of the identities are looked at that it has both sides of.
+(Fossen 2011, sec. 2.2).  Both are integrated over windows of a second, which averages out noise.  The change
+of the position is compared with the mean of R v, the turn of R with the mean of omega.  A wrong frame, unit
+or sign violates them by as much as the vehicle moves.  If a log lacks a sensor or the horizontal position,
+only the components with data on both sides are compared.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from hydro.core.recording.segments import GAP
 COMPARED_SECONDS = 1.0
 """Length of a window [s]."""
 MOST_WINDOWS = 300
-"""Windows taken, evenly spread over the log."""
+"""Maximum number of windows, spread evenly over the log."""
 FEW = 60
-"""Windows that choose what all are asked about."""
+"""Number of windows of the preselection of readings."""
 CLEARLY = 0.3
-"""How far above the surface nothing under water is [m]."""
+"""Height above the surface that no vehicle under water reaches [m]."""
 SETTLED = 0.01
-"""Share that an identity is said to leave unexplained where the log has not both of its sides."""
+"""Unexplained share assumed for an identity that the log cannot test."""
 UNFRAMED = {name: getattr(Attitude(), name) for name in ("world", "body")}
-"""Frames make no difference to what a block's own columns say."""
+"""Default frames; they do not affect the values in a block's own frame."""
 RESOLUTION: Array = np.array([1e-4, 1e-5])
-"""Differences of velocity [m/s] and rate [rad/s] that do not matter."""
+"""Negligible differences of velocity [m/s] and rate [rad/s]."""
 LEAST_MOTION = 0.01
-"""Root mean square rate of a pose at rest at most [m/s, rad/s]: drift of a filter or of a fix."""
+"""Maximum root mean square rate of a pose at rest [m/s, rad/s]: drift of a filter or of fixes."""
 MOVING = 2.0
-"""Multiple of what noise makes of it from which a rate is motion; 1 of noise alone."""
+"""Ratio of a rate to its noise above which the vehicle moves."""
 
 
 def windows(times: Sequence[Array], dt: float) -> list[Array]:
-    """Times of the rows of each window, per session (W, m + 1): end to end, none across a gap."""
+    """Return the times of the rows of each window, per session (W, m + 1): contiguous, none across a gap."""
     steps = max(1, round(COMPARED_SECONDS / dt))
     starts = []
     for number, t in enumerate(times):
@@ -61,7 +61,7 @@ def windows(times: Sequence[Array], dt: float) -> list[Array]:
 
 
 def testable(given: LogMap) -> Mask:
-    """Which components of translation and rotation a log has both sides of, (6,)."""
+    """Return which components of translation and rotation a log can test, (6,)."""
     placed, turned = given.position, given.attitude is not None
     level = placed is not None and bool(placed.columns)
     moves = turned and given.velocity is not None and placed is not None
@@ -70,17 +70,17 @@ def testable(given: LogMap) -> Mask:
 
 
 def tested(given: LogMap) -> tuple[bool, bool]:
-    """Whether a log has both sides of some row of translation, and of rotation."""
+    """Return whether a log can test any component of translation, and of rotation."""
     both = testable(given)
     return bool(both[:3].any()), bool(both[3:].any())
 
 
 class Evidence:
-    """The windows of a log, and what each reading of a block makes of them, computed once.
+    """Windows of a log, with cached values of each reading of a block.
 
     Args:
         logs: The sessions.
-        windows: Times of their windows, of `windows`.
+        windows: Times of their windows, from `windows`.
     """
 
     def __init__(self, logs: Sequence[SessionLog], windows: Sequence[Array]) -> None:
@@ -158,26 +158,26 @@ class Evidence:
 
     @cached_property
     def few(self) -> Evidence:
-        """The evidence of at most FEW of the windows, spread evenly; itself where it has no more."""
+        """Evidence of at most FEW windows, spread evenly; itself if it has fewer."""
         every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
     def mean(self, values: Array, rule: str) -> Array:
-        """Mean over each window by a rule of integration, (W, 3) of (W, m + 1, 3)."""
+        """Return the mean over each window by a rule of integration, (W, 3) of (W, m + 1, 3)."""
         weights = self.rules[rule]
         return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
 
     def translation(self, given: LogMap, rule: str) -> Array:
-        """Return the residual of the first identity in each window, (W, 3) [m/s]; 0 without both sides."""
+        """Return the residual of the first identity per window, (W, 3) [m/s]; 0 if it cannot be tested."""
         if given.position is None or given.attitude is None or given.velocity is None:
             return np.zeros((len(self.t), 3))
         moving = self.moving(given.attitude, given.velocity, rule)
         return np.asarray((self.travel(given.position) - moving) * _levels(given.position))
 
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s].
+        """Return the residuals of both identities per window, (W, 6): translation [m/s], rotation [rad/s].
 
-        0 where the log lacks one side.
+        They are 0 where the log lacks one side.
         """
         rotation = np.zeros((len(self.t), 3))
         if given.attitude is not None and given.rates is not None:
@@ -185,21 +185,21 @@ class Evidence:
         return np.hstack([self.translation(given, rule), rotation])
 
     def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """RMS of the residuals, (2,): [m/s] and [rad/s]."""
+        """Return the RMS of the residuals, (2,): [m/s] and [rad/s]."""
         both = given.attitude is not None and given.rates is not None
         rotation = self.rotation_error(given.attitude, given.rates, rule) if both else 0.0
         return np.array([_rms(self.translation(given, rule)), rotation])
 
     def shares(self, given: LogMap) -> Array:
-        """The errors as shares of what there is to explain, (2,).
+        """Return the errors as shares of the motion, (2,).
 
-        Shares, for a log read in millimetres throughout has small errors too.
+        Shares are needed since a log read in millimetres has small errors too.
         """
         shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
         return np.where(tested(given), shares, SETTLED)
 
     def motion(self, given: LogMap) -> Array:
-        """RMS of what there is to explain: the rates of position and attitude, (2,): [m/s] and [rad/s]."""
+        """Return the RMS of the motion: rates of position and attitude, (2,): [m/s] and [rad/s]."""
         placed = given.position is not None and tested(given)[0]
         travelled = self.travelled(given.position) if placed else 0.0
         return np.array([travelled, 0.0 if given.attitude is None else self.turned(given.attitude)])
@@ -232,22 +232,22 @@ class Evidence:
         return bool(beyond or (mean > np.maximum(LEAST_MOTION, MOVING * noise)).any())
 
     def misfit(self, given: LogMap) -> float:
-        """One figure for both identities, the mean logarithm of their shares."""
+        """Return one figure for both identities, the mean logarithm of their shares."""
         return float(np.log(self.shares(given)).mean())
 
     def upright(self, block: Attitude | None) -> bool:
-        """Whether the vehicle's down axis mostly points down, for all that is known."""
+        """Return whether the vehicle's down axis mostly points down; True without an attitude."""
         return block is None or bool(self.attitude(block)[..., 2, 2].mean() > 0.0)
 
     def above_water(self, block: Position | None) -> float:
-        """Share of the rows in which the body origin is clearly above the surface; 0 where it is unknown."""
+        """Return the share of rows with the body origin clearly above the surface; 0 without a position."""
         if block is None:
             return 0.0
         return float((self.placed(block)[..., 2] < -CLEARLY).mean())
 
 
 def _levels(block: Position) -> Mask:
-    """Return which components of the travel a log of this position tells of, (3,): of a depth, down alone."""
+    """Return which components of the travel a position block measures, (3,): only down for a depth."""
     return np.array([bool(block.columns), bool(block.columns), True])
 
 
@@ -257,9 +257,9 @@ def _rms(vectors: Array) -> float:
 
 
 def _white(differences: Array, power: float) -> Array:
-    """Return the standard deviation of white noise of which differences have `power` times the variance.
+    """Return the standard deviation of white noise from differences with `power` times its variance.
 
-    By their median size, along the last axis; 0 of too few rows for a difference.
+    It uses their median size; 0 if there are too few rows for a difference.
     """
     if not differences.size:
         return np.zeros(differences.shape[-1])

@@ -1,4 +1,4 @@
-"""What else the columns of a log could have meant: other frames, units, orders and signs."""
+"""Alternative readings of the columns of a log: other frames, units, orders and signs."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from hydro.core.logs.logmap import (
 
 WORLDS = ("NED", "ENU", "NWU")
 BODIES = ("FRD", "FLU")
-FLIP_COST = 1.5  # of reversing one column, in settings: to exchange frames is the more usual mistake
-EXCHANGE_COST = 2.0  # of exchanging two columns of a block
-RARE = 0.1  # more for NWU than for ENU, where both fit: they differ by a turn of world and heading alike
+FLIP_COST = 1.5  # cost of a reversed column in settings: exchanged frames are more usual
+EXCHANGE_COST = 2.0  # cost of two exchanged columns of a block
+RARE = 0.1  # extra cost of NWU over ENU; both fit, since a turn of world and heading is not observable
 
 
 @dataclass(frozen=True)
 class Change:
-    """Another reading of one block: settings replaced, one column reversed, or two exchanged.
+    """Change of one block: settings replaced, one column reversed, or two exchanged.
 
     Attributes:
         block: Name of the block.
@@ -47,7 +47,7 @@ class Change:
 
     @property
     def cost(self) -> float:
-        """How far it is from what was declared, in settings; between equals the usual one is nearer."""
+        """Distance from the declared map in settings; the usual one of two equals is closer."""
         if self.flip is not None:
             return FLIP_COST
         if self.exchange is not None:
@@ -55,7 +55,7 @@ class Change:
         return len(self.settings) + RARE * sum(value == "NWU" for _, value in self.settings)
 
     def apply(self, given: LogMap) -> LogMap:
-        """The map with this change."""
+        """Return the map with this change."""
         block = getattr(given, self.block)
         if self.flip is not None:
             block = _flipped(block, self.flip)
@@ -66,7 +66,7 @@ class Change:
         )
 
     def claim(self, declared: LogMap) -> str:
-        """What the data look like, in words: `velocity looks FLU, not FRD as declared`."""
+        """Describe the contradiction: `velocity looks FLU, not FRD as declared`."""
         block = getattr(declared, self.block)
         if self.flip is not None:
             return f"{self.block}: column {measured(block)[self.flip].column} looks reversed"
@@ -77,7 +77,7 @@ class Change:
         return f"{self.block} looks {now}, not {then} as declared"
 
     def advice(self, declared: LogMap) -> str:
-        """What to write into the map."""
+        """Return the advice for the map file."""
         if self.exchange is not None:
             first, second = self.columns(declared)
             return f"write {second} in the place of {first} and {first} in that of {second} in {self.block}"
@@ -90,16 +90,16 @@ class Change:
         )
 
     def columns(self, declared: LogMap) -> tuple[str, ...]:
-        """Columns of the log that it reads in another way."""
+        """Return the columns of the log that the change reads differently."""
         taken = measured(getattr(declared, self.block))
         chosen = range(len(taken)) if self.flip is None else (self.flip,)
         return tuple(taken[i].column for i in self.exchange or chosen)
 
 
 def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
-    """Other frames, units, orders and layouts of each block, one setting at a time.
+    """Return other frames, units, orders and layouts of each block, one setting at a time.
 
-    The attitude's world and body also change together: ROS's ENU and FLU are easily taken for NED and FRD.
+    The attitude's world and body also change together: ROS's ENU and FLU are easily mistaken for NED and FRD.
     """
     found: dict[str, list[Change]] = {name: [] for name in BLOCKS}
     for name, block in blocks_of(declared).items():
@@ -119,7 +119,7 @@ def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
 
 
 def flips(declared: LogMap) -> list[Change]:
-    """Each column of pose and velocity reversed, but a quaternion's: nobody mistakes one sign of those."""
+    """Return reversals of each column of pose and velocity, except those of a quaternion."""
     found = []
     for name, block in blocks_of(declared).items():
         if getattr(block, "quaternion", None) is None:
@@ -128,7 +128,7 @@ def flips(declared: LogMap) -> list[Change]:
 
 
 def exchanges(declared: LogMap) -> list[Change]:
-    """Each two columns of a block exchanged, but a quaternion's, whose layout says their order."""
+    """Return exchanges of any two columns of a block, except those of a quaternion, ordered by its layout."""
     return [
         Change(name, exchange=pair)
         for name, block in blocks_of(declared).items()
@@ -137,7 +137,7 @@ def exchanges(declared: LogMap) -> list[Change]:
 
 
 def _choices(block: Block) -> dict[str, tuple[str, ...]]:
-    """What could have been meant by each setting of a block."""
+    """Return the possible values of each setting of a block."""
     if isinstance(block, Position):
         return {"world": WORLDS, "unit": ("m", "cm", "mm")}
     if isinstance(block, Velocity):
@@ -151,7 +151,7 @@ def _choices(block: Block) -> dict[str, tuple[str, ...]]:
 
 
 def _flipped(block: Any, number: int) -> Any:
-    """The block with one of its measured columns negated."""
+    """Return the block with one of its measured columns negated."""
     columns = list(block.columns)
     if number < len(columns):
         columns[number] = _negated(columns[number])
@@ -161,7 +161,7 @@ def _flipped(block: Any, number: int) -> Any:
 
 
 def _exchanged(block: Any, first: int, second: int) -> Any:
-    """The block with two of its columns in each other's place."""
+    """Return the block with two of its columns exchanged."""
     columns = list(block.columns)
     columns[first], columns[second] = columns[second], columns[first]
     return msgspec.structs.replace(block, columns=tuple(columns))
@@ -173,7 +173,7 @@ def _negated(source: Number) -> Column:
 
 
 def difference(declared: LogMap, found: LogMap) -> list[Change]:
-    """What leads from one map to another: per block its settings in one change, reversals, exchanges."""
+    """Return the changes from one map to another: settings of a block in one change, reversals, exchanges."""
     changes = []
     for name, was in blocks_of(declared).items():
         now = getattr(found, name)
@@ -190,7 +190,7 @@ def difference(declared: LogMap, found: LogMap) -> list[Change]:
 
 
 def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
-    """Exchanges, one after another, by which the columns of a block stand as those of another."""
+    """Return the sequence of exchanges from the columns of one block to those of another."""
     columns = [named(source).column for source in was.columns or ()]
     pairs = []
     for i, wanted in enumerate(named(source).column for source in now.columns or ()):
@@ -201,5 +201,5 @@ def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
 
 
 def cost(declared: LogMap, found: LogMap) -> float:
-    """How far one map is from another, in settings."""
+    """Return the distance of two maps, in settings."""
     return sum(change.cost for change in difference(declared, found))

@@ -1,9 +1,9 @@
-"""Columns of a raw table that are not what they are called: reversed, exchanged, in degrees, in other frames.
+"""Detection of mislabelled columns of a raw table: reversed, exchanged, in degrees, in other frames.
 
-A raw table says what its columns mean, so that it is held to the test of `logs.convention_check` as a log
-with its map is: whatever forces act, d(position)/dt = R v and dR/dt = R S(omega).  Where the kinematics leave
-one reading, the table is put right by it; where two explain the motion alike, or a velocity was never
-measured, nobody but the one who made the log can tell.
+The columns of a raw table have a defined meaning, so `logs.convention_check` tests the table like a log with
+its map: d(position)/dt = R v and dR/dt = R S(omega), whatever forces act.  If only one reading fits the
+kinematics, the table is corrected.  If two readings fit equally well, or a velocity was not measured, only
+the author of the log can decide.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ AS_CALLED = LogMap(
     rates=Rates(VELOCITY[3:]),
     commands=Commands(()),
 )
-"""What the columns of a raw table mean: NED, FRD and SI."""
+"""Map of a raw table: NED, FRD and SI."""
 COLUMNS = {"position": POSE[:3], "attitude": POSE[3:], "velocity": VELOCITY[:3], "rates": VELOCITY[3:]}
 MOVES: Array = np.full(6, 0.03)
-"""Motion along or about an axis [m/s, rad/s] that a velocity at one value throughout contradicts,"""
+"""Motion along or about an axis [m/s, rad/s] that contradicts a constant velocity."""
 ABOVE_NOISE = 5.0
-"""and times the noise of the pose that it must be."""
+"""Minimum ratio of that motion to the noise of the pose."""
 
 
 @dataclass(frozen=True)
 class AxisFaults:
-    """Columns that mean something else.
+    """Mislabelled columns.
 
     Attributes:
-        follows: What the data follow.
-        wrong: What is wrong, one of each kind, and how to import the log.
+        follows: The map that the data follow.
+        wrong: One fault of each kind, with advice on how to import the log.
     """
 
     follows: LogMap
@@ -56,29 +56,29 @@ class AxisFaults:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """The same for whoever goes on with the table put right."""
+        """Faults for a table that was corrected."""
         return tuple(
             replace(one, message=f"{one.message}; all else here is reported as if it were so")
             for one in self.wrong
         )
 
     def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
-        """The table as it would be, had it been written as its columns are called."""
+        """Return the table with the columns corrected to their labels."""
         return read_as(raw, self.follows)
 
 
 def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
-    """Find the columns that kinematics shows to mean something else; None where they mean what they should.
+    """Find mislabelled columns by kinematics; None if there are none.
 
-    A session without any sample of a pose or a velocity has nothing to hold its columns to.
+    Columns cannot be tested in a session without samples of pose or velocity.
 
     Args:
         raw: Raw table.
-        record: The same as arrays.
+        record: The table as arrays.
 
     Raises:
-        DataError: A velocity stands still throughout though the vehicle moves along it, or one of several
-            columns is wrong and the recording does not show which.
+        DataError: A velocity is constant although the vehicle moves along it, or one of several columns is
+            wrong and the recording does not show which.
     """
     logs = [_session(part) for part in raw.partition_by("session", maintain_order=True)]
     times = [log.t for log in logs]
@@ -93,14 +93,14 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
         return None
     evidence = Evidence(logs, taken)
     changes = difference(called, follows)
-    if len(changes) == 1:  # of several the others tell
+    if len(changes) == 1:  # with several changes the others decide
         follows = _only(evidence, called, follows)
         changes = difference(called, follows)
     return AxisFaults(follows, tuple(_fault(evidence, called, follows, change) for change in changes))
 
 
 def _sampled(logs: Sequence[SessionLog]) -> LogMap:
-    """AS_CALLED without the blocks of which a column has no samples in some session."""
+    """Return AS_CALLED without blocks that lack samples in some session."""
     least = {name: min(len(log.channel(name).t) for log in logs) for name in (*POSE, *VELOCITY)}
     lacking = [block for block, names in COLUMNS.items() if not all(least[name] for name in names)]
     called = _without(AS_CALLED, lacking)
@@ -110,13 +110,13 @@ def _sampled(logs: Sequence[SessionLog]) -> LogMap:
 
 
 def _judged(called: LogMap) -> Mask:
-    """Which velocities are samples beside a pose that is, (6,)."""
+    """Return which velocities can be tested against a sampled pose, (6,)."""
     whole = testable(called)
     return np.concatenate([np.full(3, whole[:3].all()), whole[3:]])
 
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
-    """A raw table whose columns mean what a map says, in NED, FRD and SI; other blocks stay as they are."""
+    """Convert a raw table with the meaning of a map to NED, FRD and SI; other blocks stay unchanged."""
     called = _without(AS_CALLED, [name for name in BLOCKS if getattr(given, name) is None])
     changed = {change.block for change in difference(called, given)}
     names = [name for block in sorted(changed) for name in COLUMNS[block]]
@@ -136,13 +136,13 @@ def _without(given: LogMap, names: Sequence[str]) -> LogMap:
 
 
 def _session(part: pl.DataFrame) -> SessionLog:
-    """The rows of one session as a log."""
+    """Return the rows of one session as a log."""
     columns = {name: part[name].cast(pl.Float64).to_numpy() for name in (*POSE, *VELOCITY)}
     return SessionLog(str(part["session"][0]), part["t"].cast(pl.Float64).to_numpy(), columns)
 
 
 def _require_measured(still: Rows, evidence: Evidence, called: LogMap, record: Recording) -> None:
-    """Refuse velocities of one value throughout where the pose tells of motion along or about their axes."""
+    """Refuse constant velocities where the pose shows motion along or about their axes."""
     moves = np.zeros(6)
     if called.attitude is not None:
         moves[3:] = np.std(evidence.turning(called.attitude), axis=0)
@@ -162,12 +162,12 @@ def _require_measured(still: Rows, evidence: Evidence, called: LogMap, record: R
 
 
 def _only(evidence: Evidence, called: LogMap, found: LogMap) -> LogMap:
-    """The one reading that explains the motion.
+    """Return the only reading that explains the motion.
 
-    Of two that do, such as z or w reversed where the vehicle keeps level, the one under water.
+    If two readings do, such as z or w reversed of a level vehicle, the one under water is returned.
 
     Raises:
-        DataError: There are others, and depth does not part them.
+        DataError: Several readings remain that depth does not separate.
     """
     options = [found, *rivals(evidence, called, found)]
     dry = [evidence.above_water(option.position) > MOSTLY for option in options]
@@ -184,6 +184,6 @@ def _only(evidence: Evidence, called: LogMap, found: LogMap) -> LogMap:
 
 
 def _fault(evidence: Evidence, called: LogMap, follows: LogMap, change: Change) -> Fault:
-    """What one column or block means, by how much the motion says so, and how to import the log."""
+    """Return the fault of one column or block: its meaning, the evidence, and advice for the import."""
     message = f"{contradiction(evidence, called, follows, change)} when importing the log"
     return Fault(change.columns(called), message)

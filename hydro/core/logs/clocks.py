@@ -1,4 +1,4 @@
-"""Clocks of a log: units that cannot be, and receive times of messages that were sent at even steps."""
+"""Clocks of a log: plausibility of units, and receive times of periodic messages."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from hydro.core.errors import DataError
 from hydro.core.logs.logmap import Time
 
 SLOWEST, FASTEST = 0.5, 5000.0
-"""Samples per second that the fastest sensor of a vehicle's log may have [Hz]."""
+"""Plausible range of the sample rate of a log's fastest sensor [Hz]."""
 USUAL = (1.0, 1000.0)
-"""Those that most have: what another unit must make of the clock to be proposed [Hz]."""
+"""Usual sample rates, required of a proposed other unit [Hz]."""
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 LEAST = 50
-"""Stamps that an even clock is fitted to, at least."""
+"""Minimum number of stamps for the fit of an even clock."""
 CLOSE, BURSTS = 0.2, 0.25
-"""Steps below this part of the mean are within a burst; such a share of them makes a clock of bursts."""
+"""Ratio to the mean step below which a step is part of a burst; share of such steps in a clock of bursts."""
 PAUSE = 20.0
-"""Steps of this many means part a topic: it paused, and its even clock began anew."""
+"""Ratio to the mean step above which a step is a pause and the even clock restarts."""
 LATEST, STRETCHES = 3.0, 20
-"""Longest silences that a message may come late on an even clock; and periods that the soonest of most of so
-many stretches may."""
+"""Maximum delay of a message in longest silences; maximum delay in periods of the soonest message of most of
+STRETCHES parts."""
 
 
 @dataclass(frozen=True)
 class Evened:
-    """Receive times put on the clock of their sender.
+    """Receive times converted to the clock of their sender.
 
     Attributes:
-        t: Times of sending [s], (n,), up to the shortest delay, which receive times do not show.
+        t: Send times [s], (n,), up to the shortest delay, which receive times do not show.
         period: Step of the sender [s].
-        latest: The longest that a message came later than the earliest did [s].
+        latest: Largest delay of a message relative to the earliest one [s].
     """
 
     t: Array
@@ -45,14 +45,14 @@ class Evened:
 
 
 def require_plausible(step: float, time: Time) -> None:
-    """Refuse a clock by which no sensor, or every sensor, is faster than any of a vehicle.
+    """Refuse a clock that makes the fastest sensor implausibly slow or fast.
 
     Args:
         step: Median step of the log's fastest channel [s], as the map reads the clock.
-        time: What the map says of it.
+        time: The clock of the map.
 
     Raises:
-        DataError: the unit must be another; the line says which would make sense.
+        DataError: The unit must be another one; the message names plausible units.
     """
     if not np.isfinite(step) or step <= 0.0 or SLOWEST <= 1.0 / step <= FASTEST:
         return
@@ -69,7 +69,7 @@ def require_plausible(step: float, time: Time) -> None:
 
 
 def bunched(t: Array) -> bool:
-    """Whether stamps come in bursts: many steps far below the mean, as receive times have them.
+    """Return whether stamps come in bursts: many steps far below the mean, as in receive times.
 
     Args:
         t: Stamps of every message of one topic [s], (n,), not falling.
@@ -82,11 +82,11 @@ def bunched(t: Array) -> bool:
 
 
 def evened(t: Array) -> Evened | None:
-    """Put receive times of a topic that is sent at even steps on its sender's clock.
+    """Convert receive times of a periodic topic to its sender's clock.
 
-    A message is received when it was sent or later: the sender's clock is the straight line below all receive
-    times over their number, and the closest to them in the sum (the edge of their lower convex hull above the
-    mean number).  Order is kept; a pause begins a new line.
+    A message is received no earlier than it was sent.  So the sender's clock is the closest straight line
+    below all receive times over their index.  It is the edge of their lower convex hull at the mean index.
+    The order is kept.  A pause starts a new line.
 
     Args:
         t: Receive times of every message [s], (n,), not falling.
@@ -103,7 +103,7 @@ def evened(t: Array) -> Evened | None:
 
 
 def _fitted(t: Array, edges: Sequence[int]) -> Evened | None:
-    """Receive times with a line for each piece that is long enough; None where these explain them badly."""
+    """Fit a line to each piece that is long enough; None if the lines fit badly."""
     out, slopes, longest = t.copy(), [], 0.0
     for start, stop in pairwise(edges):
         if stop - start >= LEAST:
@@ -116,13 +116,13 @@ def _fitted(t: Array, edges: Sequence[int]) -> Evened | None:
     if period <= 0.0 or late.max() > LATEST * (longest + period) or (np.diff(out) <= 0.0).any():
         return None
     soonest = [part.min() for part in np.array_split(late, STRETCHES)]
-    if np.median(soonest) > LATEST * period:  # lost messages bend the receipts off every line
+    if np.median(soonest) > LATEST * period:  # lost messages make the receive times deviate from any line
         return None
     return Evened(out, period, float(late.max()))
 
 
 def _line(t: Array) -> tuple[Array, float]:
-    """The line below all times over their number, the closest in the sum, and its slope."""
+    """Return the closest line below all times over their index, and its slope."""
     number = np.arange(len(t), dtype=float)
     line = number / max(len(t) - 1, 1) * (t[-1] - t[0]) + t[0]
     try:

@@ -1,11 +1,11 @@
-"""Do the velocities of a log belong to its pose?  The data's own answer to what its frames and signs are.
+"""Test of frames, units and signs of a log by the kinematics of its pose and velocities.
 
-Whether one reading of a log is better than another is judged by a single number.  With the residuals r of the
-first and r' of the second, c = <r, r - r'> / |r - r'|^2 is 0 where the first reading is right, 1 where the
-second is, and 1/2 where the data cannot tell, as on an axis without motion.
+One number compares two readings of a log.  With the residuals r of the first and r' of the second, c = <r, r
+- r'> / |r - r'|^2.  It is 0 if the first reading is right, 1 if the second is, and 1/2 if the data cannot
+decide, as on an axis without motion.
 
-Two things no kinematics shows: a frame that is wrong in all blocks alike, and of a pose that was itself
-integrated from these velocities anything but that both speak the same language.
+Kinematics cannot show a frame that is wrong in all blocks alike.  If the pose was itself integrated from
+these velocities, the test shows only that both use the same convention.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from hydro.core.logs.alternatives import Change, cost, difference, exchanges, fl
 from hydro.core.logs.conventions import SessionLog, beyond_a_turn
 from hydro.core.logs.logmap import BLOCKS, LogMap, measured
 
-LEAST_WINDOWS = 6  # windows; fewer show nothing
-TIE = 0.05  # relative difference of misfits that is none
-DOUBT = 0.5  # unexplained share of the motion from which every combination of frames is tried
-UNEXPLAINED = 0.7  # share from which a reading explains nothing, so that it cannot be better than another
-UNEXPLAINED_UNIT = 0.5  # the same of a reading in other units
-TELLING, SURE = 0.75, 3.0  # c that speaks for another reading, and standard errors it must be off 1/2
-TESTED = 6.0  # standard errors from which a sign counts as tested, for there are many
-UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of a reading with the vehicle on its back, and above the water
+LEAST_WINDOWS = 6  # minimum number of windows for a test
+TIE = 0.05  # negligible difference of misfits
+DOUBT = 0.5  # unexplained share of the motion above which all combinations of frames are tried
+UNEXPLAINED = 0.7  # unexplained share above which a reading cannot be better than another
+UNEXPLAINED_UNIT = 0.5  # the same limit for a reading in other units
+TELLING, SURE = 0.75, 3.0  # c that favours another reading, and its distance from 1/2 in standard errors
+TESTED = 6.0  # standard errors above which a sign counts as tested; many signs are tested
+UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of readings with the vehicle upside down, and above the water
 MOSTLY = 0.9
-WORSE = 1.5  # times the share that a few windows leave from which all are not asked
-STARTS = 8  # best combinations of frames from which single signs are tried
-DEAD_RECKONED = 0.4  # share of the error that the velocity's own noise allows
-STRETCHES = 30  # of the log, for standard errors
+WORSE = 1.5  # ratio of unexplained shares in few windows above which a reading is dropped
+STARTS = 8  # number of combinations of frames from which single signs are tried
+DEAD_RECKONED = 0.4  # ratio of error to velocity noise below which the pose was dead-reckoned
+STRETCHES = 30  # number of blocks of the log for standard errors
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the kinematics say of a log and its map.
+    """Result of the test of a log and its map.
 
     Attributes:
         agreement: RMS difference of position's rate [m/s] and of attitude's rate [rad/s] from the logged
-            velocities, as declared; NaN of what the log has not both sides of.
-        contradictions: One line for each setting that the data contradict; empty where they agree.
-        notes: Lines on what the test could not show, or what looks odd otherwise.
-        follows: The map that the data follow; the declared one where nothing contradicts it.
+            velocities, as declared; NaN where the log cannot test it.
+        contradictions: One line for each setting that the data contradict; empty if they agree.
+        notes: Lines on untestable settings and other anomalies.
+        follows: The map that the data follow; the declared one if nothing contradicts it.
         disagree: Whether position and velocity, and attitude and rates, disagree under every reading.
     """
 
@@ -63,15 +63,15 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
 
     Args:
         logs: The sessions.
-        times: Of each session, the times of its rows [s]; all channels have values there.
+        times: Times of the rows of each session [s]; all channels have values there.
         dt: Sample time [s].
-        declared: What the columns are said to mean.
+        declared: The declared meaning of the columns.
     """
     return _with_turns(_by_kinematics(logs, times, dt, declared), logs)
 
 
 def _with_turns(verdict: Verdict, logs: Sequence[SessionLog]) -> Verdict:
-    """Return the verdict with what the size of the angles says, where kinematics did not find it."""
+    """Add to a verdict that angles are in degrees, where their size shows it and kinematics did not."""
     attitude = verdict.follows.attitude
     if attitude is None:
         return verdict
@@ -85,14 +85,14 @@ def _with_turns(verdict: Verdict, logs: Sequence[SessionLog]) -> Verdict:
 def _by_kinematics(
     logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap
 ) -> Verdict:
-    """Return what the rates of position and attitude say of a map."""
+    """Test a map by the rates of position and attitude."""
     taken = windows(times, dt)
     if sum(map(len, taken)) < LEAST_WINDOWS:
         lacking = f"{LEAST_WINDOWS} windows of {COMPARED_SECONDS:g} s without a gap"
         note = f"frames and signs not tested: there are not {lacking}"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     if not any(tested(declared)):
-        note = "frames and signs not tested: position and attitude have no velocity and rates beside them"
+        note = "frames and signs not tested: position and attitude come without velocity and rates"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     evidence = Evidence(logs, taken)
     whole, declared, resting = declared, *_without_rest(evidence, declared)
@@ -114,9 +114,9 @@ def _by_kinematics(
 
 
 def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[str]]:
-    """Return the map without velocities of which there was no motion to test them by, and their columns.
+    """Return the map without velocities that lack motion for a test, and their columns.
 
-    Of a vehicle at rest a smaller unit explains the noise better, and so does any frame by chance.
+    For a vehicle at rest, a smaller unit explains the noise better, and so does any frame by chance.
     """
     resting = list[str]()
     for block, moves in zip(("velocity", "rates"), evidence.moves(declared), strict=True):
@@ -127,9 +127,9 @@ def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[st
 
 
 def _with_attitude_at_rest(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
-    """Return the map with the declared attitude, unless the other one explains plainly more of the travel.
+    """Return the map with the declared attitude, unless the other one explains clearly more of the travel.
 
-    Without rates, or without turns, only the travel tells of the attitude, and little of a level one.
+    Without rates or turns, only the travel tests the attitude, and weakly for a level vehicle.
     """
     given = msgspec.structs.replace(found, attitude=declared.attitude)
     plainly = evidence.misfit(found) < evidence.misfit(given) - TIE
@@ -137,7 +137,7 @@ def _with_attitude_at_rest(evidence: Evidence, declared: LogMap, found: LogMap) 
 
 
 def _best(evidence: Evidence, declared: LogMap) -> LogMap:
-    """The map that the data follow: the least change of the declared one that explains as much as any."""
+    """Return the map that the data follow: the smallest change of the declared one with the same misfit."""
     found = declared
     if (evidence.shares(declared) > DOUBT).any():
         found = _among_all(evidence, declared)
@@ -145,9 +145,9 @@ def _best(evidence: Evidence, declared: LogMap) -> LogMap:
 
 
 def _among_all(evidence: Evidence, declared: LogMap) -> LogMap:
-    """The best of all combinations of frames and units, each with those signs that help it.
+    """Return the best of all combinations of frames and units, each with the signs that improve it.
 
-    They are thousands, so that a few windows tell which of them are worth a look at all windows.
+    There are thousands of combinations, so a few windows select those that are tested on all windows.
     """
     few = evidence.few
     ranked = sorted(_combinations(few, declared), key=lambda one: one[0])
@@ -157,7 +157,7 @@ def _among_all(evidence: Evidence, declared: LogMap) -> LogMap:
 
 
 def _combinations(evidence: Evidence, declared: LogMap) -> Iterable[tuple[float, LogMap]]:
-    """Combinations of frames and units with their misfit, the best rates of each attitude only."""
+    """Yield combinations of frames and units with their misfit, using the best rates for each attitude."""
     changes = frame_changes(declared)
     for attitude in _readings(declared, changes["attitude"]):
         turned = min(_readings(attitude, changes["rates"]), key=evidence.misfit)
@@ -167,7 +167,7 @@ def _combinations(evidence: Evidence, declared: LogMap) -> Iterable[tuple[float,
 
 
 def _readings(given: LogMap, changes: Sequence[Change]) -> list[LogMap]:
-    """A map with none, one, and any two of the changes of one block that concern different settings."""
+    """Return a map with none, one, and any two of the changes of one block that affect different settings."""
     singles = [change.apply(given) for change in changes]
     pairs = [
         second.apply(first.apply(given))
@@ -178,7 +178,7 @@ def _readings(given: LogMap, changes: Sequence[Change]) -> list[LogMap]:
 
 
 def _with_signs(evidence: Evidence, start: LogMap) -> LogMap:
-    """The map with the columns reversed or exchanged that lower its misfit, one after another."""
+    """Reverse or exchange columns one after another while that lowers the misfit."""
     given, misfit = start, evidence.misfit(start)
     while True:
         options = [change.apply(given) for change in [*flips(given), *exchanges(given)]]
@@ -189,13 +189,13 @@ def _with_signs(evidence: Evidence, start: LogMap) -> LogMap:
 
 
 def _reversed_together(given: LogMap) -> list[LogMap]:
-    """The map with any two columns reversed: of z and w, both positive up, neither alone makes it better."""
+    """Return the maps with any two columns reversed: with z and w positive up, one reversal does not help."""
     pairs = combinations(flips(given), 2)
     return [second.apply(first.apply(given)) for first, second in pairs]
 
 
 def _least_change(evidence: Evidence, declared: LogMap, options: Iterable[LogMap]) -> LogMap:
-    """Of the maps that explain as much as the best, the one nearest to what was declared."""
+    """Return the map closest to the declared one among those with nearly the best misfit."""
     misfits = {given: evidence.misfit(given) for given in options}
     good = [given for given, misfit in misfits.items() if misfit < min(misfits.values()) + TIE]
 
@@ -208,7 +208,7 @@ def _least_change(evidence: Evidence, declared: LogMap, options: Iterable[LogMap
 
 
 def _polished(evidence: Evidence, declared: LogMap, given: LogMap) -> LogMap:
-    """The map with every single change that the data demand, the surest first."""
+    """Apply every single change that the data demand, the most significant first."""
     for _ in range(len(flips(declared))):
         singles = [change for changes in frame_changes(given).values() for change in changes]
         options = [change.apply(given) for change in [*singles, *flips(given), *exchanges(given)]]
@@ -224,7 +224,7 @@ def _polished(evidence: Evidence, declared: LogMap, given: LogMap) -> LogMap:
 
 
 def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> dict[LogMap, float]:
-    """Of these readings those that the data demand, with how surely; none on its back if the given is not."""
+    """Return the readings that the data demand, with significance; none upside down if `given` is not."""
     before = evidence.few.shares(given)
     options = [option for option in options if _may_be_better(before, evidence.few.shares(option))]
     if evidence.upright(given.attitude):
@@ -234,12 +234,12 @@ def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> d
 
 
 def _may_be_better(before: Array, after: Array) -> bool:
-    """Whether shares (2,) that two readings leave of a few windows leave open that the second is better."""
+    """Return whether the second reading may be better, from the shares (2,) of both in a few windows."""
     return bool(((after < WORSE * before) & (after != before)).any())
 
 
 def _pruned(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
-    """The map without those changes that the data do not demand once the others are made."""
+    """Remove changes that the data do not demand given the others."""
     for change in difference(declared, found):
         without = _without(declared, found, change)
         if _speaks_for(evidence, without, found) is None:
@@ -248,7 +248,7 @@ def _pruned(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
 
 
 def _without(declared: LogMap, found: LogMap, change: Change) -> LogMap:
-    """The found map but for one of its changes, which stays as declared."""
+    """Return the found map with one of its changes reverted."""
     given = declared
     for other in difference(declared, found):
         if other != change:
@@ -257,10 +257,10 @@ def _without(declared: LogMap, found: LogMap, change: Change) -> LogMap:
 
 
 def _speaks_for(evidence: Evidence, first: LogMap, second: LogMap) -> float | None:
-    """Standard errors by which c is above 1/2 where the data demand the second reading; None otherwise.
+    """Return the significance of the second reading in standard errors; None if the data do not demand it.
 
-    It must also explain the motion on which it is better: a smaller unit makes every error smaller, and what
-    is no motion at all, such as the rates of a lever arm, asks for one.
+    The second reading must also explain the motion.  A smaller unit makes every error smaller, and a signal
+    without motion, such as the rates of a lever arm, favours a smaller unit.
     """
     before, after = evidence.shares(first), evidence.shares(second)
     better = int(np.argmax(before / after))
@@ -273,13 +273,13 @@ def _speaks_for(evidence: Evidence, first: LogMap, second: LogMap) -> float | No
 
 
 def _other_units(first: LogMap, second: LogMap) -> bool:
-    """Whether two readings differ in the unit of a block."""
+    """Return whether two readings differ in the unit of a block."""
     units = [[getattr(getattr(given, name), "unit", None) for name in BLOCKS] for given in (first, second)]
     return units[0] != units[1]
 
 
 def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float, float]:
-    """C of two readings, and its standard error by leaving out one stretch of the log after another."""
+    """Return c of two readings, and its jackknife standard error over blocks of the log."""
     before, after = evidence.residuals(first), evidence.residuals(second)
     scale = np.repeat(np.hypot(np.minimum(evidence.errors(first), evidence.errors(second)), RESOLUTION), 3)
     r, moved = before / scale, (before - after) / scale
@@ -294,17 +294,17 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
 
 
 def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
-    """Changes of other blocks that the data demand as well and do not part from the one found.
+    """Return changes of other blocks that the data demand as well and cannot separate from the one found.
 
-    Of a vehicle that keeps level, w reversed is z reversed.
+    For a level vehicle, w reversed is equivalent to z reversed.
 
     Args:
         evidence: The windows.
-        declared: What the columns are said to mean.
-        found: The same with one change.
+        declared: The declared meaning of the columns.
+        found: The declared map with one change.
 
     Returns:
-        The least change of each block, if any.
+        The smallest change of each block, if any.
     """
     (own,) = difference(declared, found)
     changes = [change for several in frame_changes(declared).values() for change in several]
@@ -321,7 +321,7 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
 
 
 def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """One setting that the data contradict: what agrees instead, by how much, and what to write."""
+    """Describe one setting that the data contradict: the reading that agrees, its error, and the advice."""
     best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
     which = int(np.argmax(left / np.hypot(best, RESOLUTION)))
     quantity, unit = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))[which]
@@ -332,9 +332,9 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
 
 
 def _void(evidence: Evidence, found: LogMap, odd: tuple[bool, bool], resting: Sequence[str]) -> Iterable[str]:
-    """Say what the test could not show: signs of axes that hardly moved, and velocities that made the pose.
+    """Yield notes on untested signs of axes with little motion, and on a pose integrated from velocities.
 
-    Of sides that disagree under every reading nothing is said: there is nothing that a sign could mend.
+    Sides that disagree under every reading are skipped, since no sign could correct them.
     """
     untested = []
     both = [there and not wrong for there, wrong in zip(tested(found), odd, strict=True)]
@@ -361,7 +361,7 @@ def _void(evidence: Evidence, found: LogMap, odd: tuple[bool, bool], resting: Se
 
 
 def _least_errors(evidence: Evidence, found: LogMap) -> Array:
-    """Errors that noise of the velocities alone leaves, (2,); 0 where they carry hardly any."""
+    """Return the errors that noise of the velocities alone causes, (2,); 0 if there is hardly any."""
     steps = evidence.t.shape[1] - 1
     noise = np.zeros(2)
     if found.velocity is not None:
@@ -372,7 +372,7 @@ def _least_errors(evidence: Evidence, found: LogMap) -> Array:
 
 
 def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
-    """Errors that noise of position and attitude alone leaves, (2,): they count at both ends of a window."""
+    """Return the errors that noise of position and attitude causes at both ends of a window, (2,)."""
     noise: Array = np.zeros(2)
     if found.position is not None:
         noise[0] = _white(evidence.placed(found.position))
@@ -383,7 +383,7 @@ def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
 
 
 def _white(values: Array) -> float:
-    """Standard deviation of a vector's white noise by its fourth differences, over all components."""
+    """Return the standard deviation of a vector's white noise from fourth differences."""
     if values.shape[1] < 5:
         return 0.0
     size = np.median(np.abs(np.diff(values, 4, axis=1)), axis=(0, 1)) / (0.6745 * np.sqrt(70.0))
@@ -391,7 +391,7 @@ def _white(values: Array) -> float:
 
 
 def _disagree(evidence: Evidence, found: LogMap) -> tuple[bool, bool]:
-    """Return whether position and velocity, and attitude and rates, disagree as the data are read at best."""
+    """Return whether position and velocity, and attitude and rates, disagree under the best reading."""
     errors, motion = evidence.errors(found), evidence.motion(found)
     least = np.maximum([0.05, 0.02], 2.0 * _noise_of_pose(evidence, found))
     first, second = ((errors > least) & (errors > UNEXPLAINED * motion)).tolist()
@@ -399,7 +399,7 @@ def _disagree(evidence: Evidence, found: LogMap) -> tuple[bool, bool]:
 
 
 def _oddities(evidence: Evidence, found: LogMap, odd: tuple[bool, bool]) -> Iterable[str]:
-    """Say what disagrees under every reading of the columns."""
+    """Yield notes on disagreements under every reading of the columns."""
     errors, motion = evidence.errors(found), evidence.motion(found)
     for name, error, whole, unit, other, wrong in zip(
         ("position", "attitude"), errors, motion, ("m/s", "rad/s"), ("velocity", "rates"), odd, strict=True

@@ -1,7 +1,7 @@
-"""Frames, units and signs of a log: from its own words into NED, FRD and SI.
+"""Conversion of frames, units and signs of a log to NED, FRD and SI.
 
-Every function reads one block of a `LogMap` and gives that quantity at wanted times, so that another reading
-of the same columns is the same call with another block.
+Every function reads one block of a `LogMap` and returns that quantity at given times.  Another reading of the
+same columns is the same call with another block.
 """
 
 from __future__ import annotations
@@ -63,29 +63,29 @@ UNITS = {
     "rad/s": 1.0,
     "deg/s": np.pi / 180.0,
 }
-"""SI units in each unit of a map."""
+"""Size of each unit of a map in SI."""
 
 VOLTS = {"V": 1.0, "mV": 1e-3}
 LEAST_VOLTS, MOST_VOLTS = 1.0, 1000.0
-"""Supply of any vehicle's thrusters [V]; the middle of a log's readings lies above the least."""
+"""Plausible supply voltage of thrusters [V]; the median of a log's readings is above the minimum."""
 TURN = 2.0 * np.pi * 1.01
-"""A whole turn [rad], with a hundredth for noise."""
+"""One turn [rad], with a margin of one percent for noise."""
 FAR_OUT = 2.0
-"""A command this far beyond -1 to 1 is of another unit, not a little too high."""
+"""Command magnitude above which the unit must be another one."""
 
 
 @dataclass(frozen=True)
 class SessionLog:
-    """One session of a log.
+    """Session of a log.
 
     Attributes:
         name: Its name.
         t: Times since its start [s], shape (n,), not falling.
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
-        clocks: Times of those columns that were not taken at `t` [s], as many as the column has rows; they do
-            not fall from one sample to the next.
-        unset: Rows of command columns in which the log says NaN, (n,) each; an empty cell says nothing.
-        cut: Why the session begins where it does, if the clock of the log jumped there; else empty.
+        clocks: Times of columns not sampled at `t` [s], as many as the column has rows; they do not fall from
+            one sample to the next.
+        unset: Rows of command columns in which the log contains NaN, (n,) each; an empty cell does not count.
+        cut: Reason for the start of the session, if the clock of the log jumped there; else empty.
     """
 
     name: str
@@ -96,11 +96,11 @@ class SessionLog:
     cut: str = ""
 
     def time_of(self, name: str) -> Array:
-        """Times of the rows of a column [s]."""
+        """Return the times of the rows of a column [s]."""
         return self.clocks.get(name, self.t)
 
     def channel(self, source: Number) -> Channel:
-        """The samples of one column, scaled and shifted as the map says."""
+        """Return the samples of one column, with the map's scale and offset."""
         column = named(source)
         return channel(
             self.time_of(column.column), column.scale * self.columns[column.column] + column.offset
@@ -108,7 +108,7 @@ class SessionLog:
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:
-    """Position of the body origin, NED [m], shape (N, 3); north and east are 0 beside a depth alone."""
+    """Return the position of the body origin, NED [m], (N, 3); north and east are 0 for a depth alone."""
     axes, unit = AXES[block.world], UNITS[block.unit]
     vertical = block.depth if block.depth is not None else block.height
     values = np.zeros((len(at), 3))
@@ -122,46 +122,46 @@ def position(log: SessionLog, block: Position, at: Array) -> Array:
 
 
 def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Rotation from FRD to NED, shape (N, 3, 3)."""
+    """Return the rotation from FRD to NED, shape (N, 3, 3)."""
     return in_frames(block, own_attitude(log, block, at))
 
 
 def own_attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Rotation from the block's own body to its own world axes, shape (N, 3, 3)."""
+    """Return the rotation from the block's body axes to its world axes, shape (N, 3, 3)."""
     return _quaternions(log, block, at) if block.quaternion is not None else _euler(log, block, at)
 
 
 def in_frames(block: Attitude, turned: Array) -> Array:
-    """Rotation from FRD to NED, shape (..., 3, 3), from that between the block's own axes."""
+    """Return the rotation from FRD to NED, shape (..., 3, 3), from that between the block's axes."""
     return np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
 
 
 def velocity(log: SessionLog, block: Velocity, at: Array, R: Array) -> Array:
-    """Velocity of the body origin over ground, FRD [m/s], shape (N, 3).
+    """Return the velocity of the body origin over ground, FRD [m/s], shape (N, 3).
 
     Args:
         log: The session.
-        block: What its columns mean.
+        block: The block of the velocity.
         at: Times [s], shape (N,).
-        R: Rotation from FRD to NED at these times, (N, 3, 3); what a velocity along world axes is turned by.
+        R: Rotation from FRD to NED at these times, (N, 3, 3); it rotates a velocity along world axes.
     """
     moved = _vector(log, block, at)
     return moved if block.frame in BODIES else np.einsum("nji,nj->ni", R, moved)
 
 
 def rates(log: SessionLog, block: Rates, at: Array) -> Array:
-    """Angular velocity, FRD [rad/s], shape (N, 3)."""
+    """Return the angular velocity, FRD [rad/s], shape (N, 3)."""
     return _vector(log, block, at)
 
 
 def commands(
     log: SessionLog, block: Commands, at: Array, dt: float, mixer: Mixer | None = None
 ) -> tuple[Array, Mask]:
-    """Commands in [-1, 1], the mean over each row of what is held from each to the next.
+    """Return commands in [-1, 1]: means over each row of the held commands.
 
     Returns:
-        Commands of the thrusters, (N, n), and which of those logged, or of what a mixer made of them, lay
-        beyond [-1, 1] and were clipped.
+        Commands of the thrusters, (N, n), and which of them, after the mixer if any, were beyond [-1, 1] and
+        were clipped.
     """
     values = np.empty((len(at), len(block.columns)))
     for i, source in enumerate(map(command, block.columns)):
@@ -174,10 +174,10 @@ def commands(
 
 
 def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> None:
-    """Refuse commands that are no shares of full thrust as the map reads them.
+    """Refuse commands that cannot be shares of full thrust.
 
     Raises:
-        DataError: a command lies so far beyond -1 to 1 that its unit must be another.
+        DataError: A command is so far beyond -1 to 1 that its unit must be another one.
     """
     for i, source in enumerate(map(command, block.columns)):
         drive = _drive(log, source, block, at, dt)
@@ -192,11 +192,11 @@ def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> No
 def in_degrees(angles: Sequence[Array]) -> bool:
     """Return whether roll, pitch and yaw cannot be radians.
 
-    Roll and pitch in radians are never beyond a turn.  Yaw in radians may count turns: it begins within one
-    and goes on in steps below half a turn.
+    Roll and pitch in radians never exceed a turn.  Yaw in radians may count turns: it starts within one turn
+    and continues in steps below half a turn.
 
     Args:
-        angles: Roll, pitch and yaw, (n,) each; NaN where there is no number.
+        angles: Roll, pitch and yaw, (n,) each; NaN for empty cells.
     """
     roll, pitch, yaw = (each[np.isfinite(each)] for each in angles)
     if max(np.abs(roll).max(initial=0.0), np.abs(pitch).max(initial=0.0)) > TURN:
@@ -207,7 +207,7 @@ def in_degrees(angles: Sequence[Array]) -> bool:
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
-    """Return what is to be told of angles that cannot be radians, as the map says; empty where they can."""
+    """Return a message if angles cannot be radians, as the map declares; else an empty string."""
     if block.columns is None or block.unit == "deg":
         return ""
     angles = [log.channel(source).values for source in block.columns]
@@ -222,16 +222,16 @@ def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
 
 
 def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: float) -> Array:
-    """One column of commands as shares of full thrust, the mean over each row."""
+    """Return one column of commands as shares of full thrust, the mean over each row."""
     given = log.channel(source)
     return averaged(Channel(given.t, _normalised(given.values, block)), at, dt)
 
 
 def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:
-    """Supply voltage [V], the last reading at or before each time (N,); NaN before the first.
+    """Return the supply voltage [V], the last reading at or before each time (N,); NaN before the first.
 
     Raises:
-        DataError: a reading is one of no vehicle, so that its unit must be another.
+        DataError: A reading is implausible, so that its unit must be another one.
     """
     given = log.channel(named(block.column))
     if not len(given.t):
@@ -249,7 +249,7 @@ def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:
 
 
 def _normalised(values: Array, block: Commands) -> Array:
-    """Commands of the block's unit as shares of full thrust."""
+    """Return commands in the block's unit as shares of full thrust."""
     if block.unit == "percent":
         return values / 100.0
     if block.unit == "pwm":
@@ -260,14 +260,14 @@ def _normalised(values: Array, block: Commands) -> Array:
 
 
 def _vector(log: SessionLog, block: Velocity | Rates, at: Array) -> Array:
-    """Three columns of a block in SI, turned into FRD or NED."""
+    """Return three columns of a block in SI, in FRD or NED."""
     columns = [interpolated(log.channel(source), at) for source in block.columns]
     values: Array = UNITS[block.unit] * np.stack(columns, axis=1) @ AXES[block.frame].T
     return values
 
 
 def _euler(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Rotation from the block's own body to its own world axes, of Euler angles."""
+    """Return the rotation from the block's body axes to its world axes, from Euler angles."""
     unit = UNITS[block.unit]
     turn = 2.0 * np.pi / unit
     about = {
@@ -279,7 +279,7 @@ def _euler(log: SessionLog, block: Attitude, at: Array) -> Array:
 
 
 def _quaternions(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Rotation from the block's own body to its own world axes, of quaternions made unit again."""
+    """Return the rotation from the block's body axes to its world axes, from normalised quaternions."""
     assert block.quaternion is not None
     channels = same_sign([log.channel(source) for source in block.quaternion])
     q = np.stack([interpolated(each, at) for each in channels], axis=1)

@@ -1,10 +1,11 @@
-"""Clocks that disagree: by how much each sensor is late on the pose, and the motion on the commands.
+"""Estimation of delays of sensors relative to the pose, and of the motion relative to the commands.
 
-Sensors are held against the pose by kinematics (see `logs.agreement`): the lag of a sensor is the shift of
-its samples with which d(position)/dt = R v and dR/dt = R S(omega) hold best.  Commands are held against the
-motion by least squares of accelerations over every delay: forces linear and quadratic in each delayed
-command, damping, the Coriolis and weight terms of a rigid body, each coefficient free.  Intervals are of
-95 %, and respect that what is left is correlated in time (Newey and West 1987; Ljung 1999, sec. 9.6).
+Sensors are compared with the pose by kinematics (see `logs.agreement`).  The lag of a sensor is the time
+shift of its samples that best satisfies d(position)/dt = R v and dR/dt = R S(omega).  Commands are compared
+with the motion by least squares of accelerations for every delay: forces linear and quadratic in each delayed
+command, damping, and the Coriolis and weight terms of a rigid body, with free coefficients.  Intervals have
+95 % confidence and account for residuals that are correlated in time (Newey and West 1987; Ljung 1999, sec.
+9.6).
 """
 
 from __future__ import annotations
@@ -25,32 +26,32 @@ from hydro.core.logs.logmap import LogMap, measured
 from hydro.core.recording.segments import GAP
 
 FARTHEST = 1.2
-"""Lags that are looked for, to both sides [s]."""
+"""Largest lag that is searched, in both directions [s]."""
 STEP = 0.1
-"""Between those tried first [s]."""
+"""Spacing of the first grid of lags [s]."""
 ROW = 0.05
-"""Rows of a window this far apart show as much as all of them [s]."""
+"""Spacing of the rows of a window [s]; closer rows add no information."""
 LEAST = 15
-"""Windows, without those that a shift would carry across a gap."""
+"""Minimum number of windows, without those that a shift would move across a gap."""
 UNEXPLAINED = 0.7
-"""Share of the motion left unexplained at the best lag from which there is no best lag."""
+"""Unexplained share of the motion at the best lag above which no lag is reported."""
 WIDEST = 0.5
-"""Half an interval that is worth telling [s]."""
+"""Maximum half-width of a reported interval [s]."""
 NORMAL = 1.96
 PLAIN = 4.0
-"""Standard errors from which a lag is plain."""
+"""Standard errors above which a lag is significant."""
 LAGS = 3
-"""Windows over which what they leave is correlated."""
+"""Lags of the residual autocorrelation, in windows."""
 
 
 @dataclass(frozen=True)
 class Offset:
-    """How late the stamps of a sensor are on the pose, or the motion is on the commands.
+    """Delay of a sensor relative to the pose, or of the motion relative to the commands.
 
     Attributes:
         block: `velocity`, `rates` or `attitude`; or `commands`.
         seconds: The estimate [s].
-        low, high: Its interval of 95 % [s].
+        low, high: Its 95 % interval [s].
         step: Median step of its samples [s].
     """
 
@@ -62,18 +63,18 @@ class Offset:
 
     @property
     def plain(self) -> bool:
-        """Whether it is no accident: off zero by far more than its interval."""
+        """Whether the delay is significant: far from zero relative to its interval."""
         half = max(self.high - self.seconds, self.seconds - self.low)
         return abs(self.seconds) > PLAIN / NORMAL * half
 
     @property
     def over_a_sample(self) -> bool:
-        """Whether it is longer than the sensor takes from one sample to the next."""
+        """Whether the delay is longer than the sensor's sample time."""
         return abs(self.seconds) > self.step
 
 
 def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
-    """A session whose sensor's stamps are earlier by some seconds."""
+    """Return a session with a sensor's stamps moved earlier by `by` seconds."""
     sources = measured(getattr(given, block))
     clocks = {one.column: log.time_of(one.column) for one in sources}
     moved = {id(t): t - by for t in clocks.values()}
@@ -83,13 +84,13 @@ def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog
 def sensor_offsets(
     logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
 ) -> list[Offset]:
-    """How late velocity, rates and attitude are on the pose, by kinematics; those that the motion shows.
+    """Estimate the delays of velocity, rates and attitude relative to the pose, where the motion shows them.
 
-    Velocity and attitude are held against the position, rates against the attitude.
+    Velocity and attitude are compared with the position, rates with the attitude.
 
     Args:
         logs: The sessions.
-        times: Of each session, the times at which all channels go on [s].
+        times: Of each session, the times at which all channels have values [s].
         dt: Sample time [s].
         given: The map that the data follow.
     """
@@ -107,7 +108,7 @@ def sensor_offsets(
 
 
 def _inner(t: Array, dt: float) -> Array:
-    """Times that are farther than the farthest lag from every gap."""
+    """Return the times that are farther than the largest lag from every gap."""
     edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
     kept = [
         part[(part > part[0] + FARTHEST) & (part < part[-1] - FARTHEST)]
@@ -120,13 +121,13 @@ def _inner(t: Array, dt: float) -> Array:
 def _estimated(
     logs: Sequence[SessionLog], taken: Sequence[Array], given: LogMap, blocks: tuple[str, ...], rows: slice
 ) -> list[Offset]:
-    """Lags of some blocks by nonlinear least squares of one identity: tried on a grid, then Gauss-Newton."""
+    """Estimate lags of some blocks by nonlinear least squares of one identity: grid, then Gauss-Newton."""
     plain = Evidence(logs, taken)
     of = testable(given)[rows]
 
     @cache
     def late(lag: float) -> Evidence:
-        return Evidence(logs, [t + lag for t in taken]) if lag else plain  # a block alone is read of it
+        return Evidence(logs, [t + lag for t in taken]) if lag else plain  # only one block is read from it
 
     def left(lags: Array) -> Array:
         moved = {block: late(round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
@@ -175,13 +176,13 @@ def _estimated(
 
 
 def _solved(J: Array, r: Array) -> Array:
-    """The Gauss-Newton step of residuals (W, c) with slopes (k, W, c); none where these show nothing."""
+    """Return the Gauss-Newton step of residuals (W, c) with slopes (k, W, c); 0 where the slopes vanish."""
     A = J.reshape(len(J), -1).T
     return np.asarray(np.linalg.lstsq(A, -r.ravel(), rcond=1e-3)[0])
 
 
 def _errors(J: Array, r: Array) -> Array:
-    """Standard errors of the estimate, (k,), with what the windows leave correlated over a few of them."""
+    """Return the standard errors of the estimate, (k,), with residuals correlated over a few windows."""
     H = np.einsum("kwc,lwc->kl", J, J)
     scores = np.einsum("kwc,wc->wk", J, r)
     S = scores.T @ scores
@@ -189,7 +190,7 @@ def _errors(J: Array, r: Array) -> Array:
         weight = 1.0 - lag / (LAGS + 1.0)
         cross = scores[lag:].T @ scores[:-lag]
         S += weight * (cross + cross.T)
-    independent = H * (r**2).mean()  # short logs: never surer than white noise of this size allows
+    independent = H * (r**2).mean()  # short logs: at least the error for white noise of this size
     if not np.linalg.eigvalsh(H)[0] > 1e-12 * np.trace(H):
         return np.full(len(H), np.inf)
     inverse = np.linalg.inv(H)
@@ -198,36 +199,37 @@ def _errors(J: Array, r: Array) -> Array:
 
 
 def _step(logs: Sequence[SessionLog], given: LogMap, block: str) -> float:
-    """Median step of a sensor's samples [s]."""
+    """Return the median step of a sensor's samples [s]."""
     first = measured(getattr(given, block))[0]
     return float(np.median([log.channel(first).step for log in logs]))
 
 
 ACCELERATED = 0.5
-"""Time over which a change of velocity is looked at [s]."""
+"""Time over which a change of velocity is taken [s]."""
 MOST_WINDOWS = 1500
 TOGETHER = 128
-"""Windows that are worked on at a time; rows of a long log between them are left out."""
+"""Number of windows processed together; rows of a long log between them are skipped."""
 LONGEST_DELAY, EARLIEST = 1.5, -0.7
-"""Delays of the motion that are looked for [s]; before the commands it comes only if clocks disagree."""
+"""Range of the delays of the motion [s]; it precedes the commands only if clocks disagree."""
 DELAY_STEP = 0.02
 DELAYS: Array = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
 LEAST_OF_EACH = 3
-"""Windows for each coefficient."""
+"""Minimum number of windows for each coefficient."""
 EXPLAINS = 0.05
-"""Share of the acceleration that the commands must explain at the best delay."""
+"""Minimum share of the acceleration that the commands explain at the best delay."""
 CHI2 = 3.84
-"""95 % of chi2 with one degree of freedom."""
+"""95 % quantile of chi-square with one degree of freedom."""
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Windows of an unbroken piece of a log.
+    """Windows of an uninterrupted part of a log.
 
     Attributes:
         change: Change of the velocity over each, (W, 6).
-        fixed: Integrals of all that a change of velocity is of beside the commands, (W, k).
-        drive: Integrals of the commands, and of them squared, at each of the delays, (delays, W, 2 n).
+        fixed: Integrals of all regressors of the acceleration except the commands, (W, k).
+        drive: Integrals of the commands, and of their signed squares, at each of the delays, (delays, W, 2
+            n).
     """
 
     change: Array
@@ -238,16 +240,16 @@ class _Piece:
 def command_delay(
     logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
 ) -> Offset | None:
-    """How much later than the commands the motion is, thrusters' own lag included.
+    """Estimate the delay of the motion relative to the commands, including the thrusters' lag.
 
     Args:
         logs: The sessions.
-        times: Of each session, the times at which all channels go on [s].
+        times: Of each session, the times at which all channels have values [s].
         dt: Sample time [s].
-        given: The map that the data follow; velocity or rates at least.
+        given: The map that the data follow, with at least velocity or rates.
 
     Returns:
-        None where the log shows none: no velocities, too short, or commands that explain no acceleration.
+        None if the log shows no delay: no velocities, too short, or commands that explain no acceleration.
     """
     axes = _axes(given)
     rows = sum(map(len, times))
@@ -268,14 +270,14 @@ def command_delay(
 
 
 def _axes(given: LogMap) -> list[int]:
-    """Axes whose velocity is measured."""
+    """Return the axes whose velocity is measured."""
     turned = given.velocity is not None and given.velocity.frame not in conventions.BODIES
     along = given.velocity is not None and (given.attitude is not None or not turned)
     return [*(range(3) if along else ()), *(range(3, 6) if given.rates is not None else ())]
 
 
 def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) -> Iterator[_Piece]:
-    """The windows of each unbroken piece of a session that is long enough for every delay."""
+    """Yield the windows of each uninterrupted part of a session that is long enough for every delay."""
     m = max(2, round(ACCELERATED / dt))
     edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
     for start, stop in pairwise(edges):
@@ -292,7 +294,7 @@ def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) ->
 
 
 def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> _Piece:
-    """Windows that begin at some of the rows at times `at`, which go on for m rows from each of them."""
+    """Build windows of m rows that start at the rows `first` of times `at`."""
     values = np.nan_to_num(motion(log, at, given))
     nu = values[:, 6:]
     steady = _beside(nu, values[:, 3], values[:, 4])
@@ -302,7 +304,7 @@ def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m:
 
 
 def _beside(nu: Array, phi: Array, theta: Array) -> Array:
-    """What accelerates a body beside its thrusters, up to coefficients, (N, 25): damping, turning, weight."""
+    """Return regressors of the acceleration except thrust, (N, 25): damping, rotation, weight, constant."""
     u, v, w, p, q, r = nu.T
     turning = np.stack([v * r, w * q, u * r, w * p, u * q, v * p, q * r, p * r, p * q], axis=1)
     weight = np.stack([np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)], axis=1)
@@ -310,7 +312,7 @@ def _beside(nu: Array, phi: Array, theta: Array) -> Array:
 
 
 def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Array:
-    """Integrals of commands over windows that begin at some rows, of each delay, (delays, W, 2 n)."""
+    """Return integrals of commands over windows from the rows `first`, for each delay, (delays, W, 2 n)."""
     drive, _ = conventions.commands(log, given.commands, at, dt, given.mixer)
     drive = np.column_stack([drive, np.abs(drive) * drive])
     summed = np.zeros((drive.shape[1], len(drive) + 1))
@@ -324,7 +326,7 @@ def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m
 
 
 def _profiled(y: Array, Z: Array, drive: Callable[[int], Array], delays: Array, dt: float) -> Offset | None:
-    """The mean of the axes' own delays by their intervals, which is the wider, the more they disagree."""
+    """Average the delays of all axes, weighted by their intervals; the interval widens if they disagree."""
     basis = _basis(Z)
 
     def beside(values: Array) -> Array:
@@ -350,17 +352,17 @@ def _profiled(y: Array, Z: Array, drive: Callable[[int], Array], delays: Array, 
 
 
 def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> tuple[float, float] | None:
-    """The delay of one axis with the greatest likelihood, and its standard error by the profile.
+    """Return the maximum-likelihood delay of one axis, and its standard error from the profile.
 
     Args:
-        y: Accelerations, less what is free beside the commands, (W,).
-        left: Sum of squares that the commands leave of them at each delay.
-        drive: The commands at the delay that leaves least, less the same, (W, n).
+        y: Accelerations, with all regressors except the commands projected out, (W,).
+        left: Residual sum of squares at each delay.
+        drive: The commands at the best delay, projected likewise, (W, n).
         delays: These delays [s].
-        share: Degrees of freedom that are left, of W.
+        share: Residual degrees of freedom as a share of W.
 
     Returns:
-        None where the commands explain hardly any of it, or no delay is better than those at the ends.
+        None if the commands explain hardly anything, or if the best delay is at an end of the range.
     """
     best = int(np.argmin(left))
     if not left[best] < (1.0 - EXPLAINS) * (y @ y) or best in (0, len(delays) - 1):
@@ -377,7 +379,7 @@ def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> t
 
 
 def _left(y: Array, drive: Array) -> Array:
-    """Sum of squares that commands leave of accelerations (W, axes), by the normal equations."""
+    """Return the residual sum of squares of accelerations (W, axes) after the commands."""
     size = np.linalg.norm(drive, axis=0)
     unit = drive[:, size > 0.0] / size[size > 0.0]
     values, vectors = np.linalg.eigh(unit.T @ unit)
@@ -387,14 +389,14 @@ def _left(y: Array, drive: Array) -> Array:
 
 
 def _basis(columns: Array) -> Array:
-    """An orthonormal basis of what columns span, scaled each to 1; of those that say nothing new none."""
+    """Return an orthonormal basis of the span of columns, each normalised; dependent ones are dropped."""
     size = np.linalg.norm(columns, axis=0)
     U, s, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     return np.asarray(U[:, s > 1e-6 * s.max(initial=0.0)])
 
 
 def _effective(r: Array) -> float:
-    """The number of independent values that a correlated series is worth."""
+    """Return the effective number of independent values of a correlated series."""
     r = r - r.mean()
     power = np.abs(np.fft.rfft(r, 2 * len(r))) ** 2
     correlation = np.fft.irfft(power)[: len(r)]
@@ -405,7 +407,7 @@ def _effective(r: Array) -> float:
 
 
 def _crossing(delays: Array, above: Array, best: int, way: int) -> float:
-    """Where the profile rises through the limit, to one side of its best, on a line between delays."""
+    """Return where the profile crosses the limit on one side of its optimum, interpolated between delays."""
     k = best
     while 0 < k < len(delays) - 1 and above[k] <= 0.0:
         k += way

@@ -1,4 +1,4 @@
-"""Latitude and longitude as metres north and east of a session's first fix."""
+"""Conversion of latitude and longitude to metres north and east of a session's first fix."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from hydro.core.columns import Array
 EQUATOR, FLATTENING = 6_378_137.0, 1.0 / 298.257223563
 """Radius at the equator [m] and flattening of the ellipsoid WGS 84."""
 NORTH, EAST = "north of the first fix", "east of the first fix"
-"""Columns that are made of latitude and longitude [m]."""
+"""Names of the columns derived from latitude and longitude [m]."""
 
 
 def metres(latitude: Array, longitude: Array, first: tuple[float, float]) -> tuple[Array, Array]:
-    """Return the ways north and east of a place, (n,) each [m], by the curvature of WGS 84 there.
+    """Return the distances north and east of a place, (n,) each [m], by the curvature of WGS 84 there.
 
     Within a kilometre the error is below a thousandth between 80 degrees south and north.
 
     Args:
         latitude: Geodetic latitudes [deg], (n,).
-        longitude: Longitudes [deg], (m,); a jump at 180 degrees is none.
+        longitude: Longitudes [deg], (m,); jumps at 180 degrees are removed.
         first: Latitude and longitude of the place [deg].
     """
     sine = np.sin(np.radians(first[0]))

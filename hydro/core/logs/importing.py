@@ -1,4 +1,4 @@
-"""A log and its map to a raw table: one clock, gaps left open, everything in NED, FRD and SI."""
+"""Conversion of a log and its map to a raw table: one clock, gaps left open, in NED, FRD and SI."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from hydro.core.vehicle.frames import euler_from_rotation
 
 @dataclass(frozen=True)
 class Gap:
-    """Rows that are not there, between two times [s] of a session."""
+    """Missing rows between two times [s] of a session."""
 
     session: str
     start: float
@@ -43,18 +43,18 @@ class Gap:
 
 @dataclass(frozen=True)
 class Imported:
-    """A raw table and how it came about.
+    """Result of an import.
 
     Attributes:
         frame: The raw table.
-        meaning: The map that reads `logs`: what was declared, with columns of derived rates.
-        logs: The sessions that gave rows, their samples at their own times and of the body origin.
-        times: Of each of them, the times at which all channels go on, on a grid of `dt` [s].
+        meaning: The map that reads `logs`: the declared one, with columns of derived rates.
+        logs: The sessions with rows, with samples at their own times and at the body origin.
+        times: Times of each session at which all channels have values, on a grid of `dt` [s].
         dt: Sample time [s].
-        gaps: Where rows are missing within sessions.
-        left_out: Sessions that have no two rows on which all channels go on.
+        gaps: Missing rows within sessions.
+        left_out: Sessions with fewer than two rows on which all channels have values.
         clipped: Number of commands beyond [-1, 1], of each thruster that has some.
-        notes: What was done to the samples before, a line each.
+        notes: Changes of the samples before the import, a line each.
     """
 
     frame: pl.DataFrame
@@ -68,33 +68,33 @@ class Imported:
     notes: tuple[str, ...] = ()
 
 
-ROUNDED = 1e-6  # of a sample time
+ROUNDED = 1e-6  # rounding tolerance in sample times
 PIECES, LEAST_ROWS = 16, 50_000
-"""A session is resampled in so many pieces, of that many rows at least: rotations are larger than rows."""
+"""Maximum number of pieces and minimum rows of a piece in resampling; pieces limit the memory of rotations.
+"""
 SLOWER = 1.5
-"""A channel whose samples come so many rows apart, or more, has nothing in the rows between."""
+"""Ratio of a channel's step to the sample time above which rows between its samples are empty."""
 
 
 def raw_table(
     logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = None, *, fill: bool = False
 ) -> Imported:
-    """Resample a log and turn it into the frames and units of a raw table.
+    """Resample a log and convert it to the frames and units of a raw table.
 
-    Pose and velocity are interpolated along straight lines, each channel between its own samples; commands
-    are held.  No row stands where a channel is silent for longer than its longest step.  Of a sensor that is
-    slower than the rows only those nearest to its samples have a value, moved there along its line: the
-    others are null.
+    Pose and velocity are interpolated linearly, each channel between its own samples.  Commands are held.
+    There are no rows where a channel is silent for longer than its longest step.  A sensor slower than the
+    rows has values only in the rows nearest to its samples, interpolated to them; other rows are null.
 
     Args:
         logs: The sessions of the log.
-        meaning: What its columns mean.
-        rate: Rows per second [Hz]; by default the median of the channels' own rates, or the fastest of them
-            where it is plainly faster; with `fill` the median in any case.
-        fill: Values in every row, on the lines between samples.
+        meaning: The map of its columns.
+        rate: Rows per second [Hz]; by default the median of the channels' rates, or the fastest rate if it is
+            clearly faster; with `fill` always the median.
+        fill: Whether to interpolate a value in every row.
 
     Raises:
-        DataError: A column has no numbers, no session has all channels at one time, or a command is no share
-            of full thrust.
+        DataError: A column has no numbers, no session has all channels at one time, or a command cannot be a
+            share of full thrust.
     """
     samples = prepared(logs, meaning)
     logs, meaning = samples.logs, samples.meaning
@@ -134,10 +134,10 @@ def raw_table(
 
 
 def _steps(logs: Sequence[SessionLog], meaning: LogMap) -> list[float]:
-    """Median step of every channel of pose and velocity in every session [s].
+    """Return the median step of every channel of pose and velocity in every session [s].
 
     Raises:
-        DataError: a column has no numbers at all.
+        DataError: A column has no numbers.
     """
     steps = []
     for source in (source for block in blocks_of(meaning).values() for source in measured(block)):
@@ -151,7 +151,7 @@ def _steps(logs: Sequence[SessionLog], meaning: LogMap) -> list[float]:
 
 
 def _check_voltage(logs: Sequence[SessionLog], meaning: LogMap) -> None:
-    """Refuse a column of the supply voltage that has no numbers at all."""
+    """Refuse a supply voltage column without numbers."""
     if meaning.voltage is not None:
         source = named(meaning.voltage.column)
         if not any(len(log.channel(source).t) for log in logs):
@@ -162,9 +162,9 @@ def _check_voltage(logs: Sequence[SessionLog], meaning: LogMap) -> None:
 
 
 def _shared(log: SessionLog, meaning: LogMap, gated: Mapping[str, Array]) -> Array:
-    """Where all channels go on, every thruster has had a command, and the map has a use, (k, 2) [s].
+    """Return the spans with data in all channels, commands of all thrusters, and use by the map, (k, 2) [s].
 
-    A sensor that lost samples as not valid, or as repeats, goes on where its readings come.
+    A sensor that lost samples as invalid or as repeats has data wherever it sent readings.
     """
     longest = meaning.time.longest_step
     found = []
@@ -183,7 +183,7 @@ def _shared(log: SessionLog, meaning: LogMap, gated: Mapping[str, Array]) -> Arr
 
 
 def _used(session: str, meaning: LogMap) -> Array | None:
-    """The stretches of a session that the map has a use for, (k, 2) [s]; None where that is all."""
+    """Return the parts of a session that the map uses, (k, 2) [s]; None if it uses all of it."""
     every = stretches(meaning)
     own = [one for one in every if one.session == session] or [one for one in every if one.session is None]
     limits = [(one.start, np.inf if one.stop is None else one.stop) for one in own]
@@ -193,7 +193,7 @@ def _used(session: str, meaning: LogMap) -> Array | None:
 def _part(
     log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool, gated: Mapping[str, Array]
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
-    """The rows of one session, and how many commands of each thruster were clipped."""
+    """Return the rows of one session, and the number of clipped commands of each thruster."""
     conventions.require_shares(log, meaning.commands, t, dt)
     seen = None if fill else _sampled(log, t, meaning, dt) & _heard(log, t, meaning, gated)
     size = max(LEAST_ROWS, -(-len(t) // PIECES))
@@ -205,7 +205,7 @@ def _part(
 def _rows(
     log: SessionLog, t: Array, meaning: LogMap, dt: float, seen: Mask | None
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
-    """Some rows of a session, with nothing where no sample was `seen`; and how many commands were clipped."""
+    """Return some rows of a session, null where no sample was `seen`, and the number of clipped commands."""
     table = pl.DataFrame(motion(log, t, meaning), schema=[*MOTION]).fill_nan(None)
     drive, beyond = conventions.commands(log, meaning.commands, t, dt, meaning.mixer)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
@@ -223,7 +223,7 @@ def _rows(
 
 
 def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array]) -> Mask:
-    """Rows within the spans of each sensor's valid samples, (N, 12); all, of those that lost none."""
+    """Return which rows are within the spans of each sensor's valid samples, (N, 12)."""
     out = np.ones((len(t), len(MOTION)), bool)
     for name, block in blocks_of(meaning).items():
         if name not in gated:
@@ -239,7 +239,7 @@ def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array
 
 
 def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:
-    """Pose and velocity at the times t (N,), (N, 12); NaN in the columns that the log has no sensor for."""
+    """Return pose and velocity at the times t (N,), (N, 12); NaN in columns without a sensor."""
     out, R = np.full((len(t), len(MOTION)), np.nan), np.tile(np.eye(3), (len(t), 1, 1))
     if (placed := meaning.position) is not None:
         first = 0 if placed.columns else 2
@@ -255,7 +255,7 @@ def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:
 
 
 def _sampled(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> Mask:
-    """In which rows the sensors behind each column of pose and velocity gave a sample, (N, 12)."""
+    """Return in which rows the sensors behind each column of pose and velocity have a sample, (N, 12)."""
     nothing = np.zeros(len(t), bool)
 
     def of(block: Block | None) -> list[Mask]:
@@ -270,7 +270,7 @@ def _sampled(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> Mask:
 
 
 def _nearest(each: Channel, t: Array, dt: float) -> Mask:
-    """The rows at times t (N,) that are nearest to a sample; all, of a channel as fast as they."""
+    """Return which rows at times t (N,) are nearest to a sample; all for a channel as fast as the rows."""
     if not each.step >= SLOWER * dt:
         return np.ones(len(t), bool)
     row = np.clip(np.searchsorted(t, each.t - 0.5 * dt), 0, len(t) - 1)

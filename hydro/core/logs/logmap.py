@@ -1,8 +1,8 @@
-"""What the columns of somebody's log mean: the map that turns a log into a raw table.
+"""Map of the columns of a log, which defines its conversion to a raw table.
 
 These structs are both the map in memory and the validator of the TOML file; `io.logmap` reads and writes it.
-Each block says in its own words which columns it takes, in which unit and frame; nothing is taken for granted
-between blocks, for logs mix conventions: a compass in NED beside a position in ENU is common.
+Each block states its columns, unit and frame.  No block inherits settings from another, since logs mix
+conventions: a compass in NED with a position in ENU is common.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class Column(_Part, frozen=True):
-    """A column of the log; its number is `scale` times what stands there plus `offset`, before any unit."""
+    """Column of the log; its value is `scale` times the cell plus `offset`, before any unit."""
 
     column: str
     scale: float = 1.0
@@ -29,19 +29,19 @@ class Column(_Part, frozen=True):
 
 
 class Command(Column, frozen=True):
-    """The column of a thruster; `reverse` where a positive command drives it against its direction."""
+    """Column of a thruster; `reverse` if a positive command drives the thruster against its direction."""
 
     reverse: bool = False
 
 
 Number = str | Column
-"""A column by its name alone, or with scale and offset."""
+"""Column given by its name, or with scale and offset."""
 
 
 class Valid(_Part, frozen=True, rename={"differs": "not"}):
-    """When a sample counts: what a column says of it, by default that it is not 0.
+    """Condition for a valid sample; by default `column` must not be 0.
 
-    Without `column` the quantity's own columns are asked, as logged: `{not = -32.768}`.
+    Without `column` the condition applies to the quantity's own columns, as logged: `{not = -32.768}`.
     """
 
     column: str | None = None
@@ -52,15 +52,15 @@ class Valid(_Part, frozen=True, rename={"differs": "not"}):
 
 
 Condition = str | Valid
-"""A column that is not 0 where a sample is valid, or what it must be."""
+"""Column that is not 0 for a valid sample, or a condition."""
 
 
 class _Sensor(_Part, frozen=True, kw_only=True):
-    """What every sensor, and the commands, may say of their samples.
+    """Common options of sensors and commands.
 
-    `valid`: the conditions under which a sample counts; others are empty cells.  `per`: a column by which
-    each value is divided.  `lag` [s]: the samples were taken that long before their stamp.  `even`: the
-    stamps are receive times of a topic that was sent at even steps; by default found from their bursts.
+    `valid`: conditions for a sample to count; other samples are empty cells.  `per`: a column by which each
+    value is divided.  `lag` [s]: time from the sample to its stamp.  `even`: the stamps are receive times of
+    a periodic topic; by default detected by their bursts.
     """
 
     valid: Condition | tuple[Condition, ...] = ()
@@ -70,11 +70,11 @@ class _Sensor(_Part, frozen=True, kw_only=True):
 
 
 class Mount(_Part, frozen=True):
-    """How a sensor sits in the vehicle.
+    """Mounting of a sensor in the vehicle.
 
-    `roll`, `pitch`, `yaw` [deg] turn its axes into the body's, as an attitude turns the body's into the
-    world's (ZYX); or `matrix` does, row by row.  Both are of axes forward, right, down, after `frame`.
-    `position` [m] is its place from the body origin in FRD.
+    `roll`, `pitch`, `yaw` [deg] rotate the sensor's axes to the body's, as an attitude rotates the body's to
+    the world's (ZYX); `matrix` gives the same rotation row by row.  Both refer to axes forward, right, down,
+    after `frame` is applied.  `position` [m] is the place from the body origin in FRD.
     """
 
     roll: float = 0.0
@@ -85,10 +85,10 @@ class Mount(_Part, frozen=True):
 
 
 class Time(_Part, frozen=True):
-    """The clock: numbers since any epoch, or text like `2025-06-01T12:00:00.25Z` (unit `iso`).
+    """Clock of a log: numbers since any epoch, or text like `2025-06-01T12:00:00.25Z` (unit `iso`).
 
-    `longest_step` [s]: silence of a channel up to which it is interpolated, beyond which there is a gap; by
-    default five of the channel's own usual steps.
+    `longest_step` [s]: longest silence of a channel that is interpolated; a longer one is a gap.  The default
+    is five median steps of the channel.
     """
 
     column: str
@@ -97,7 +97,7 @@ class Time(_Part, frozen=True):
 
 
 class Session(_Part, frozen=True):
-    """Which rows belong together: by a column or all by one `name`; parted where time stops for `gap` [s]."""
+    """Division into sessions: by a column, or all by one `name`; split where time stops for `gap` [s]."""
 
     column: str | None = None
     name: str | None = None
@@ -108,9 +108,9 @@ class Position(_Sensor, frozen=True):
     """Position of the body origin: three columns along the axes of `world`, or two and a depth or height.
 
     Two columns are the horizontal axes in the order of `world` (NED: north, east; ENU: east, north).  `depth`
-    is positive down, `height` positive up, both from the water's surface; without columns it stands alone.
-    `latitude` and `longitude` [deg], beside a depth or height, take the place of two columns: they become
-    metres north and east of a session's first fix.
+    is positive down, `height` positive up, both from the water's surface; either may be given without
+    columns.  `latitude` and `longitude` [deg] with a depth or height replace two columns: they become metres
+    north and east of a session's first fix.
     """
 
     columns: tuple[Number, ...] = ()
@@ -125,9 +125,9 @@ class Position(_Sensor, frozen=True):
 class Attitude(_Sensor, frozen=True):
     """Attitude of the axes `body` in the axes `world`: Euler angles, or a quaternion.
 
-    `columns` are roll, pitch and yaw (turns about x, y, z) whose `order` names the turns from the world
-    inward: ZYX turns by yaw, then about the new y by pitch, then about the new x by roll.  `quaternion` are
-    four columns in the order of `layout`, that turn vectors as `turns` says.
+    `columns` are roll, pitch and yaw (rotations about x, y, z).  `order` names the rotations from world to
+    body: ZYX rotates by yaw, then about the new y by pitch, then about the new x by roll.  `quaternion` are
+    four columns in the order of `layout`, which rotate vectors as given by `turns`.
     """
 
     columns: tuple[Number, ...] | None = None
@@ -141,10 +141,10 @@ class Attitude(_Sensor, frozen=True):
 
 
 class Velocity(_Sensor, frozen=True):
-    """Velocity over ground: along the body's axes, or along the world's to be rotated.
+    """Velocity over ground, along body axes or along world axes.
 
-    Of the body origin, or of a sensor elsewhere in the body where `mount` says so.  `held`: a reading that
-    repeats the last one is no reading; by default so where many do.
+    It is that of the body origin, or of a sensor placed by `mount`.  World axes are rotated to the body.
+    `held`: readings that repeat the last one are dropped; by default if many do.
     """
 
     columns: tuple[Number, ...]
@@ -157,8 +157,8 @@ class Velocity(_Sensor, frozen=True):
 class Rates(_Sensor, frozen=True, rename={"source": "from"}):
     """Angular velocity about the body's axes x, y, z (a gyroscope's, not the rates of Euler angles).
 
-    Or, with `from = "attitude"` and no columns, the slope of local parabolas through the attitude's samples
-    over `window` [s], by default of the time of five samples.
+    With `from = "attitude"` and no columns, they are slopes of local parabolas through the attitude's samples
+    over `window` [s], by default the time of five samples.
     """
 
     columns: tuple[Number, ...] = ()
@@ -180,8 +180,8 @@ class PulseWidths(_Part, frozen=True):
 class Commands(_Sensor, frozen=True):
     """Commands of the thrusters in the order of the vehicle file: -1 to 1, percent, or pulse widths.
 
-    `off`: what NaN and a pulse width of 0 mean, which autopilots write while they are disarmed: "stop" is no
-    thrust, "hold" the last thrust before.
+    `off`: meaning of NaN and of a pulse width of 0, which disarmed autopilots write: "stop" is zero thrust,
+    "hold" the last thrust before.
     """
 
     columns: tuple[str | Command, ...]
@@ -201,13 +201,12 @@ Demand = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
 
 
 class Mixer(_Part, frozen=True):
-    """What the commands are where they are demands of axes, one each, and what becomes of them.
+    """Mixer of axis demands to thruster commands.
 
     `demands` names the axis of each command column, positive along or about the body's axes (SNAME: heave
-    down).  Alone they are the commands of virtual thrusters, which the vehicle file gives a `wrench` each in
-    this order.  With `preset`, a frame of ArduSub, or with `matrix`, a row for each thruster and a column for
-    each demand, they become the thrusters' own.  `directions` reverses thrusters: 1 or -1, as ArduSub's
-    MOT_n_DIRECTION.
+    down).  Without `preset` and `matrix` they are the commands of virtual thrusters, each with a `wrench` in
+    the vehicle file in this order.  `preset` is a frame of ArduSub; `matrix` has a row for each thruster and
+    a column for each demand.  `directions` reverses thrusters: 1 or -1, as ArduSub's MOT_n_DIRECTION.
     """
 
     demands: tuple[Demand, ...]
@@ -217,7 +216,7 @@ class Mixer(_Part, frozen=True):
 
 
 class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
-    """A stretch to use [s] since the start of a `session`, or of each without a stretch of its own."""
+    """Part to use [s] since the start of a `session`, or of every session without a part of its own."""
 
     session: str | None = None
     start: float = 0.0
@@ -225,10 +224,10 @@ class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
 
 
 class Table(_Part, frozen=True):
-    """One of several files or topics that make a recording, each with its own clock.
+    """Table of a recording made of several files or topics, each with its own clock.
 
-    `files` is a pattern of file names, in which `{session}` stands for what names the session; `time` the
-    column of its clock, with `unit`.  With `name`, its columns are called NAME.COLUMN in the other tables.
+    `files` is a pattern of file names, in which `{session}` is the name of the session.  `time` is the column
+    of its clock, with `unit`.  With `name`, its columns are called NAME.COLUMN in the other tables.
     """
 
     files: str
@@ -238,7 +237,7 @@ class Table(_Part, frozen=True):
 
 
 class LogMap(_Part, frozen=True, kw_only=True):
-    """A map file; of position, attitude, velocity and rates those that the log has sensors for."""
+    """Map file; position, attitude, velocity and rates are optional, one for each sensor of the log."""
 
     time: Time = Time("time")
     position: Position | None = None
@@ -260,46 +259,46 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
 def named(source: Number) -> Column:
-    """A column by its name alone is that column with scale 1 and offset 0."""
+    """Return a column; a name alone has scale 1 and offset 0."""
     return source if isinstance(source, Column) else Column(source)
 
 
 def command(source: str | Command) -> Command:
-    """A thruster's column by its name alone is one that is not reversed."""
+    """Return a thruster's column; a name alone is not reversed."""
     return source if isinstance(source, Command) else Command(source)
 
 
 def conditions(given: Condition | tuple[Condition, ...]) -> tuple[Valid, ...]:
-    """The conditions of a sensor; a column alone must not be 0."""
+    """Return the conditions of a sensor; a column alone must not be 0."""
     every = given if isinstance(given, tuple) else (given,)
     return tuple(one if isinstance(one, Valid) else Valid(one) for one in every)
 
 
 def stretches(given: LogMap) -> tuple[Use, ...]:
-    """The stretches to use; none where all is."""
+    """Return the parts to use; empty if all is used."""
     return given.use if isinstance(given.use, tuple) else (given.use,)
 
 
 def beside(block: Sensor) -> tuple[str, ...]:
-    """Columns that a sensor takes beside its values: those that say which are valid, and divisors."""
+    """Return the auxiliary columns of a sensor: those of validity conditions, and divisors."""
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
 
 
 def blocks_of(given: LogMap) -> dict[str, Block]:
-    """The blocks of pose and velocity that a map has, by name."""
+    """Return the blocks of pose and velocity of a map, by name."""
     every: dict[str, Block | None] = {name: getattr(given, name) for name in BLOCKS}
     return {name: block for name, block in every.items() if block is not None}
 
 
 def sensors_of(given: LogMap) -> dict[str, Sensor]:
-    """The blocks of pose and velocity that a map has, the commands, and the voltage if any, by name."""
+    """Return the blocks of pose and velocity of a map, the commands, and the voltage if any, by name."""
     found: dict[str, Sensor] = {**blocks_of(given), "commands": given.commands}
     return found if given.voltage is None else {**found, "voltage": given.voltage}
 
 
 def measured(block: Block) -> tuple[Column, ...]:
-    """The columns that a block of pose or velocity takes, in its own order."""
+    """Return the columns of a block of pose or velocity, in its own order."""
     taken: list[Number] = list(block.columns or ())
     if isinstance(block, Attitude):
         taken += block.quaternion or ()
@@ -310,7 +309,7 @@ def measured(block: Block) -> tuple[Column, ...]:
 
 
 def columns_of(block: Sensor) -> list[str]:
-    """The columns of a sensor's values."""
+    """Return the columns of a sensor's values."""
     if isinstance(block, Commands):
         return [command(source).column for source in block.columns]
     if isinstance(block, Voltage):

@@ -1,4 +1,4 @@
-"""Demands of axes as commands of thrusters: the motor factors of ArduSub's frames, or a matrix of the map."""
+"""Conversion of axis demands to thruster commands: factors of ArduSub's frames, or a matrix of the map."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ PRESETS: dict[str, Array] = {
         float,
     ),
 }
-"""Motor factors of ArduSub's frames (AP_Motors6DOF, setup_motors), a row a motor, a column an axis.
+"""Motor factors of ArduSub's frames (AP_Motors6DOF, setup_motors): a row per motor, a column per axis.
 
-Heave is down here, as SNAME has it; ArduSub's throttle is up.
+Heave is positive down here, as in SNAME; ArduSub's throttle is positive up.
 """
 
 
 def matrix(mixer: Mixer) -> Array:
-    """What each thruster does of each demand, (thrusters, demands); the identity for virtual thrusters."""
+    """Return the share of each demand in each thruster, (thrusters, demands); the identity by default."""
     if mixer.preset is not None:
         found = PRESETS[mixer.preset][:, [AXES.index(demand) for demand in mixer.demands]]
     elif mixer.matrix is not None:
@@ -52,15 +52,15 @@ def matrix(mixer: Mixer) -> Array:
 
 
 def thrusters(mixer: Mixer | None, commands: int) -> int:
-    """How many thrusters so many commands drive."""
+    """Return the number of thrusters that `commands` command columns drive."""
     return commands if mixer is None else len(matrix(mixer))
 
 
 def mixed(mixer: Mixer, demands: Array) -> Array:
-    """Commands of the thrusters, (N, n), of demands in [-1, 1], (N, k).
+    """Return commands of the thrusters, (N, n), from demands in [-1, 1], (N, k).
 
-    Where demands add up to more than full thrust of a motor, ArduSub clips it in its vectored frame, and
-    scales all motors of its plane down alike in the vectored frame of six degrees of freedom.
+    If demands exceed full thrust of a motor, ArduSub clips it in its vectored frame.  In the vectored frame
+    of six degrees of freedom it scales all motors of its plane down equally.
     """
     drive: Array = demands @ matrix(mixer).T
     if mixer.preset != "ardusub_vectored_6dof":

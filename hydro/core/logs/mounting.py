@@ -1,4 +1,4 @@
-"""Where a sensor sits: its readings as those of the body; and rates of the attitude."""
+"""Conversion of readings of a mounted sensor to the body, and rates derived from the attitude."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from hydro.core.logs.conventions import AXES, BODIES, UNITS, SessionLog
 from hydro.core.logs.logmap import Attitude, Mount, Rates, Velocity, named
 
 SLOPE_SAMPLES = 5
-"""Samples of the attitude that a local parabola has by default."""
+"""Default number of attitude samples in a local parabola."""
 DERIVED = tuple(f"{name}, from the attitude" for name in "pqr")
-"""Columns of rates that stand for none of the log."""
+"""Names of derived rates, which are not columns of the log."""
 
 
 def turn(mount: Mount) -> Array:
-    """The rotation from the sensor's axes to the body's, (3, 3)."""
+    """Return the rotation from the sensor's axes to the body's, (3, 3)."""
     if mount.matrix is not None:
         return np.array(mount.matrix, float)
     return np.asarray(
@@ -27,7 +27,7 @@ def turn(mount: Mount) -> Array:
 
 
 def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
-    """Columns of a gyroscope as if its axes were the body's, in the block's own frame and unit."""
+    """Return columns of a gyroscope in body axes, in the block's frame and unit."""
     assert block.mount is not None
     t, rows = _samples(log, block)
     return _written(log, block, rows, conventions.rates(log, block, t) @ turn(block.mount).T)
@@ -36,16 +36,16 @@ def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
 def mounted_velocity(
     log: SessionLog, block: Velocity, rates: Rates | None, attitude: Attitude | None
 ) -> dict[str, Array]:
-    """Columns of a velocity log as if it sat in the body origin with the body's axes: v = R v_s - omega x r.
+    """Return columns of a DVL at the body origin in body axes: v = R v_s - omega x r.
 
     Args:
-        log: The session, its rates already put right.
+        log: The session, with corrected rates.
         block: The velocity, with its mount.
-        rates: What the columns of the rates mean.
-        attitude: The same of the attitude, by which a velocity along world axes is turned.
+        rates: The block of the rates.
+        attitude: The block of the attitude, which rotates a velocity along world axes.
 
     Raises:
-        DataError: a lever arm without rates.
+        DataError: A lever arm is given without rates.
     """
     assert block.mount is not None
     t, rows = _samples(log, block)
@@ -66,15 +66,15 @@ def mounted_velocity(
 
 
 def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tuple[Array, Array]:
-    """Angular velocity of the attitude's own samples: slopes of local parabolas of its turn.
+    """Return the angular velocity from slopes of local parabolas through attitude samples.
 
-    The turn from the middle sample to those about it is a small rotation vector, whose slope in the middle is
-    the angular velocity in body axes, exactly.
+    The rotation from the middle sample to its neighbours is a small rotation vector.  Its slope in the middle
+    is exactly the angular velocity in body axes.
 
     Args:
         log: The session.
-        block: What the attitude's columns mean.
-        window: Length of what a parabola passes through [s]; by default that of five samples.
+        block: The block of the attitude.
+        window: Length of the window of a parabola [s]; by default that of five samples.
 
     Returns:
         Times [s], shape (n,), and rates about FRD [rad/s], (n, 3); NaN where the window has too few samples.
@@ -94,14 +94,14 @@ def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tup
             continue
         s = (t[start:stop] - t[k]) / limit
         turned = (R[k].inv() * R[start:stop]).as_rotvec()
-        powers = np.stack([s, s**2], axis=1)  # through the middle sample's own turn would keep its noise
+        powers = np.stack([s, s**2], axis=1)  # no constraint at the middle sample, which would keep its noise
         design = np.column_stack([np.ones(len(s)), powers])
         out[k] = np.linalg.lstsq(design, turned, rcond=None)[0][1] / limit
     return t, out
 
 
 def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
-    """Times and rows of the samples that a vector of three columns has whole."""
+    """Return times and rows of the complete samples of a three-column vector."""
     names = [named(source).column for source in block.columns]
     values = np.stack([log.columns[name] for name in names])
     rows = np.flatnonzero(np.isfinite(values).all(axis=0))
@@ -109,7 +109,7 @@ def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
 
 
 def _written(log: SessionLog, block: Velocity | Rates, rows: Rows, values: Array) -> dict[str, Array]:
-    """Vectors in FRD or NED at some rows as the columns that the block would read them from."""
+    """Return vectors in FRD or NED at some rows as columns in the block's frame and unit."""
     own = values @ AXES[block.frame] / UNITS[block.unit]
     found = {}
     for source, part in zip(map(named, block.columns), own.T, strict=True):

@@ -1,8 +1,8 @@
-"""A log's channels on one clock: each interpolated from its own samples, none across a gap.
+"""Resampling of a log's channels to one clock, each from its own samples and never across a gap.
 
-A channel is what one column holds: times and values, without its empty cells, so that sensors of different
-rates can share a table.  A silence longer than a channel's longest step is a gap; rows exist only where every
-channel goes on.
+A channel holds the times and values of one column, without its empty cells, so that sensors of different
+rates can share a table.  A silence longer than a channel's longest step is a gap.  Rows exist only where
+every channel has data.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from hydro.core.columns import Array
 from hydro.core.errors import DataError
 
 USUAL_STEPS = 5.0
-"""A channel's silence longer than so many of its median steps is a gap, unless the map says otherwise."""
+"""Number of median steps above which a channel's silence is a gap, unless the map sets it."""
 ROUND = 0.01
-"""A rate this close to a whole number of rows per second is that number: clocks jitter and drift."""
+"""Relative distance within which a rate is rounded to a whole number: clocks jitter and drift."""
 HELD_EARLY = 0.01
-"""A command is taken by a row up to so much of a sample time before it: times are rounded, not prophetic."""
+"""Share of a sample time by which a command may follow its row: times are rounded."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +38,16 @@ class Channel:
 
     @property
     def step(self) -> float:
-        """The median step [s]; infinite where there are fewer than two samples."""
+        """Median step [s]; infinite for fewer than two samples."""
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
 
 
 def channel(t: Array, values: Array) -> Channel:
-    """The samples of a column: cells that hold a number, the first of those with the same time.
+    """Return the samples of a column: cells with a number, the first of those with the same time.
 
     Args:
         t: Times [s], shape (n,), not falling.
-        values: Shape (n,), NaN where the log has nothing.
+        values: Shape (n,), NaN where a cell is empty.
     """
     there = np.isfinite(values)
     if not there.all():
@@ -60,10 +60,10 @@ def channel(t: Array, values: Array) -> Channel:
 
 
 def sample_time(steps: Sequence[float]) -> float:
-    """The sample time that suits most channels [s]: the median of their median steps, of two the shorter.
+    """Return the sample time that suits most channels [s]: the lower median of their median steps.
 
     Args:
-        steps: Median step of each channel [s]; infinite of one with fewer than two samples.
+        steps: Median step of each channel [s]; infinite for fewer than two samples.
 
     Raises:
         DataError: No channel has two samples.
@@ -77,11 +77,11 @@ def sample_time(steps: Sequence[float]) -> float:
 
 
 def spans(each: Channel, longest: float | None = None) -> Array:
-    """First and last time of each unbroken stretch of a channel, shape (k, 2) [s].
+    """Return the first and last time of each uninterrupted span of a channel, shape (k, 2) [s].
 
     Args:
         each: The channel.
-        longest: Longest step that is no gap [s]; by default five median steps of this channel.
+        longest: Longest step within a span [s]; by default five median steps of this channel.
     """
     if not len(each.t):
         return np.empty((0, 2))
@@ -91,7 +91,7 @@ def spans(each: Channel, longest: float | None = None) -> Array:
 
 
 def common(stretches: Sequence[Array]) -> Array:
-    """Where all channels go on: the intersection of their stretches, shape (k, 2) [s]."""
+    """Return the intersection of the spans of all channels, shape (k, 2) [s]."""
     shared = stretches[0]
     for other in stretches[1:]:
         start = np.maximum(shared[:, None, 0], other[None, :, 0])
@@ -101,10 +101,10 @@ def common(stretches: Sequence[Array]) -> Array:
 
 
 def rows(shared: Array, dt: float) -> Array:
-    """Times of a session's rows [s]: multiples of `dt` from the first common time on, within the stretches.
+    """Return the times of a session's rows [s]: multiples of `dt` from the first common time, within spans.
 
-    Because all stretches share one grid, a step is either `dt` or a gap of a whole number of rows.  A
-    stretch in which only one row falls is left out: nothing can be learned from it.
+    All spans share one grid, so a step is either `dt` or a gap of a whole number of rows.  A span with a
+    single row is dropped, since it carries no information on the motion.
     """
     if not len(shared):
         return np.empty(0)
@@ -121,12 +121,12 @@ def rows(shared: Array, dt: float) -> Array:
 
 
 def interpolated(each: Channel, at: Array) -> Array:
-    """Values on a straight line between neighbouring samples, shape of `at`."""
+    """Return linearly interpolated values, shape of `at`."""
     return np.interp(at, each.t, each.values)
 
 
 def held(each: Channel, at: Array, dt: float) -> Array:
-    """The last value at or before each time (zero-order hold), shape of `at`.
+    """Return the last value at or before each time (zero-order hold), shape of `at`.
 
     Args:
         each: The channel; its first sample is not later than the first of `at`.
@@ -138,10 +138,10 @@ def held(each: Channel, at: Array, dt: float) -> Array:
 
 
 def averaged(each: Channel, at: Array, dt: float) -> Array:
-    """The mean over [t, t + dt) of what is held from each sample to the next, at each time t.
+    """Return the mean of the held values over [t, t + dt) at each time t.
 
-    A row's command acts until the next row.  One that comes a moment after the row's time, as clocks jitter,
-    would be a whole row late if it were taken at that time alone; its mean keeps the impulse of a thrust.
+    A row's command acts until the next row.  A command shortly after the row's time, due to jitter, would be
+    a whole row late if sampled at that time alone.  The mean preserves the impulse of the thrust.
 
     Args:
         each: The channel; its first sample is not later than the first of `at`.
@@ -163,14 +163,14 @@ def averaged(each: Channel, at: Array, dt: float) -> Array:
 
 
 def unwrapped(each: Channel, period: float) -> Channel:
-    """An angle without its jumps by a whole turn of `period`."""
+    """Return an angle without jumps by a whole turn of `period`."""
     return Channel(each.t, np.unwrap(each.values, period=period))
 
 
 def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
-    """The channels of a quaternion where all four have a sample, without jumps from q to -q.
+    """Return the channels of a quaternion where all four have a sample, without jumps from q to -q.
 
-    Both are the same rotation, but half-way between them lies none.
+    Both are the same rotation, but an interpolated value between them is not a rotation.
     """
     shared = quaternions[0].t
     if not all(np.array_equal(shared, other.t) for other in quaternions[1:]):

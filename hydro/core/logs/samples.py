@@ -1,4 +1,4 @@
-"""The samples of a log as its sensors took them: valid, new, at their own time, and at the body origin."""
+"""Preparation of log samples: valid, new, at the time of measurement, and at the body origin."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from hydro.core.logs.mounting import DERIVED, derived_rates, mounted_rates, moun
 from hydro.core.logs.stops import never, rest, stops
 
 REPEATS = 0.1
-"""Share of a velocity's readings that repeat the last one from which repeats are no readings."""
+"""Share of repeated readings of a velocity above which repeats are dropped."""
 SAME = 1e-9  # relative
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """Sessions whose columns hold samples alone, and what was done to them.
+    """Sessions with prepared samples, and a record of the changes.
 
     Attributes:
         logs: The sessions.
         meaning: The map that reads them: that of the log, with the columns of derived rates.
-        notes: What was done, a line each.
-        gated: Of each session, times at which readings came of blocks that lost some to `valid` or as
-            repeats [s], by the block's name: silence of its own is not silence of the log.
+        notes: Changes, a line each.
+        gated: Times of all readings of blocks that lost some to `valid` or as repeats [s], by the block's
+            name, for each session: dropped readings are not a silence of the log.
     """
 
     logs: tuple[SessionLog, ...]
@@ -55,7 +55,7 @@ class Prepared:
 
 @dataclass
 class _Work:
-    """One session under way."""
+    """Session under preparation."""
 
     log: SessionLog
     columns: MutableMapping[str, Array]
@@ -71,15 +71,15 @@ class _Work:
 
 
 def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
-    """Do what the map says of validity, divisors, repeats, stamps and mounts.
+    """Apply validity, divisors, repeats, stamps and mounts of the map.
 
     Args:
         logs: The sessions, as logged.
-        meaning: What their columns mean.
+        meaning: The map of their columns.
 
     Raises:
-        DataError: a column has two clocks, a topic is not periodic that the map calls even, or a lever arm
-            has no rates.
+        DataError: A column has two clocks, a topic declared as even is not periodic, or a lever arm has no
+            rates.
     """
     _check_shared(meaning)
     works = [_Work(log, _over(log.columns), _over(log.clocks)) for log in logs]
@@ -105,12 +105,12 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
 
 
 def _over(logged: Mapping[str, Array]) -> MutableMapping[str, Array]:
-    """What is logged, to be written over; it stays as it is, and where it is."""
+    """Return a writable overlay of the logged columns, which stay unchanged."""
     return ChainMap({}, cast("MutableMapping[str, Array]", logged))
 
 
 def _check_shared(meaning: LogMap) -> None:
-    """Refuse a column of two sensors that say different things of its samples."""
+    """Refuse a column of two sensors with different options for its samples."""
     said: dict[str, tuple[str, tuple[object, ...]]] = {}
     for where, block in sensors_of(meaning).items():
         own = (block.valid, block.per, block.lag, block.even, getattr(block, "mount", None))
@@ -124,7 +124,7 @@ def _check_shared(meaning: LogMap) -> None:
 
 
 def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
-    """Empty the cells of samples that are not valid, and divide by another column."""
+    """Empty the cells of invalid samples, and divide by another column."""
     if block.valid != ():
         there = np.isfinite(np.stack([work.columns[each] for each in names])).any(axis=0)
         good = np.ones(len(work.log.time_of(names[0])), bool)
@@ -145,7 +145,7 @@ def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
 
 
 def _stop(work: _Work, block: Commands) -> None:
-    """Put zero thrust where a command says that its thruster is off, unless the map excludes the sample."""
+    """Set zero thrust where a command turns its thruster off, unless the map excludes the sample."""
     for source in map(command, block.columns):
         name = source.column
         logged = work.log.columns[name]
@@ -157,7 +157,7 @@ def _stop(work: _Work, block: Commands) -> None:
 
 
 def _holds(log: SessionLog, one: Valid, names: Sequence[str]) -> Mask:
-    """In which rows a condition holds, (n,)."""
+    """Return in which rows a condition holds, (n,)."""
     if one.column is not None:
         return _meets(_latest(log.columns[one.column]), one)
     held = [_meets(log.columns[each], one) | ~np.isfinite(log.columns[each]) for each in names]
@@ -181,13 +181,13 @@ def _meets(values: Array, one: Valid) -> Mask:
 
 
 def _latest(values: Array) -> Array:
-    """The last number at or before each row; NaN before the first."""
+    """Return the last number at or before each row; NaN before the first."""
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
 
 
 def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded: bool) -> None:
-    """Empty the cells of readings that repeat the last one, where many do or the map says so."""
+    """Empty the cells of repeated readings, if there are many or the map demands it."""
     found, readings, moving = [], 0, 0
     for work in works:
         values = np.stack([work.columns[each] for each in names], axis=1)
@@ -209,7 +209,7 @@ def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded
 
 
 def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
-    """Give the samples their own times: even where the stamps are receive times, earlier by the lag."""
+    """Set the times of the samples: even where stamps are receive times, earlier by the lag."""
     t = logged = work.log.time_of(names[0])
     said = [np.isfinite(work.log.columns[each]) | np.isfinite(work.columns[each]) for each in names]
     for rows in _together(said):
@@ -232,7 +232,7 @@ def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
 
 
 def _together(there: Sequence[Mask]) -> list[Rows]:
-    """Rows of the messages that columns come in: columns that share a row are of one topic."""
+    """Return the rows of each topic: columns that share a row belong to one topic."""
     topics: list[Mask] = []
     for one in there:
         shared = [each for each in topics if (each & one).any()]
@@ -242,7 +242,7 @@ def _together(there: Sequence[Mask]) -> list[Rows]:
 
 
 def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
-    """Put gyroscope and velocity log into the body origin, and derive rates where they are to be."""
+    """Move gyroscope and DVL to the body origin, and derive rates if the map demands it."""
     rates, given = meaning.rates, meaning
     if rates is not None and rates.source == "attitude":
         given = msgspec.structs.replace(meaning, rates=Rates(DERIVED, lag=rates.lag))
@@ -258,7 +258,7 @@ def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
 
 
 def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]]:
-    """Put metres about the first fix in the place of latitude and longitude; say where that was."""
+    """Replace latitude and longitude by metres from the first fix, and note the fix."""
     block = meaning.position
     if block is None or block.latitude is None or block.longitude is None:
         return meaning, []
@@ -268,7 +268,7 @@ def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]
         degrees = [each.scale * work.columns[each.column] + each.offset for each in sources]
         clocks = [work.now().time_of(each.column) for each in sources]
         if np.array_equal(clocks[0], clocks[1]):
-            none = (degrees[0] == 0.0) & (degrees[1] == 0.0)  # what receivers write without a fix
+            none = (degrees[0] == 0.0) & (degrees[1] == 0.0)  # receivers write 0 without a fix
             degrees = [np.where(none, np.nan, each) for each in degrees]
         first = [float(each[np.isfinite(each)][0]) if np.isfinite(each).any() else np.nan for each in degrees]
         found = metres(degrees[0], degrees[1], (first[0], first[1]))
@@ -282,7 +282,7 @@ def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]
 
 
 def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
-    """Rates from the attitude as columns with a clock of their own."""
+    """Add rates from the attitude as columns with a clock of their own."""
     assert meaning.attitude is not None
     t, values = derived_rates(work.now(), meaning.attitude, rates.window)
     for name, part in zip(DERIVED, values.T, strict=True):
@@ -291,7 +291,7 @@ def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
 
 
 def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
-    """What was done, in words."""
+    """Describe the changes."""
     lines = []
     for name, block in sensors_of(meaning).items():
         if lost := sum(work.lost.get(name, 0) for work in works):
@@ -316,7 +316,7 @@ def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
 
 
 def _stop_notes(works: Sequence[_Work], block: Commands) -> list[str]:
-    """Return what was done to commands that say that a thruster is off, and which thrusters always are."""
+    """Return notes on commands that turn a thruster off, and on thrusters that are never used."""
     names = [command(source).column for source in block.columns]
     idle = None
     for work in works:

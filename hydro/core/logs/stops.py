@@ -1,4 +1,4 @@
-"""Commands that mean "stop": NaN in an autopilot's outputs, and pulses of width 0 while it is disarmed."""
+"""Stop commands: NaN in an autopilot's outputs, and pulses of width 0 while it is disarmed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hydro.core.logs.resample import USUAL_STEPS
 
 
 def rest(source: Command, block: Commands) -> float:
-    """Return what a column of commands holds while its thruster stands still, in the unit of the log."""
+    """Return the value of a command column for a stopped thruster, in the unit of the log."""
     neutral = block.pwm.neutral if block.unit == "pwm" else 0.0
     return (neutral - source.offset) / source.scale
 
@@ -20,16 +20,16 @@ def rest(source: Command, block: Commands) -> float:
 def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: Commands) -> Mask:
     """Return the rows of a column of commands that stop its thruster, (n,).
 
-    A pulse of width 0 is none, and an electronic speed controller without pulses stops.  NaN stops where the
-    log holds nothing else for longer than a gap of the column; in shorter runs it is a cell of a table of
-    several sensors that were put side by side.
+    A pulse of width 0 is a missing pulse, and an electronic speed controller without pulses stops.  NaN is a
+    stop if it lasts longer than a gap of the column.  A shorter run of NaN is an empty cell of a table that
+    joins several sensors.
 
     Args:
         t: Times of the rows [s], (n,), not falling.
         values: The column as logged, (n,), NaN where it holds no number.
-        unset: Rows in which the log says NaN, (n,); None where there are none.
+        unset: Rows in which the log contains NaN, (n,); None if there are none.
         source: The column.
-        block: What the map says of the commands.
+        block: The commands block of the map.
     """
     if block.off == "hold":
         return np.zeros(len(t), bool)
@@ -49,7 +49,7 @@ def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: C
 
 
 def never(columns: Mapping[str, tuple[Array, Mask]]) -> list[str]:
-    """Return the columns all of whose samples are stops, if others have commands.
+    """Return the columns that contain only stops, if other columns have commands.
 
     Args:
         columns: Values as logged and the rows that are stops, of each column.

@@ -1,1 +1,1 @@
-"""What a vehicle file predicts of a recording, shot by shot, and how that changes with its entries."""
+"""Predictions of a recording by a vehicle file, shot by shot, and their derivatives by its entries."""

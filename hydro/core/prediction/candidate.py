@@ -1,7 +1,7 @@
-"""A vehicle made ready to be held against a recording: its program, its velocity log, and its states there.
+"""Compiled vehicle for comparison with a recording: its program, DVL errors and internal states.
 
-Rotors obey the commands alone and memories of the fluid the motion alone, so both are known at every row of
-a recording before any of it is predicted.
+Rotor states depend on the commands alone, and fluid memory states on the motion alone.  So both are known at
+every row of a recording before any prediction.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from hydro.core.vehicle.frames import rotation_kernel
 from hydro.core.vehicle.thrusters import TIME_CONSTANT, lag_states
 
 COMMANDED = with_role(Role.COMMANDED)
-"""Effects that may obey commands, which jump at a row."""
+"""Effects that may depend on commands, which jump at a row."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A vehicle in numbers.
+    """Compiled vehicle.
 
     Attributes:
         program: Its forces and thrusters.
-        log: Its velocity log, (13,) of `core.effects.sensor`.
-        seas: What the waves of its file are drawn from (`program.seas`), which its program is without.
+        log: Errors of its DVL, (13,), see `core.effects.sensor`.
+        seas: Generators of the waves of its file (`program.seas`), which the program does not include.
     """
 
     program: Program
@@ -53,12 +53,12 @@ class Candidate:
 
     @property
     def thrusters(self) -> Array:
-        """The thruster table, (n, COLUMNS)."""
+        """Thruster table, (n, COLUMNS)."""
         table: Array = thrusters_of(self.program.flat)
         return table
 
     def in_sea(self, harmonics: Array) -> Candidate:
-        """The same in waves, rows of `core.effects.waves`, (H, COMPONENT)."""
+        """Return the candidate in waves, rows of `core.effects.waves`, (H, COMPONENT)."""
         return replace(self, program=in_sea(self.program, harmonics))
 
 
@@ -66,14 +66,14 @@ def candidate(vehicle: Vehicle) -> Candidate:
     """Compile a vehicle.
 
     Raises:
-        DataError: An effect that the catalogue does not admit.
+        DataError: An effect is not valid in the catalogue.
     """
     listed = entries(vehicle)
     return Candidate(assemble(vehicle, listed), velocity_log(vehicle, listed), tuple(seas(vehicle, listed)))
 
 
 def rotor_states(model: Candidate, record: Recording) -> Array:
-    """Lag states of the thrusters just before every row, (N, n)."""
+    """Return the lag states of the thrusters just before every row, (N, n)."""
     out = np.empty(record.commands.shape)
     for (first, last), resumed in zip(record.segments, record.after_gap, strict=True):
         t = record.t[first:last]
@@ -84,7 +84,7 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 
 
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
-    """The same, but the mean of just before and just after: a rotor without lag jumps at a row."""
+    """Return the mean of the lag states just before and just after every row: without lag, a rotor jumps."""
     before = rotor_states(model, record)
     if (model.thrusters[:, TIME_CONSTANT] > 0.0).all():
         return before
@@ -98,16 +98,16 @@ def rotor_states_around(model: Candidate, record: Recording) -> Array:
 
 
 def true_velocity(model: Candidate, record: Recording, logged: Array) -> Array:
-    """Velocity of CO behind what the candidate's velocity log wrote down, (N, 6)."""
+    """Return the velocity of CO from the logged one, corrected for the candidate's DVL errors, (N, 6)."""
     if not model.log.any():
         return logged
     return np.vstack([sensor.corrected(model.log, record.t[a:b], logged[a:b]) for a, b in record.segments])
 
 
 def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
-    """Internal states of the effects at every row of a known motion, (N, states).
+    """Return the internal states of the effects at every row of a known motion, (N, states).
 
-    Each segment begins as if its first velocity had always been.
+    Each segment starts in the steady state of its first velocity.
     """
     out = np.zeros((record.rows, model.program.states))
     if model.program.states:
@@ -116,7 +116,7 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
 
 
 def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
-    """Acceleration of CO over ground that the candidate's forces give along a known motion, (N, 6)."""
+    """Return the acceleration of CO over ground from the candidate's forces along a motion, (N, 6)."""
     rotors = rotor_states_around(model, record)
     return accelerations_at(np.arange(record.rows), model, record, eta, nu, rotors)
 
@@ -124,7 +124,7 @@ def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) ->
 def accelerations_at(
     rows: Rows, model: Candidate, record: Recording, eta: Array, nu: Array, rotors: Array
 ) -> Array:
-    """The same at some rows (K,), where the lag states of the thrusters are `rotors` (K, n); (K, 6)."""
+    """Return the acceleration at rows (K,) with thruster lag states `rotors` (K, n); (K, 6)."""
     out = np.empty((rows.size, 6))
     memory = memories(model, record, eta, nu)[rows]
     along = (model.program.flat, eta[rows], nu[rows], record.t[rows])
@@ -137,7 +137,7 @@ def accelerations_at(
 
 
 def commands_before(record: Recording) -> Array:
-    """Commands just before each row, those of the row before it; of a segment's first row its own. (N, n)."""
+    """Return the commands of the previous row, (N, n); for the first row of a segment its own."""
     previous = np.arange(-1, record.rows - 1)
     previous[record.segments[:, 0]] += 1
     return record.commands[previous]
@@ -145,7 +145,7 @@ def commands_before(record: Recording) -> Array:
 
 @jit
 def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
-    """Write the state of motion `s` of one row of a recording."""
+    """Write the state of motion `s` at one row of a recording."""
     s[TIME] = t
     s[POSITION : POSITION + 3] = eta[:3]
     s[VELOCITY : VELOCITY + 6] = nu
@@ -155,7 +155,7 @@ def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
 
 @jit
 def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: float, out: Array) -> None:
-    """Heun's method from row to row."""
+    """Integrate internal states by Heun's method from row to row."""
     count = out.shape[1]
     s, unused = np.zeros(MOTION), np.zeros(6)
     here, there = np.zeros(count), np.zeros(count)

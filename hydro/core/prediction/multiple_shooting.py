@@ -1,10 +1,10 @@
-"""Output error over short shots: predict a few seconds from many places of a recording, and compare.
+"""Output error over short shots: predict a few seconds from many rows of a recording, and compare.
 
-A long replay of a vehicle that is unstable on its own (the Munk moment makes most of them so) says little of
-its parameters; two seconds do, provided that each shot begins where the vehicle was.  The twelve numbers of
-that beginning are free, and eliminated shot by shot (multiple shooting, Bock 1983; variable projection, Golub
-and Pereyra 1973).  Forces, thrusters, currents and sensors all act on the prediction, so that every effect of
-the catalogue is judged in one unit: standard deviations of the measurement noise.
+Many vehicles are unstable on their own because of the Munk moment.  A long replay of such a vehicle holds
+little information on its parameters.  Two seconds do, if each shot starts from the true state.  The twelve
+initial values are free, and eliminated shot by shot (multiple shooting, Bock 1983; variable projection, Golub
+and Pereyra 1973).  Forces, thrusters, currents and sensors all act on the prediction.  So every effect of the
+catalogue is judged in one unit: standard deviations of the measurement noise.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from hydro.core.threads import spread
 from hydro.core.vehicle.frames import quaternion_product_kernel
 from hydro.core.vehicle.thrusters import same_states
 
-NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
-LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
+NUDGE = np.full(CHANNELS, 1e-3)  # step of the initial state for derivatives [m, rad, m/s, rad/s]
+LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is accurate to 1e-6 at a vehicle's time scales
 WILD = 20.0
-"""Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
+"""Error of a velocity [m/s] or rate [rad/s] above which a prediction counts as diverged."""
 ENDLESS = 1e9
-"""Residual or derivative [standard deviations] of a prediction that diverges: sums still hold it."""
-SHOTS_TOGETHER = 8  # shots of one piece of work: their derivatives stay within some tens of MB
+"""Residual or derivative of a diverging prediction [standard deviations]; sums remain finite."""
+SHOTS_TOGETHER = 8  # shots per work item, so that derivatives need at most some tens of MB
 
 
 class Places(NamedTuple):
-    """Where S shots lie in a recording.
+    """Places of S shots in a recording.
 
     Attributes:
-        commands: Of the recording, (N, n).
+        commands: Commands of the recording, (N, n).
         t: Its times [s], (N,).
         bounds: Rows of each shot's segment, (S, 2).
-        resumed: Whether that follows a gap, (S,).
+        resumed: Whether the segment follows a gap, (S,).
         starts: First row of each shot, (S,).
-        steps: Integration steps of a row.
+        steps: Integration steps per row.
     """
 
     commands: Array
@@ -59,10 +59,10 @@ class Places(NamedTuple):
 
 
 class InitialStates(NamedTuple):
-    """States at the beginning of S shots.
+    """Initial states of S shots.
 
     Attributes:
-        first: Of the body, (S, 13).
+        first: States of the body, (S, 13).
         rotors: Lag states, (S, n).
         memory: Internal states, (S, states).
     """
@@ -73,13 +73,13 @@ class InitialStates(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """How S shots answer to their initial states and to P parameters.
+    """Responses of S shots to their initial states and to P parameters.
 
     Attributes:
         changes: The parameters.
-        ahead: What a unit of each changes the internal states at the beginning by, (S, states, P).
-        own: Internal states that they have of their own, at the beginning, (S, all).
-        out: Written: deviations for a unit of the beginning and of each parameter, (S, K, 12, 12 + P).
+        ahead: Change of the initial internal states per unit of each parameter, (S, states, P).
+        own: Initial internal states of the added effects, (S, all).
+        out: Output: deviations per unit of the initial state and of each parameter, (S, K, 12, 12 + P).
     """
 
     changes: Changes
@@ -89,12 +89,12 @@ class Answers(NamedTuple):
 
     @classmethod
     def to_beginnings(cls, memory: Array, rows: int) -> Answers:
-        """Return answers to the initial states alone, with room for the deviations in `out`, (S, K, 12, 12).
+        """Return responses to the initial states alone, with space for deviations in `out`, (S, K, 12, 12).
 
-        The room is laid out as that of `sensitivity.linearise`: numba compiles `shoot` once for both.
+        The memory layout is that of `sensitivity.linearise`, so that numba compiles `shoot` only once.
 
         Args:
-            memory: Internal states at the beginnings, (S, states).
+            memory: Initial internal states, (S, states).
             rows: Rows K of every shot.
         """
         columns = np.empty((len(memory), rows, CHANNELS, CHANNELS + 1))
@@ -103,7 +103,7 @@ class Answers(NamedTuple):
 
 
 def places_of(shots: Shots, part: slice) -> Places:
-    """Where some of the shots lie."""
+    """Return the places of some shots."""
     record, segment = shots.record, shots.segment[part]
     return Places(
         commands=record.commands,
@@ -116,7 +116,7 @@ def places_of(shots: Shots, part: slice) -> Places:
 
 
 def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
-    """Which shots a candidate predicts without leaving all bounds, (S,)."""
+    """Return which shots a candidate predicts without divergence, (S,)."""
     nu = predict(prepared, shots)[..., 7:]
     with np.errstate(invalid="ignore"):
         tame = np.abs(nu - shots.measured[..., 7:]) < WILD
@@ -124,7 +124,7 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """The same shots, begun with the velocity that the candidate's log would have misread as it did."""
+    """Return the shots with initial velocities corrected for the DVL errors of a candidate."""
     first = shots.first.copy()
     first[:, 7:] = true_velocity(model, shots.record, shots.nu)[shots.starts]
     return replace(shots, first=first)
@@ -132,25 +132,26 @@ def corrected_first(shots: Shots, model: Candidate) -> Shots:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A candidate with what it brings to the beginning of every shot: rotors (S, n), memories (S, states)."""
+    """Candidate with its initial states of every shot: rotors (S, n), memories (S, states)."""
 
     model: Candidate
     rotors: Array
     memory: Array
 
     def of(self, kept: NDArray[np.bool_]) -> Prepared:
-        """The same for the shots that a mask (S,) keeps."""
+        """Return the candidate for the shots of a mask (S,)."""
         return Prepared(self.model, self.rotors[kept], self.memory[kept])
 
     def initial_states(self, first: Array, part: slice) -> InitialStates:
-        """States at the beginning of some shots, `first` (S, 13) those of the body of all."""
+        """Return the initial states of some shots; `first` (S, 13) are the body states of all shots."""
         return InitialStates(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
 
 
 def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Prepared:
-    """Work out a candidate's states at the beginning of every shot.
+    """Compute a candidate's initial states of every shot.
 
-    `like` is another one's: its thrusters, or the effects that have states, are perhaps the same.
+    States are reused from `like`, another candidate, if its thrusters or its effects with states are the
+    same.
     """
     if like is not None and same_states(like.model.thrusters, model.thrusters):
         rotors = like.rotors
@@ -165,7 +166,7 @@ def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Pre
 
 
 def _same_memories(one: Candidate, other: Candidate) -> bool:
-    """Whether two candidates see the same internal states behind a log."""
+    """Return whether two candidates have the same internal states for a recording."""
     return np.array_equal(one.log, other.log) and same_memories(one.program.flat, other.program.flat)
 
 
@@ -175,16 +176,16 @@ def predict(
     first: Array | None = None,
     part: slice = slice(None),
 ) -> Array:
-    """What would have been logged, shot by shot.
+    """Predict the logged channels, shot by shot.
 
     Args:
         prepared: The candidate.
         shots: The shots.
         first: Other initial states, (S, 13).
-        part: Which shots.
+        part: Slice of shots.
 
     Returns:
-        Position, quaternion, nu of every row, (s, length, 13); not finite where a motion diverges.
+        Position, quaternion and nu of every row, (s, length, 13); not finite where a motion diverges.
     """
     places = places_of(shots, part)
     initial = prepared.initial_states(shots.first if first is None else first, part)
@@ -205,11 +206,11 @@ def residuals(
     *,
     calmed: bool = True,
 ) -> Array:
-    """Measured less predicted in standard deviations of the noise, (s, length - lead, 12).
+    """Return measured minus predicted values in standard deviations of the noise, (s, length - lead, 12).
 
-    The attitude's is the small rotation from the predicted to the measured one, about the predicted axes.
-    Where nothing was measured it is 0.  Of shots in a sea it is weighed by what that hides, unless `calmed`
-    is False.
+    The residual of the attitude is the small rotation from the predicted to the measured one, about the
+    predicted axes.  It is 0 where nothing was measured.  Shots in waves are whitened for the waves'
+    covariance, unless `calmed` is False.
     """
     predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
@@ -222,7 +223,7 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Sum of squared residuals of each shot, (S,); infinite where a motion diverges."""
+    """Return the sum of squared residuals of each shot, (S,); infinite where a motion diverges."""
 
     def work(begin: int) -> Array:
         error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
@@ -235,12 +236,12 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
 
 
 def cost(prepared: Prepared, shots: Shots) -> float:
-    """Sum of squared residuals over all shots; infinite where a motion diverges."""
+    """Return the sum of squared residuals over all shots; infinite if a motion diverges."""
     return float(costs(prepared, shots).sum())
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Initial states (S, 13) moved by (S, 12) or (1, 12): position, small rotation (body), nu."""
+    """Return initial states (S, 13) displaced by (S, 12) or (1, 12): position, small rotation (body), nu."""
     out = np.empty((len(first), BODY))
     _displace(first, np.ascontiguousarray(np.broadcast_to(shift, (len(first), CHANNELS))), out)
     return out
@@ -258,7 +259,7 @@ def _displace(first: Array, shift: Array, out: Array) -> None:
 
 @kernel
 def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> None:
-    """Weighted differences; of the attitude, twice the vector part of q_predicted^* q_measured."""
+    """Write weighted differences; for the attitude, twice the vector part of q_predicted^* q_measured."""
     for m in range(predicted.shape[0]):
         for k in range(predicted.shape[1]):
             a, b, e = predicted[m, k], measured[m, k], out[m, k]
@@ -275,14 +276,14 @@ def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> Non
 
 @jit
 def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers | None) -> None:
-    """Predict shots; commands of its own segment alone are felt by each, from before its beginning too.
+    """Predict shots; each responds to the commands of its own segment, those before its start included.
 
     Args:
         flat: The vehicle's program.
-        places: Where they lie.
+        places: Places of the shots.
         initial: Their initial states.
-        out: Written: predicted state of the body, (S, K, 13); NaN behind a row that is not finite.
-        answers: How they answer to changes, written besides; or None.
+        out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
+        answers: Output: responses to changes; or None.
     """
     motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
     for m in range(places.starts.size):

@@ -1,8 +1,8 @@
-"""A linearised least-squares problem kept in pieces: what each stretch of data says of the parameters.
+"""Linearised least-squares problem, kept as one Gram matrix per piece of data.
 
-Residual e, columns X (how the prediction answers to each parameter): a piece is the Gram matrix of [X, e].
-Sums of pieces give estimates; their scatter gives standard errors that hold where residuals are correlated or
-the model is not quite right; and any subset of columns or pieces gives another problem at no cost.
+With the residual e and the columns X (derivatives of the prediction by each parameter), a piece is the Gram
+matrix of [X, e].  Sums of pieces give estimates.  Their scatter gives standard errors that hold for
+correlated residuals and imperfect models.  Any subset of columns or pieces gives another problem at no cost.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class Normal:
     """Gram matrices of the whitened, projected problem.
 
     Attributes:
-        gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction has
-            left all bounds.
-        freedom: Independent residuals in one piece, or in each, (S,).
+        gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction
+            diverges.
+        freedom: Number of independent residuals per piece, one number or (S,).
         channels: Sum of squares of each measured channel's residual, (S, C).
-        follow: What the eliminated unknowns of a piece take of each column and of the residual,
-            (S, Q, P + 1); Q may be 0.
-        compared: Samples of each channel in each piece, (S, C); None where all have as many.
+        follow: Response of the eliminated unknowns of a piece to each column and to the residual, (S, Q, P +
+            1); Q may be 0.
+        compared: Samples of each channel in each piece, (S, C); None if all have the same number.
     """
 
     gram: Array
@@ -53,13 +53,13 @@ class Normal:
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
-        """The problem in some of its parameters, all others held."""
+        """Return the problem in some of its parameters, with all others held."""
         kept = [*columns, -1]
         gram = self.gram[:, kept][:, :, kept]
         return replace(self, gram=gram, follow=self.follow[..., kept])
 
     def some(self, kept: NDArray[np.bool_]) -> Normal:
-        """The problem of those pieces that a mask (S,) keeps."""
+        """Return the problem of the pieces of a mask (S,)."""
         compared = None if self.compared is None else self.compared[kept]
         rest = (self.gram[kept], self.freedoms[kept], self.channels[kept], self.follow[kept])
         return Normal(*rest, compared)
@@ -70,13 +70,13 @@ class Normal:
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:
-        """Squared residual of each piece after a step (P,) of its parameters, (S,)."""
+        """Return the expected squared residual of each piece after a step (P,) of its parameters, (S,)."""
         across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
         left: Array = self.gram[:, -1, -1] - across
         return left
 
     def after(self, step: Array) -> Normal:
-        """The same problem about where a step (P,) of its parameters leads, as far as it is linear."""
+        """Return the problem after a step (P,) of its parameters, by linearity."""
         gram = self.gram.copy()
         gram[:, -1, -1] = self.expected(step)
         gram[:, :-1, -1] -= self.matrix @ step
@@ -85,17 +85,17 @@ class Normal:
 
     @property
     def residuals(self) -> float:
-        """Independent residuals in all."""
+        """Total number of independent residuals."""
         return float(self.freedoms.sum())
 
     @property
     def freedoms(self) -> Array:
-        """Independent residuals in each piece, (S,)."""
+        """Number of independent residuals in each piece, (S,)."""
         return np.broadcast_to(np.asarray(self.freedom, float), len(self.gram))
 
     @property
     def rms(self) -> Array:
-        """Root mean square residual of each channel, (C,); 1 of one without a sample."""
+        """Root mean square residual of each channel, (C,); 1 for a channel without a sample."""
         squares, count = self.channels.sum(axis=0), self.channels.shape[1]
         if self.compared is None:
             return np.asarray(np.sqrt(squares / (self.residuals / count)))
@@ -104,27 +104,28 @@ class Normal:
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Which pieces' predictions have left all bounds, (S,): they say nothing of the noise."""
+        """Which pieces' predictions diverge, (S,); these are ignored in the noise."""
         return ~np.isfinite(self.gram[:, -1, -1])
 
     @property
     def chi2(self) -> float:
-        """Mean square of the residuals within bounds: 1 where the model is true and the noise is known."""
+        """Reduced chi-square of the pieces that do not diverge: 1 for a true model and known noise."""
         within = self.gram[~self.lost, -1, -1]
         return float(within.mean()) / float(self.freedoms[~self.lost].mean()) if within.size else 1.0
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
-    """Take the first unknowns out of pieces [Z, X, e]^T [Z, X, e] by their own best values.
+    """Eliminate the first unknowns of pieces [Z, X, e]^T [Z, X, e].
 
     Args:
         gram: (S, first + P + 1, first + P + 1).
-        first: Number of unknowns Z that each piece has of its own.
-        known: Information that these have from elsewhere, (first,) or (S, first): it keeps those that a
-            piece says nothing of where they are.
+        first: Number of unknowns Z of each piece.
+        known: Prior information on them, (first,) or (S, first); unknowns that a piece does not determine
+            stay in place.
 
     Returns:
-        What is left, (S, P + 1, P + 1), and what the unknowns take of [X, e], (S, first, P + 1).
+        The reduced Gram matrices, (S, P + 1, P + 1), and the response of the unknowns to [X, e], (S, first, P
+        + 1).
     """
     own, mixed = gram[:, :first, :first] + known[..., None] * np.eye(first), gram[:, :first, first:]
     size = np.sqrt(np.einsum("sii->si", own))
@@ -134,12 +135,12 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
 
 
 def taken(gram: Array, first: int, known: Array) -> Array:
-    """How many independent residuals the first unknowns take of each piece, (S,): `first` if it shows all.
+    """Return the number of independent residuals used by the first unknowns of each piece, (S,).
 
     Args:
         gram: As for `eliminate`.
         first: Number of unknowns.
-        known: Information that these have from elsewhere, (S, first).
+        known: Prior information on them, (S, first).
     """
     own = gram[:, :first, :first]
     size = 1.0 / np.sqrt(np.einsum("sii->si", own) + known)
@@ -150,7 +151,7 @@ def taken(gram: Array, first: int, known: Array) -> Array:
 
 
 def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
-    """The step d within [low, high] that minimises d^T matrix d - 2 score^T d; matrix positive definite."""
+    """Return the step d within [low, high] that minimises d^T matrix d - 2 score^T d; matrix is definite."""
     if not score.size:
         return score
     scale = 1.0 / np.sqrt(np.diag(matrix))
@@ -165,10 +166,10 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
 
 
 def block_length(scores: Array) -> int:
-    """Pieces that belong together: ten correlation times of residual times regressor, at least twelve blocks.
+    """Return the block length in pieces: ten correlation times of the scores, with at least twelve blocks.
 
-    Scores of neighbouring pieces are correlated where the model errs for longer than a piece lasts; where the
-    residual is white noise they are not, and a piece is a block.
+    Scores of neighbouring pieces are correlated if model errors last longer than a piece.  With white
+    residuals they are not, and a piece is a block.
 
     Args:
         scores: X^T e of each piece, (S, P).
@@ -188,12 +189,12 @@ def block_length(scores: Array) -> int:
 
 
 def covariance(normal: Normal, prior: Array) -> Array:
-    """Covariance of the estimate at its minimum.
+    """Return the covariance of the estimate at its minimum.
 
-    The greater, parameter by parameter, of two: what white residuals of the size found would give; and the
-    delete-one-block jackknife of the linearised problem (the sandwich with leverage corrected, Cameron and
-    Miller 2015), which needs neither whiteness nor a true model.  Where the data
-    say nothing, the prior is what is known.
+    It combines two variances, of which the larger one counts for each parameter.  The first is that of white
+    residuals of the observed size.  The second is the delete-one-block jackknife of the linearised problem
+    (the sandwich with leverage correction, Cameron and Miller 2015), which needs neither whiteness nor a true
+    model.  The prior applies where the data hold no information.
 
     Args:
         normal: The problem at the estimate.
@@ -205,7 +206,7 @@ def covariance(normal: Normal, prior: Array) -> Array:
     information = normal.matrix.sum(axis=0)
     total = information + np.diag(prior)
     inverse = _inverse(total)
-    # By its root: near a singular matrix the product with the inverse on both sides is not symmetric.
+    # The root keeps symmetry: near a singular matrix, inverse @ matrix @ inverse is not symmetric.
     half = inverse @ _root(max(1.0, normal.chi2) * information + np.diag(prior))
     plain: Array = half @ half.T
     np.fill_diagonal(plain, np.maximum(np.diag(plain), np.diag(inverse)))  # rounding may leave less
@@ -228,7 +229,7 @@ def covariance(normal: Normal, prior: Array) -> Array:
 
 
 def _inverse(information: Array) -> Array:
-    """Inverses of information matrices (..., P, P), positive definite though rounding has made those not."""
+    """Return inverses of information matrices (..., P, P), made positive definite against rounding errors."""
     sizes, values, ways = _decomposed(information)
     over = ways / values[..., None, :]
     inverse: Array = over @ np.swapaxes(ways, -2, -1) / (sizes[..., :, None] * sizes[..., None, :])
@@ -236,14 +237,14 @@ def _inverse(information: Array) -> Array:
 
 
 def _root(information: Array) -> Array:
-    """L of an information matrix L L^T, (P, P)."""
+    """Return L of an information matrix L L^T, (P, P)."""
     sizes, values, ways = _decomposed(information)
     root: Array = sizes[:, None] * ways * np.sqrt(values)
     return root
 
 
 def _decomposed(information: Array) -> tuple[Array, Array, Array]:
-    """Roots of the diagonal (..., P), and eigenvalues, all positive, and -vectors of what is left without."""
+    """Return roots of the diagonal (..., P), and positive eigenvalues and eigenvectors of the scaled rest."""
     diagonal = np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny)
     sizes = np.sqrt(diagonal)
     values, ways = np.linalg.eigh(information / (sizes[..., :, None] * sizes[..., None, :]))

@@ -1,7 +1,7 @@
-"""Output error over short predictions whose beginnings go along with the parameters.
+"""Output-error problem over shots with free initial states.
 
-Each prediction (a shot) begins where the smoothed log saw the vehicle; its beginning is estimated with the
-parameters, so that noise in it biases nothing (Jategaonkar 2015, ch. 4; Bock 1983 for the shots).
+Each prediction (a shot) starts from the smoothed measured state.  Its initial state is estimated together
+with the parameters, so that noise in it causes no bias (Jategaonkar 2015, ch. 4; Bock 1983 for the shots).
 """
 
 from __future__ import annotations
@@ -25,21 +25,23 @@ from hydro.core.recording.shots import Shots, kept_evenly
 from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 
-OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
+OTHERWISE_NOISY = 0.1  # relative difference of residual and noise above which weights are updated
 LEAST_SIGMA = 1e-6
-OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
+OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)
+"""Ratio of a cost to its expectation above which shorter steps are tried, and the lengths of these."""
 WAVE_BANDS = 6
-"""Of a sea's frequencies, with one harmonic each: over a shot they are hardly more than a slope each."""
-FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
+"""Number of frequency bands of a sea, with one harmonic each: over a shot each is little more than a slope.
+"""
+FARTHEST = 3.0  # largest step of an initial state, in standard deviations of the measured one
 
 
 @dataclass(frozen=True)
 class OutputError:
-    """Output error over shots, whose beginnings go along with the parameters.
+    """Output-error problem over shots with free initial states.
 
     Attributes:
         shots: The shots.
-        near: A candidate made ready for them: its rotors and memories are perhaps another one's, too.
+        near: A candidate prepared for them, whose rotor and memory states may be reused.
     """
 
     shots: Shots
@@ -47,20 +49,20 @@ class OutputError:
 
     @classmethod
     def of(cls, shots: Shots, vehicle: Vehicle) -> OutputError:
-        """Begin the shots as this vehicle's velocity log says, and as the waves of its file let it be."""
+        """Build the problem with the DVL errors and the waves of a vehicle."""
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
     def at_measured_states(self, vehicle: Vehicle) -> OutputError:
-        """The problem with its shots begun as this vehicle's velocity log says."""
+        """Return the problem with initial states corrected for the DVL errors of a vehicle."""
         return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def some(self, most: int) -> OutputError:
-        """The problem with at most so many of its shots, spread evenly; itself where it has no more."""
+        """Return the problem with at most `most` of its shots, spread evenly; itself if it has fewer."""
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else OutputError(self.shots.of(kept))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """See `sensitivity.linearise`."""
+        """Linearise the problem, see `sensitivity.linearise`."""
         prepared = multiple_shooting.prepare(candidate(base), self.shots, self.near)
 
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
@@ -69,9 +71,9 @@ class OutputError:
         return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
-        """Predict anew, from beginnings moved as the linearised problem would have them.
+        """Return the cost from initial states moved by the linearised problem.
 
-        Where a shot ends far from what that problem expects, less of the way is tried, and none.
+        Shots with a cost far from its expectation try shorter moves of the initial state, at last none.
         """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         farthest = FARTHEST * self.shots.trust
@@ -94,27 +96,26 @@ class OutputError:
         return float(costs.sum()), OutputError(replace(self.shots, first=first), prepared)
 
     def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
-        """Noise of each channel as what is left in it: what the model does not explain weighs less."""
+        """Set the noise of each channel to its residual, so that unexplained channels count less."""
         sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
         return self.weighed(sigma), True
 
     def weighed(self, sigma: Array) -> OutputError:
-        """The problem with other deviations of its channels, (12,)."""
+        """Return the problem with other standard deviations of its channels, (12,)."""
         return OutputError(replace(self.shots, sigma=sigma), self.near)
 
 
 def in_waves(shots: Shots, model: Candidate) -> Shots:
-    """The shots as the waves of a vehicle's file let them be known; themselves where it has none.
+    """Return the shots with the covariance of a file's waves; unchanged if there are none.
 
-    In a prediction the sea is calm, in the recording it is not.  Over the seconds of a shot it is a few
-    harmonics of unknown amplitude whose variances the file states, so that the residual of a shot has the
-    covariance 1 + X X^T in units of the sensors' noise, X its answers to one standard deviation of each,
-    either way (the unscented transform, Julier and Uhlmann 1997: that they bend counts too).  Residuals and
-    derivatives times (1 + X X^T)^(-1/2) are white again: a fit weighs what the waves hide as little as they
-    leave of it, and its standard errors say so.  What one shot tells of the waves in the next
-    is not used.
+    Predictions assume a calm sea.  Over the seconds of a shot the sea is a few harmonics of unknown
+    amplitudes with the variances of the file.  So the residual of a shot has the covariance 1 + X X^T in
+    units of the sensors' noise.  X are its responses to one standard deviation of each amplitude in both
+    directions (the unscented transform, Julier and Uhlmann 1997, which includes curvature).  Residuals and
+    derivatives times (1 + X X^T)^(-1/2) are white again.  So a fit gives small weight to directions that
+    waves disturb, and its standard errors are larger.  Correlation of the waves between shots is not used.
     """
     if not model.seas:
         return shots
@@ -132,10 +133,10 @@ def in_waves(shots: Shots, model: Candidate) -> Shots:
 
 
 def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputError]:
-    """Where output error begins: as equation error says, unless its motion diverges.
+    """Return the initial values of output error: those of equation error, unless their motion diverges.
 
-    Where samples do not show all of the motion, equation error balances what was filled in: then it begins
-    with the values that predict best.
+    If samples do not cover all of the motion, equation error uses filled channels.  Then the values with the
+    best prediction are returned.
     """
     tried = []
     for begin in (values, *unknown.starts):

@@ -1,7 +1,7 @@
-"""What can be fitted of a vehicle: the entries of named effects as one vector, and back.
+"""Free entries of named effects as one vector, and back.
 
-An entry has a natural scale, a size at which it would be plain to see: what its record says, or dimensional
-analysis (`core.effects.units`).  It makes entries comparable and says what a standard error is large against.
+An entry has a natural scale, the size of a significant value: from its record, or from dimensional analysis
+(`core.effects.units`).  It makes entries comparable and is the reference of standard errors.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from hydro.core.simulation.estimates import with_numbers
 from hydro.core.vehicle.description import Vehicle, catalogue_name
 
 LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
-"""Greatest delay of a velocity log that is looked for [s]."""
+"""Largest delay of a DVL that is searched [s]."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of a vehicle file that is free.
+    """Free entry of a vehicle file.
 
     Attributes:
         effect: Name of the effect.
         parameter: Name of the parameter.
-        index: Place in it; () of a number.
+        index: Index in the parameter; () for a scalar.
         unit: Its unit.
-        scale: A plainly visible size.
+        scale: Size of a significant value.
         low: Least value.
         high: Greatest value.
-        step: For derivatives.
-        resolution: Share of the scale to which it is searched for, where it acts in steps; 0 of others.
+        step: Step for derivatives.
+        resolution: Resolution of the search relative to the scale, if the entry acts in steps; else 0.
     """
 
     effect: str
@@ -57,19 +57,19 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """As it is written: `linear_damping.diagonal[0]`."""
+        """Name as written: `linear_damping.diagonal[0]`."""
         return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
 
 
 @dataclass(frozen=True)
 class Free:
-    """The free entries of a vehicle.
+    """Free entries of a vehicle.
 
     Attributes:
-        vehicle: The vehicle with every fitted effect in it, new ones absent in size.
-        entries: The free numbers.
-        starts: Values to begin from, (P,) each; several where the problem has several valleys.
-        known: Names of the effects that the vehicle had already.
+        vehicle: The vehicle with every fitted effect, new ones with zero values.
+        entries: The free entries.
+        starts: Initial values, (P,) each; several if the problem may have several local minima.
+        known: Names of the effects that the vehicle already had.
     """
 
     vehicle: Vehicle
@@ -78,16 +78,16 @@ class Free:
     known: frozenset[str]
 
     def at(self, values: Array) -> Vehicle:
-        """The vehicle with these values (P,)."""
+        """Return the vehicle with these values (P,)."""
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """The same begun at these values (P,), without the entries that are to stay there."""
+        """Return the entries with initial values (P,), without those that are held there."""
         rest = tuple(entry for entry, stays in zip(self.entries, held, strict=True) if not stays)
         return replace(self, vehicle=self.at(values), entries=rest, starts=(values[~held],))
 
     def within(self, values: Array) -> Array:
-        """Values (P,) moved to the nearest within the bounds."""
+        """Return values (P,) clipped to the bounds."""
         return np.clip(values, *self.bounds)
 
     @property
@@ -103,16 +103,16 @@ class Free:
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
-    """The entries of named effects, free, but for what the vehicle file holds as known.
+    """Return the free entries of named effects, without those that the vehicle file holds as known.
 
     Args:
         vehicle: The vehicle.
         effects: Names in the catalogue, each with `.parameter` behind it where there is a choice
-            (`linear_damping.matrix`), or tables with values to begin from.
-        reach: Positions and times of the recording, (N, 4), in which an unknown anchor is looked for.
+            (`linear_damping.matrix`), or tables with initial values.
+        reach: Positions and times of the recording, (N, 4), candidates for an unknown anchor.
 
     Raises:
-        DataError: An unknown name, a name given twice, or one that acts by chance.
+        DataError: A name is unknown, given twice, or that of a random effect.
     """
     if not effects:
         raise DataError(f"name at least one effect to fit; there are {', '.join(CATALOGUE)}")
@@ -158,20 +158,20 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
 
 
 def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
-    """The `[[effect]]` table of one fitted effect, with other numbers (standard errors) or its own."""
+    """Return the `[[effect]]` table of one fitted effect, with given values (such as standard errors)."""
     shaped = next(iter(free_.at(values).effects(name)))
     return {p.name: shaped[p.name] for p in CATALOGUE[name].parameters if p.name in shaped}
 
 
 def _each(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> list[str | Mapping[str, Any]]:
-    """What a caller named; of a name that several effects of the vehicle share each of them."""
+    """Return the requested effect; for a name shared by several effects of the vehicle, each of them."""
     name, point, alternative = wanted.partition(".") if isinstance(wanted, str) else ("", "", "")
     several = vehicle.names(name)
     return [f"{one}{point}{alternative}" for one in several] if len(several) > 1 else [wanted]
 
 
 def _wanted(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> tuple[str, str | None, dict[str, Any]]:
-    """Name, alternative parameter and given values of what a caller named."""
+    """Return name, alternative parameter and given values of a requested effect."""
     given = {} if isinstance(wanted, str) else {k: v for k, v in wanted.items() if k != "name"}
     text = wanted if isinstance(wanted, str) else str(wanted.get("name"))
     name, _, alternative = text.partition(".")
@@ -191,7 +191,7 @@ def _wanted(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> tuple[str, str
 
 
 def _converted(record: Effect, table: dict[str, Any], alternative: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Return the same effect in its other form: a diagonal as a matrix, one number as one for each."""
+    """Return an effect in its other form: a diagonal as a matrix, one number as one for each thruster."""
     given = next(name for name in record.one_of if name in table)
     parameter = next(p for p in record.parameters if p.name == alternative)
     shape = _shape(record, parameter, vehicle, table)
@@ -210,7 +210,7 @@ def _converted(record: Effect, table: dict[str, Any], alternative: str, vehicle:
 def _beginnings(
     record: Effect, alternative: str | None, vehicle: Vehicle, reach: Array | None
 ) -> list[dict[str, Any]]:
-    """Tables to begin from, of an effect that the vehicle has not."""
+    """Return initial tables of an effect that the vehicle lacks."""
     if record.identification.starts is not None:
         return record.identification.starts(vehicle, reach)
     chosen = alternative or (record.one_of[0] if record.one_of else None)
@@ -218,7 +218,7 @@ def _beginnings(
 
 
 def _complete(name: str, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
-    """The table with every parameter that it leaves out, or that is None, as zeros; checked."""
+    """Return the checked table with missing parameters, or those that are None, set to zero."""
     record = CATALOGUE[name]
     full: dict[str, Any] = {"name": name} | {
         words.name: table.get(words.name, [])
@@ -243,7 +243,7 @@ def _complete(name: str, table: dict[str, Any], vehicle: Vehicle) -> dict[str, A
 
 
 def _shape(record: Effect, parameter: Parameter, vehicle: Vehicle, table: Mapping[str, Any]) -> list[int]:
-    """Lengths of a parameter, numbers of thrusters, rates and terms put in."""
+    """Return the shape of a parameter, with the numbers of thrusters, rates and terms inserted."""
     sizes = {"thrusters": len(vehicle.thruster), "rates": len(table.get("rates") or [1.0])}
     if record.structure is not None:
         sizes |= record.structure(table, f"effect {record.name}")[1]
@@ -260,7 +260,7 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
-    """Free entries of a complete table, not known nor of a servo; symmetric ones once."""
+    """Return the free entries of a complete table, symmetric ones once; known ones and servos are skipped."""
     name, found = str(table["name"]), list[Entry]()
     record = CATALOGUE[name]
     known = record.known(next(iter(vehicle.effects(name)), {}))
@@ -294,11 +294,11 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
 
 
 def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
-    """What the rest of the vehicle file amounts to."""
+    """Return sums over the rest of the vehicle file: added mass and damping."""
     linear, quadratic, drag = damping_in_sum(rest)
     return Rest(vehicle, added_mass_matrix(rest), linear, quadratic, drag)
 
 
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
-    """Unit of one entry of a parameter."""
+    """Return the unit of one entry of a parameter."""
     return parameter.unit_at(index)

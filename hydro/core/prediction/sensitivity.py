@@ -1,8 +1,8 @@
-"""The least-squares problem of predicted shots: their residuals, and how these answer to every parameter.
+"""Least-squares problem of predicted shots: residuals, and their derivatives by every parameter.
 
-Derivatives come from the variational equation (`simulation.variational_equation`) where a parameter acts
-on forces, and from the prediction itself where it acts on the velocity log alone.  What moves the moments at
-which commands take effect is predicted once more and the difference taken.
+Derivatives come from the variational equation (`simulation.variational_equation`) for parameters that act on
+forces, and from the prediction itself for parameters of the DVL.  Parameters that move the times at which
+commands take effect are differentiated by finite differences of predictions.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from hydro.core.threads import spread
 from hydro.core.vehicle.thrusters import same_states
 
 FARTHEST = 1e3
-"""What is known of a beginning anyway [m, rad, m/s, rad/s]."""
+"""Prior standard deviation of an initial state [m, rad, m/s, rad/s]."""
 
 
 @dataclass(frozen=True)
 class Moved:
-    """A candidate, and the same with one parameter changed, one each.
+    """Candidate, and its copies with one changed parameter each.
 
     Attributes:
         base: The candidate.
-        others: Those with a parameter changed.
-        shares: By how much, in the unit that the parameters of the problem are to have, (P,).
+        others: The copies with a changed parameter.
+        shares: Size of each change, in the unit of the problem's parameters, (P,).
     """
 
     base: Prepared
@@ -55,10 +55,10 @@ class Varied:
     """Parameters that act on forces.
 
     Attributes:
-        of: Which of all parameters, (Q,).
-        changes: What they change.
-        ahead: Change of the internal states at the beginning of every shot, (S, states, Q).
-        own: Internal states that they have of their own at the beginning of every shot, (S, all).
+        of: Indices among all parameters, (Q,).
+        changes: Their changes of the program.
+        ahead: Change of the initial internal states of every shot, (S, states, Q).
+        own: Initial internal states of added effects in every shot, (S, all).
     """
 
     of: Rows
@@ -75,17 +75,17 @@ def linearise(
     *,
     threads: int | None = None,
 ) -> Normal:
-    """The least-squares problem about a candidate, with the beginnings of the shots eliminated.
+    """Linearise the least-squares problem about a candidate, with the shots' initial states eliminated.
 
     Args:
         base: The candidate.
-        moved: The same with one parameter changed, one each.
-        steps: By how much, in the unit that the parameters of the problem are to have.
+        moved: Its copies with one changed parameter each.
+        steps: Size of each change, in the unit of the problem's parameters.
         shots: The shots.
-        threads: By default, as many as there are cores.
+        threads: Number of threads; by default, the number of cores.
 
     Returns:
-        Gram matrices per shot, and how the beginnings go along with the parameters.
+        Gram matrices per shot, and the responses of the initial states to the parameters.
     """
     count, near = len(moved), Moved(base, moved, np.asarray(steps, float))
     pieces = len(shots.starts)
@@ -120,7 +120,7 @@ def linearise(
         flat = columns.reshape(len(states), shots.residuals, CHANNELS + count + 1)
         tame = np.abs(flat) < ENDLESS
         lost = ~tame[..., -1].all(axis=1)
-        flat[~tame.all(axis=(1, 2)), :, :-1] = 0.0  # at the brink: no derivative to be had
+        flat[~tame.all(axis=(1, 2)), :, :-1] = 0.0  # close to divergence: no derivative available
         flat[lost] = 0.0
         flat = shots.calmed(flat, part)
         whole = np.stack([one.T @ one for one in flat])[:, order[:, None], order]
@@ -140,7 +140,7 @@ def linearise(
 
 
 def beginnings(base: Prepared, shots: Shots) -> Array:
-    """Standard deviation to which the samples of a shot place its beginning, the median of all shots, (12,).
+    """Return the standard deviation of the initial state from the samples of a shot, median of shots, (12,).
 
     Position [m], small rotation [rad], velocity [m/s] and rates [rad/s]; at most FARTHEST.
 
@@ -165,14 +165,14 @@ def beginnings(base: Prepared, shots: Shots) -> Array:
 
 
 def _same_motion(base: Prepared, other: Prepared) -> bool:
-    """Whether two candidates predict the same motion and differ in their velocity logs at most."""
+    """Return whether two candidates predict the same motion and differ at most in their DVL errors."""
     return np.array_equal(base.model.program.flat, other.model.program.flat) and np.array_equal(
         base.memory, other.memory
     )
 
 
 def _varied(near: Moved, logged: Sequence[int]) -> Varied:
-    """Those parameters, but those of the log, whose effect on the motion the variational equation gives."""
+    """Return the parameters, except those of the DVL, that the variational equation can differentiate."""
     base, program = near.base, near.base.model.program
     flat, states = program.flat, program.states
     of, kinds, where, ahead = [], [], [], []
@@ -180,7 +180,7 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
     programs = dict[bytes, tuple[int, int]]()
 
     def placed(its: Array) -> tuple[int, int]:
-        """Beginning and end of a program among all, each of which is there once."""
+        """Return start and end of a program in the concatenation, in which each program occurs once."""
         begin = sum(end - start for start, end in programs.values())
         return programs.setdefault(its.tobytes(), (begin, begin + its.size))
 
@@ -222,13 +222,13 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
 
 
 def _thrust_alone(flat: Array, other: Array) -> bool:
-    """Whether two programs of one length differ in nothing but their thruster tables."""
+    """Return whether two programs of equal length differ only in their thruster tables."""
     begin = int(flat[THRUSTER_TABLE])
     return flat.size == other.size and np.array_equal(flat[:begin], other[:begin])
 
 
 def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
-    """Predicted states (s, length, 13), and columns (s, length, 12, 12 + P + 1), the first of them filled."""
+    """Return predicted states (s, length, 13), and partly filled columns (s, length, 12, 12 + P + 1)."""
     places, known = places_of(shots, part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))
     columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
@@ -243,9 +243,9 @@ def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count:
 def _through_log(
     near: Moved, logged: Sequence[int], shots: Shots, states: Array, columns: Array, done: int
 ) -> None:
-    """What the log writes down of states and columns, and the columns of its own parameters.
+    """Apply the DVL errors to states and columns, and fill the columns of the DVL's parameters.
 
-    A reading is linear in the motion but for its bias.
+    A reading is linear in the motion except for its bias.
     """
     log, clock = near.base.model.log, np.arange(shots.length) * shots.record.dt
     nu = np.nan_to_num(states[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
@@ -263,7 +263,7 @@ def _through_log(
 
 
 def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns: Array) -> None:
-    """Columns of all other parameters, (s, K, 12, R), before that of the residual: differences from it."""
+    """Fill the columns of all other parameters, (s, K, 12, R), by differences of residuals."""
     still = columns[..., -1]
     for i, which in enumerate(rest):
         moved = multiple_shooting.residuals(near.others[which], shots, None, part, calmed=False)
@@ -272,10 +272,10 @@ def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns:
 
 @kernel
 def _weigh(states: Array, measured: Array, weight: Array, columns: Array, error: Array) -> None:
-    """Weighted residuals, and columns as weighted changes of the prediction in their sense.
+    """Write weighted residuals and weighted columns, with the sign of changes of the prediction.
 
-    The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); the prediction
-    turned by a small theta changes it by -(a theta + theta x e/2).
+    The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); a rotation of
+    the prediction by a small theta changes it by -(a theta + theta x e/2).
     """
     multiple_shooting.deviate(states, measured, weight, error)
     for m in range(states.shape[0]):

@@ -1,16 +1,16 @@
-"""The motion that a vehicle's model makes of samples which do not show it all: where predictions begin.
+"""Model-based state estimate for recordings whose samples do not show the whole motion.
 
-Positions alone show no attitude, attitude and depth alone no surge or sway; but the commands are known, and
-what the model makes of them is near the truth for a while.  An extended Kalman filter goes over each segment
-in windows of half a second, each predicted by the model and corrected by its samples, and a Rauch-Tung-
-Striebel smoother goes back (Sarkka 2013, ch. 5 and 9).  Where no sample shows the heading, several are tried.
+Positions alone do not show the attitude; attitude and depth alone do not show surge or sway.  But the
+commands are known, and a model's response to them is accurate for a while.  An extended Kalman filter
+processes each segment in windows of half a second; each window is predicted by the model and corrected by its
+samples.  A Rauch-Tung-Striebel smoother runs backwards (Sarkka 2013, ch. 5 and 9).  If no sample shows the
+heading, several are tried.
 
-How much the model errs is not known beforehand: within a window, where it adds to the noise of the samples,
-and from window to window.  Both are multiples of the least that is supposed of any model, and the multiples
-that make the samples likeliest are taken.  A wrong model is not believed then, and what it fills is known to
-be doubtful.
+The model error is unknown in advance: within a window, where it adds to the noise of the samples, and between
+windows.  Both are multiples of the smallest error assumed for any model, selected by maximum likelihood.  So
+a wrong model gets a small weight, and the channels that it fills have a large uncertainty.
 
-What comes of it fills the channels that a segment never saw.  No likelihood has a term of them.
+The result fills the channels that a segment never measured.  No likelihood includes these channels.
 """
 
 from __future__ import annotations
@@ -40,43 +40,43 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states, euler_from_quaternion, quaternion_from_euler
 
 BLIND_SECONDS = 5.0
-"""Length of a shot where its own samples do not show all of the motion: what it does not show decays."""
+"""Length of a shot whose samples do not show the whole motion [s]: errors of unmeasured states decay."""
 LEAST_ROOM = 4.0
-"""Shots of that length that the longest stretch without a gap must have room for."""
+"""Minimum length of the longest segment, in shots of that length."""
 WINDOW = 0.5
 """Length of a window [s]."""
 AT_FIRST = np.repeat([0.5, 0.3, 0.5, 0.3], 3)
 """Standard deviation of the state at the beginning of a segment [m, rad, m/s, rad/s]."""
 ASTRAY = np.repeat([1e-3, 1e-3, 0.1, 0.2], 3)
-"""What a good model errs in a second, as a random walk, likewise."""
+"""Random-walk error of a good model in a second, in the same units."""
 LEAST = np.repeat([0.01, 0.01, 0.02, 0.02], 3)
-"""Least noise of a sample in the filter, likewise: a good model errs as much within a window."""
+"""Minimum noise of a sample in the filter, in the same units: a good model has errors of this size."""
 COARSER = 3.0
-"""Factor from one multiple of both to the next that is tried."""
+"""Factor between consecutive multiples of both errors."""
 MOST_COARSE = 5
-"""Steps at most: a model that errs 243 times as much says nothing."""
+"""Maximum number of steps: a model with 243 times the error holds no information."""
 TELLING = 60.0
-"""Time after the first command from which the error of the model is estimated [s]."""
+"""Length of data after the first command used to estimate the model error [s]."""
 CORRECTIONS = 3
-"""Of a window by Gauss and Newton."""
+"""Gauss-Newton iterations of a window."""
 HEADINGS = 12
 TRIAL = 20.0
-"""How long each heading is tried [s]."""
+"""Length of the trial of each heading [s]."""
 PSI = 5
 WILD = 1e3
-"""Size of a state beyond which a prediction is lost."""
+"""Size of a state above which a prediction counts as diverged."""
 
 
 class _Window(NamedTuple):
-    """One window of the filter.
+    """Window of the filter.
 
     Attributes:
         first: Its first row in the recording.
-        state: At its beginning, with its samples, (13,).
-        spread: Covariance of that, (12, 12).
-        answer: How the end answers to the beginning, (12, 12).
+        state: State at its start, given its samples, (13,).
+        spread: Covariance of that state, (12, 12).
+        answer: Response of the end to the start, (12, 12).
         ahead: State at the end, (13,).
-        ahead_spread: Covariance of that, (12, 12).
+        ahead_spread: Covariance of that state, (12, 12).
     """
 
     first: int
@@ -88,24 +88,24 @@ class _Window(NamedTuple):
 
 
 class _Errs(NamedTuple):
-    """How much a model errs, as multiples of the samples' noise, at least LEAST, and of ASTRAY."""
+    """Model error, as multiples of the samples' noise (at least LEAST) and of ASTRAY."""
 
     within: float = 1.0
     between: float = 1.0
 
 
 DOUBTED = _Errs(within=9.0, between=9.0)
-"""Of a model that is not known to be right, while the heading is looked for."""
+"""Model error assumed while the heading is searched."""
 
 
 @dataclass(frozen=True)
 class _Segment:
-    """One segment to go over.
+    """Segment to filter.
 
     Attributes:
         model: The vehicle.
         record: The recording.
-        number: Of the segment.
+        number: Number of the segment.
         logged: Measured states, (N, 13).
         seen: Which of them are samples, (N, 12).
         sigma: Their noise, (12,).
@@ -124,12 +124,12 @@ class _Segment:
 
     @property
     def bounds(self) -> Rows:
-        """First and past-the-last row."""
+        """First row and the row after the last."""
         bounds: Rows = self.record.segments[self.number]
         return bounds
 
     def predicted(self, state: Array, row: int, rows: int) -> tuple[Array, Array]:
-        """States (rows, 13) from one at a row on, and how they answer to it, (rows, 12, 12)."""
+        """Return states (rows, 13) from a state at a row, and their responses to it, (rows, 12, 12)."""
         part = slice(self.number, self.number + 1)
         places = Places(
             self.record.commands,
@@ -146,9 +146,9 @@ class _Segment:
 
 
 def tracked(vehicle: Vehicle, record: Recording) -> Recording:
-    """The recording with the channels that a segment never saw filled as the vehicle's model has them.
+    """Fill the channels that a segment never measured with the vehicle's model.
 
-    It is returned as it is where every channel was seen, or the model does not follow the samples.
+    The recording is returned unchanged if every channel was measured, or if the model diverges.
 
     Args:
         vehicle: The model.
@@ -178,9 +178,9 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
 
 
 def shot_seconds(record: Recording) -> float:
-    """How long the shots of a recording should be [s]: longer where their beginnings show poorly.
+    """Return the length of a recording's shots [s]: longer where initial states are poorly measured.
 
-    Position is no matter: hardly a force depends on it.
+    Position is ignored, since hardly any force depends on it.
     """
     if record.seen is None:
         return SHOT_SECONDS
@@ -190,7 +190,7 @@ def shot_seconds(record: Recording) -> float:
 
 
 def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
-    """States of every row of a segment, (n, 13), and their mean variance, (12,); None where it is lost."""
+    """Return the states of a segment's rows, (n, 13), and their mean variance, (12,); None if diverged."""
     start, stop = here.bounds
     begin = here.logged[start].copy()
     spread = np.diag(AT_FIRST**2)
@@ -208,7 +208,7 @@ def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
 
 
 def _telling(here: _Segment) -> int:
-    """Return the row up to which the error of the model is estimated, TELLING after the first command."""
+    """Return the end row of the data used to estimate the model error, TELLING after the first command."""
     start, stop = here.bounds
     commanded = np.flatnonzero(here.record.commands[start:stop].any(axis=1))
     first = int(commanded[0]) if len(commanded) else 0
@@ -216,11 +216,11 @@ def _telling(here: _Segment) -> int:
 
 
 class _Filtered(NamedTuple):
-    """A pass of the filter over a segment.
+    """Forward pass of the filter over a segment.
 
     Attributes:
-        windows: From the beginning to a row.
-        cost: Twice the negative logarithm of the likelihood of their samples, up to a constant.
+        windows: Windows from the start to a row.
+        cost: Minus twice the log-likelihood of their samples, up to a constant.
     """
 
     windows: list[_Window]
@@ -228,7 +228,7 @@ class _Filtered(NamedTuple):
 
 
 def _likeliest(here: _Segment, state: Array, spread: Array, stop: int) -> _Errs:
-    """Return how much the model errs that makes samples likeliest, from the least on, each step COARSER."""
+    """Return the model error of maximum likelihood, by a search upwards in steps of COARSER."""
 
     def cost(errs: _Errs) -> float:
         return _filtered(here, state, spread, stop, errs).cost
@@ -249,7 +249,7 @@ def _likeliest(here: _Segment, state: Array, spread: Array, stop: int) -> _Errs:
 
 
 def _filtered(here: _Segment, state: Array, spread: Array, stop: int, errs: _Errs) -> _Filtered:
-    """Go over a segment from its beginning to a row."""
+    """Filter a segment from its start to a row."""
     start, rows = int(here.bounds[0]), max(round(WINDOW / here.record.dt), 1)
     windows, total = list[_Window](), 0.0
     for first in range(start, stop, rows):
@@ -266,9 +266,9 @@ def _filtered(here: _Segment, state: Array, spread: Array, stop: int, errs: _Err
 def _corrected(
     here: _Segment, expected: Array, spread: Array, first: int, count: int, errs: _Errs
 ) -> tuple[_Window, float] | None:
-    """A window with its samples, and their cost; None where it is lost.
+    """Correct a window by its samples; return it and its cost, or None if it diverges.
 
-    The state at its beginning is the most likely one given both.
+    Its initial state is the most likely one given prediction and samples.
     """
     known, sigma = np.linalg.inv(spread), errs.within * here.sigma
     seen, length = here.seen[first : first + count], min(count + 1, int(here.bounds[1]) - first)
@@ -298,14 +298,14 @@ def _corrected(
 
 
 def _apart(state: Array, other: Array) -> Array:
-    """What has to be added to another state for this one: position, small rotation (body), nu, (12,)."""
+    """Return the difference from `other` to `state`: position, small rotation (body), nu, (12,)."""
     out = np.empty((1, 1, CHANNELS))
     deviate(other[None, None], state[None, None], np.ones(CHANNELS), out)
     return np.asarray(out[0, 0])
 
 
 def _smoothed(here: _Segment, windows: list[_Window]) -> tuple[Array, Array]:
-    """States of every row of the segment, from the last window back, (n, 13); their mean variance, (12,)."""
+    """Smooth the states of every row of the segment, (n, 13); also return their mean variance, (12,)."""
     start, stop = here.bounds
     out, variances = np.empty((stop - start, BODY)), []
     behind: tuple[Array, Array] | None = None

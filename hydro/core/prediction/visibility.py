@@ -1,8 +1,8 @@
-"""What a recording shows of the motion, axis by axis, where sensors are missing.
+"""Observability of the motion in a recording with missing sensors, axis by axis.
 
-By Fisher's information: how well the samples of a shot, with its commands and the model, place each number of
-its beginning.  A velocity without samples may be known well by how position or attitude change; one that
-nothing answers to is not shown at all, and nor is what acts on it alone.
+It uses Fisher information: the standard deviation of each component of a shot's initial state, given the
+samples, the commands and the model.  A velocity without samples may be well known from changes of position or
+attitude.  A velocity that affects no sample is not observable, and neither are forces that act on it alone.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hydro.core.vehicle.description import Vehicle
 
 MOST_SHOTS = 60
 NOT_SHOWN = np.repeat([1.0, 0.5, 1.0, 0.5], 3)
-"""Standard deviation from which a number is said not to be shown [m, rad, m/s, rad/s]."""
+"""Standard deviation above which a component is not observable [m, rad, m/s, rad/s]."""
 SENSORS = ("position", "attitude", "velocity", "rates of turn")
 AXES = (
     ("north", "east", "depth"),
@@ -31,7 +31,7 @@ AXES = (
 
 
 def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
-    """What a raw table cannot show, or shows by its other sensors alone; a line for each missing sensor.
+    """Return one line for each missing sensor: components that are not observable, and the others' accuracy.
 
     Args:
         vehicle: The vehicle.
@@ -44,7 +44,7 @@ def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
 
 
 def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
-    """The same of a recording that has been read."""
+    """Return the same lines for a recording that has been read."""
     if record.seen is None or record.seen.any(axis=0).all():
         return ()
     never, known = np.logical_not(record.seen.any(axis=0)), _known(vehicle, record)
@@ -58,7 +58,7 @@ def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
 
 
 def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str:
-    """What is known of some numbers of one sensor without it."""
+    """Describe the accuracy of some components of a missing sensor."""
     columns, units = (*POSE, *VELOCITY), (*POSE_UNITS, *VELOCITY_UNITS)
     pairs = list(zip(places, names, strict=True))
     dark = [name for place, name in pairs if not known[place] < NOT_SHOWN[place]]
@@ -73,10 +73,10 @@ def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str
 
 
 def _known(vehicle: Vehicle, record: Recording) -> Array:
-    """Return the standard deviation to which a recording places the beginnings of shots, (12,).
+    """Return the standard deviation of the initial states of shots, (12,).
 
-    It is the median over the shots, for a right model, or the doubt of filled channels where that is
-    greater: the doubt contains the error of the model.
+    It is the median over the shots for a true model, or the uncertainty of filled channels if that is larger,
+    since that includes the model error.
     """
     filled = tracked(vehicle, record)
     shots = make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)

@@ -1,12 +1,12 @@
-"""Equation error over windows: the balance of a vehicle, moved off the noise by a smooth test function.
+"""Equation error over windows: the equation of motion integrated with a smooth test function.
 
     int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3
 
-a is the acceleration that the vehicle's program gives along the smoothed motion, so no measured acceleration
-is needed (weak form, Messenger and Bortz 2021).  The kinematics stand beside it, d(x, y, z)/dt = R v, where
-the errors of a velocity log show and no force can.
+Here a is the acceleration of the vehicle's program along the smoothed motion, so no measured acceleration is
+needed (weak form, Messenger and Bortz 2021).  The kinematics d(x, y, z)/dt = R v are added as equations; they
+show errors of a DVL and are independent of forces.
 
-Of a long recording, windows spread evenly over it are enough, and forces are worked out on their rows alone.
+For a long recording, evenly spread windows suffice, and forces are computed at their rows alone.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
 WINDOW_SECONDS = 2.0
-"""Length of a window; neighbours overlap by half."""
-EQUATIONS = 9  # of a window
-SHARED = 4  # of them that overlapping neighbours have in common
+"""Length of a window [s]; neighbours overlap by half."""
+EQUATIONS = 9  # equations of a window
+SHARED = 4  # equations that overlapping neighbours share
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Windows:
         record: The recording.
         eta: Smoothed pose, (N, 6).
         nu: Smoothed velocity as logged, (N, 6).
-        rows: The rows that windows cover, rising, (K,).
+        rows: The rows that windows cover, ascending, (K,).
         starts: Place in `rows` of the first row of each window, (W,).
         test: phi at the rows of a window, times dt, (L,).
-        slope: phi' likewise, (L,).
+        slope: phi' at these rows, (L,).
         whitener: W with W^T W the inverse covariance of a window's residuals, (9, 9).
-        freedom: Independent equations in a window, or in each, (W,).
-        share: Of all windows that the recording has room for.
-        known: Weight of each equation by what samples show of it, (W, 9); None where all are samples.
+        freedom: Number of independent equations per window, one number or (W,).
+        share: Share of all possible windows of the recording.
+        known: Weight of each equation by its share of samples, (W, 9); None if all values are samples.
     """
 
     record: Recording
@@ -80,14 +80,14 @@ class Windows:
         seconds: float = WINDOW_SECONDS,
         run: int = 1,
     ) -> Windows:
-        """Lay windows over a recording.
+        """Build windows over a recording.
 
         Args:
             record: The recording.
-            sigma: Noise of the twelve channels; by default found from the recording.
+            sigma: Noise of the twelve channels; by default estimated from the recording.
             most: Windows to keep of a long recording, see `shooting.evenly`; by default all.
             seconds: Length of a window; at least nine rows.
-            run: Number of consecutive windows that are kept or left out together.
+            run: Number of consecutive windows that are kept or dropped together.
 
         Raises:
             DataError: No segment is as long as a window.
@@ -127,12 +127,12 @@ class Windows:
         )
 
     def residuals(self, vehicle: Vehicle) -> Array:
-        """Whitened residuals of a vehicle, (W, 9)."""
+        """Return the whitened residuals of a vehicle, (W, 9)."""
         model = candidate(vehicle)
         return self._residuals(model, self._rotors(model))
 
     def _rotors(self, model: Candidate) -> Array:
-        """Lag states of the thrusters at the rows of the windows, (K, n)."""
+        """Return the lag states of the thrusters at the rows of the windows, (K, n)."""
         return rotor_states_around(model, self.record)[self.rows]
 
     def _residuals(self, model: Candidate, rotors: Array) -> Array:
@@ -152,7 +152,7 @@ class Windows:
         return np.asarray(np.diff(first, prepend=-1 - step) == step)
 
     def sums(self, values: Array) -> Array:
-        """Integrals of signals times the test function, (W, k).
+        """Return the integrals of signals times the test function, (W, k).
 
         Args:
             values: Signals at the rows of the windows, (K, k).
@@ -164,7 +164,7 @@ class Windows:
         return found
 
     def changes(self, values: Array) -> Array:
-        """Integrals of the derivative of signals times the test function, (W, k).
+        """Return the integrals of the derivative of signals times the test function, (W, k).
 
         Args:
             values: Signals at the rows of the windows, (K, k).
@@ -173,40 +173,40 @@ class Windows:
         return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
 
     def drifting(self, model: Candidate) -> Array:
-        """Acceleration of a vehicle with its thrusters at rest, at the rows of the windows, (K, 6)."""
+        """Return the acceleration of a vehicle without thrust, at the rows of the windows, (K, 6)."""
         record, rows = self.record, self.rows
         at_rest = np.zeros((rows.size, record.commands.shape[1]))
         nu = true_velocity(model, record, self.nu)
         return np.asarray(accelerations_at(rows, model, record, self.eta, nu, at_rest))
 
     def moved(self, model: Candidate) -> Array:
-        """Acceleration that the recording shows, integrated, (W, 6)."""
+        """Return the measured acceleration, integrated with the test function, (W, 6)."""
         return self.changes(true_velocity(model, self.record, self.record.nu)[self.rows])
 
     @property
     def shown(self) -> Mask:
-        """Which of the six balances some window shows, (6,)."""
+        """Which of the six equations of motion have samples in some window, (6,)."""
         known = np.ones((1, EQUATIONS)) if self.known is None else self.known
         return np.asarray((known[:, :6] > 0.0).any(axis=0))
 
     def counted(self, whitened: Array) -> Array:
-        """Whitened residuals or answers (..., W, k), k at most 9, by what samples show of each equation."""
+        """Weight whitened residuals or responses (..., W, k), k at most 9, by the share of samples."""
         return whitened if self.known is None else whitened * self.known[:, : whitened.shape[-1]]
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """The least-squares problem about a vehicle; the residual counts as measured less predicted."""
+        """Linearise the least-squares problem about a vehicle; the residual is measured minus predicted."""
         columns = self.columns(base, moved, steps)
         gram = columns.transpose(0, 2, 1) @ columns
         error = columns[..., -1]
         return Normal(gram, self.freedom, error**2, np.zeros((len(error), 0, len(moved) + 1)))
 
     def columns(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Array:
-        """What a unit of each parameter takes off the whitened residuals, and these last, (W, 9, P + 1).
+        """Return whitened derivatives of the prediction by each parameter, and the residual, (W, 9, P + 1).
 
         Args:
             base: The vehicle.
-            moved: The same with one parameter changed, one each.
-            steps: By how much.
+            moved: Its copies with one changed parameter each.
+            steps: Size of each change.
         """
         here = candidate(base)
         rotors = self._rotors(here)
@@ -224,12 +224,12 @@ class Windows:
         return columns
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
-        """Sum of squares."""
+        """Return the sum of squares."""
         total = float((self.residuals(vehicle) ** 2).sum())
         return (total if np.isfinite(total) else np.inf), self
 
     def reweighted(self, normal: Normal) -> tuple[Windows, bool]:
-        """Weights from what is left."""
+        """Update the weights from the residuals."""
         squares = normal.channels.sum(axis=0)
         counted = len(normal.channels) if self.known is None else (self.known**2).sum(axis=0)
         rms = np.sqrt(squares / np.maximum(counted, 1.0))
@@ -239,7 +239,7 @@ class Windows:
 
 
 def _runs(count: int, most: int | None, run: int) -> Rows:
-    """Indices of the windows to keep, at most `most`, in runs of consecutive ones."""
+    """Return indices of the windows to keep, at most `most`, in runs of consecutive ones."""
     if most is None or count <= most or run == 1:
         return evenly(count, most)
     kept = evenly(count // run, most // run) * run
@@ -248,10 +248,10 @@ def _runs(count: int, most: int | None, run: int) -> Rows:
 
 
 def _known(record: Recording, rows: Rows) -> Array:
-    """Weight of each equation of windows with these rows (W, L): root of the share of rows with a sample.
+    """Return the weight of each equation of windows with rows (W, L): root of the share of sampled rows.
 
-    None where a channel is filled with what a model makes of it, nor of the kinematics where position or
-    velocity is no sample, for one of the two was made of the other.
+    The weight is 0 if a channel is filled by a model.  It is 0 for the kinematics if position or velocity is
+    not sampled, since one of them was then derived from the other.
     """
     assert record.seen is not None
     share = record.seen[rows].mean(axis=1)

@@ -1,1 +1,1 @@
-"""What a recording shows of its own sensors and columns before anything is fitted to it."""
+"""Tests of sensors and columns of a recording before any fit."""

@@ -1,11 +1,11 @@
-"""Noise of velocities that is not white, from kinematics alone.
+"""Coloured noise of velocities, estimated from kinematics alone.
 
-A Doppler log that averages, or a filter behind it, errs alike for a while: from row to row such an error
-hardly changes, so that `recording.noise` does not see it, and over a second it looks like motion.  But it
-moves nothing.  What the slope of the pose less the integral of the velocities has beyond the white noise of
-both is therefore an error of the velocities, whatever forces act, as long as the pose's own noise is white.
-It is counted as the white noise that would make these slopes scatter as much, so that velocities weigh what
-they are worth over the length of a shot.
+A DVL that averages, or a filter behind it, has errors that persist for a while.  Such an error hardly changes
+between rows, so `recording.noise` does not detect it, and over a second it looks like motion.  But it moves
+nothing.  So compare the slope of the pose with the integral of the velocities: scatter beyond the white noise
+of both is an error of the velocities, whatever forces act, if the noise of the pose is white.  It is
+expressed as the white noise that would cause the same scatter of slopes.  So velocities have the right weight
+over the length of a shot.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from hydro.core.recording.dead_reckoning import pose_error
 from hydro.core.vehicle.frames import rotation
 
 SLOPE_LENGTHS = (0.5, 1.0, 2.0)
-"""Lengths over which slopes are taken: the one that shows most counts."""
+"""Lengths of the slopes [s]; the length with the largest noise counts."""
 SURE = 4.0
-"""Standard errors by which slopes must scatter more than white noise lets them,"""
+"""Standard errors by which the scatter of the slopes must exceed that of white noise."""
 PLAIN_EXCESS = 1.2
-"""times the white noise that it must then be, and that a model must leave in the channel."""
+"""Minimum ratio of noise to white noise, both for the slopes and for the residual of the channel."""
 LEAST_SLOPES = 30
 POSE_CHANNELS = 6
 
 
 def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
-    """Deviations of the twelve channels, of velocities with the noise that is not white.
+    """Return the standard deviations of the twelve channels with coloured noise of the velocities.
 
     Args:
-        sigma: Those of the white noise, (12,).
-        normal: The problem weighed by them, about the best that the vehicle's own effects can do.
+        sigma: Standard deviations of the white noise, (12,).
+        normal: The problem weighted by them, linearised at the best fit of the vehicle's effects.
         record: The recording.
-        tests: What kinematics shows of the velocity log's other errors.
+        tests: Kinematic tests of the DVL's other errors.
 
     Returns:
-        (12,), all of them smaller by as much as makes the mean squared residual of a true model 1 again:
-        velocities that weigh little leave little.  `sigma` itself where only white noise shows,
-        or kinematics nothing.
+        (12,), rescaled so that a true model still has a reduced chi-square of 1, since velocities with a
+        small weight have small residuals.  `sigma` unchanged if only white noise is found or there are no
+        tests.
     """
     if not tests:
         return sigma
@@ -60,11 +60,11 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
 
 
 def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
-    """White noise of velocity and rates that errs as much over a second or two as theirs does, (6,).
+    """Return the white noise of velocity and rates with the same error over a second or two, (6,).
 
     Args:
         record: The recording.
-        tests: What kinematics shows of the velocity log's other errors, which are no noise.
+        tests: Kinematic tests of the DVL's other errors, which are not noise.
     """
     sigma, log = noise(record), np.zeros(sensor.LOG)
     for name, (_, place) in ENTRIES.items():
@@ -78,7 +78,7 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
 
 
 def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: int) -> Array:
-    """The same by slopes of the `pose_error` over so many rows; 0 where white noise does as much."""
+    """Return the noise from slopes of `pose_error` over `length` rows; 0 where white noise explains them."""
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
     if len(starts) < LEAST_SLOPES:
         return np.zeros(len(sigma) - POSE_CHANNELS)
@@ -88,7 +88,7 @@ def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: i
     body = rotation(*record.eta[starts + length // 2, 3:].T)
     moved = np.einsum("l,wli,wij->wj", weight, position[rows], body)
     slopes = np.hstack([moved, np.einsum("l,wli->wi", weight, attitude[rows])])
-    summed = np.cumsum(weight[::-1])[::-1][1:] * record.dt  # how a slope answers to each velocity
+    summed = np.cumsum(weight[::-1])[::-1][1:] * record.dt  # response of a slope to each velocity
     white = sigma[:POSE_CHANNELS] ** 2 * (weight @ weight) + sigma[POSE_CHANNELS:] ** 2 * (summed @ summed)
     square = (slopes**2).mean(axis=0)
     clear = square - white > SURE * square * np.sqrt(2.0 / len(slopes))

@@ -1,7 +1,7 @@
-"""Move the velocities of a late log to the times at which they were measured.
+"""Correction of the delay of a DVL: velocities at the times at which they were measured.
 
-Thrusters show in accelerations.  Those of a late log lag behind the commands, and behind the rates of turn,
-which another sensor measures.
+Thrusters act on accelerations.  The accelerations of a late DVL lag behind the commands, and behind the rates
+of turn, which another sensor measures.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from hydro.core.recording.arrays import Recording
 
 
 def lateness(tests: Callable[[], Mapping[str, KinematicTest]]) -> float:
-    """Return the delay of a velocity log where kinematics show one [s]; else 0.
+    """Return the delay of the DVL [s] where kinematic tests show one; else 0.
 
     Args:
-        tests: Returns the kinematic tests of the log; it fails for a recording that is too short.
+        tests: Function that returns the kinematic tests; it fails for a recording that is too short.
     """
     try:
         test = tests().get(SENSOR_DELAY.name)

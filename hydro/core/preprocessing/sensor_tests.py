@@ -1,14 +1,14 @@
-"""Errors of the velocity log, shown by kinematics alone.
+"""Tests for errors of the DVL from kinematics alone.
 
-Whatever forces act, d(position)/dt = R v (Fossen 2011, sec. 2.2).  Pose and logged velocity therefore show
-each of the log's errors (`core.effects.sensor`) without any model of the dynamics, and no current or missing
-force can be taken for one.  What is compared is the position less the integral of R v, both through the
-high-pass that makes noise of the position and of the velocity white together: the Kalman filter of a position
-that is measured with noise while its dead reckoning wanders.  Nothing noisy is ever differentiated.  What is
-left beyond the noise counts as noise of the position: fixes that come more rarely than rows weigh less.
+Whatever forces act, d(position)/dt = R v (Fossen 2011, sec. 2.2).  So pose and logged velocity show each
+error of the DVL (`core.effects.sensor`) without a model of the dynamics.  No current or missing force can be
+mistaken for one.  The test compares the position with the integral of R v.  Both pass a high-pass filter that
+whitens the noise of position and velocity together: the Kalman filter of a noisy position with drifting dead
+reckoning.  Noisy data are never differentiated.  Residuals beyond the noise count as noise of the position,
+so fixes that are rarer than rows have a smaller weight.
 
-All thirteen numbers of the log are fitted at once.  So an effect is said to be there, or not to be there,
-beside all others; where a recording does not tell two of them apart, neither shows.
+All thirteen parameters of the DVL are fitted at once.  So each effect is tested given all others.  Where a
+recording cannot separate two of them, neither is shown.
 """
 
 from __future__ import annotations
@@ -36,43 +36,43 @@ ENTRIES = {
     for name, effect in CATALOGUE.items()
     if effect.kinematics is not None
 }
-"""Parameter of each effect, and its place in the row that describes a velocity log."""
+"""Parameter of each effect, and its place in the parameter row of a DVL."""
 
 SHOWN = 1e-3
-"""Probability of chance up to which an effect is shown."""
+"""Maximum p-value at which an effect is shown."""
 VETO = 1e-4
-"""Probability of chance up to which a claim is refuted."""
+"""Maximum p-value at which a claim is refuted."""
 SEEN = 0.9
-"""Probability with which an error as large as `KinematicTest.visible` shows."""
+"""Power of the test for an error as large as `KinematicTest.visible`."""
 
-HORIZON = (0.25, 20.0)  # s, bounds of the time over which dead reckoning is trusted
-PIECE_SECONDS = 2.0  # s, of one piece of the normal equations
-BOX = 0.1  # s, to each side, over which an acceleration is averaged
-PLAIN_SIZE = 0.5  # of every parameter, in its own unit: what is not determined stays within
-LATEST = 2.0  # s, of a delay
-CAUTION = 0.9  # part of the shared noise that is taken off
+HORIZON = (0.25, 20.0)  # s, bounds of the time constant of the high-pass
+PIECE_SECONDS = 2.0  # s, length of a block of the normal equations
+BOX = 0.1  # s, half-width of the average of an acceleration
+PLAIN_SIZE = 0.5  # prior standard deviation of every parameter, in its unit
+LATEST = 2.0  # s, maximum delay
+CAUTION = 0.9  # share of the common noise that is subtracted
 LEAST_PIECES = 8
 ITERATIONS = 8
 REWEIGHTED = 4
-RARE = 3.0  # times its noise from row to row: a position that was interpolated or held between fixes
-ROUGH = 10.0  # times as large must an error be to show against such a position
-OTHERWISE = 1.1  # residual over its noise from which the position's noise is made anew
-SETTLED = 0.01  # standard errors
-HELD = 1e15  # information of an entry that is held
+RARE = 3.0  # ratio to the row-to-row noise above which a position was interpolated or held between fixes
+ROUGH = 10.0  # factor on the negligible size of an error for such a position
+OTHERWISE = 1.1  # ratio of residual to noise above which the noise of the position is updated
+SETTLED = 0.01  # standard errors, convergence limit of a step
+HELD = 1e15  # prior information of a held entry
 
 
 @dataclass(frozen=True)
 class KinematicTest:
-    """What kinematics says of one error of the velocity log, beside all others.
+    """Kinematic test of one error of the DVL, given all others.
 
     Attributes:
         effect: Name in the catalogue.
         estimate: Its parameters, (p,), in packing order.
-        covariance: Theirs, (p, p), robust against correlated residuals.
-        blocks: Independent stretches of data behind it.
-        negligible: Size of an entry that does not matter.
-        missed: By how much the squared residual is greater without it, all other errors fitted anew, in units
-            of what is left; looked at only where the estimate shows.
+        covariance: Their covariance, (p, p), robust against correlated residuals.
+        blocks: Number of independent blocks of data.
+        negligible: Size of an entry below which it does not matter.
+        missed: Increase of the squared residual without the effect, with all other errors refitted, in units
+            of the reduced chi-square; computed only where the estimate is shown.
     """
 
     effect: str
@@ -84,12 +84,12 @@ class KinematicTest:
 
     @property
     def standard_error(self) -> Array:
-        """Of each entry, (p,)."""
+        """Standard error of each entry, (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def visible(self) -> Array:
-        """Size from which each entry alone would have shown nine times out of ten, (p,)."""
+        """Size at which each entry alone would be shown with a probability of 0.9, (p,)."""
         size: Array = (ndtri(SEEN) - ndtri(0.5 * SHOWN)) * self.standard_error
         return np.maximum(size, self.negligible)
 
@@ -110,43 +110,43 @@ class KinematicTest:
 
     @property
     def p_value(self) -> float:
-        """Probability that chance alone would show as much."""
+        """p-value of the estimate without the effect."""
         return self.chance(np.zeros_like(self.estimate))
 
     def distance(self, claimed: Array) -> float:
-        """How far the estimate lies from claimed values, (p,), in squared standard errors (Wald)."""
+        """Return the squared distance of the estimate from claimed values (p,), in standard errors (Wald)."""
         away = self.estimate - claimed
         return float(away @ np.linalg.solve(self.covariance, away))
 
     def chance(self, claimed: Array) -> float:
-        """Probability that chance alone would put the estimate as far from claimed values."""
+        """Return the p-value of the estimate under claimed values."""
         entries = len(self.estimate)
         return float(fdtrc(entries, max(self.blocks - entries, 1), self.distance(claimed) / entries))
 
 
 def shown(test: KinematicTest) -> bool:
-    """Whether kinematics shows an effect clearly: by more than chance, and by more than does not matter."""
+    """Return whether kinematics shows an effect: significant, and larger than negligible."""
     size, error = test.estimate, test.standard_error
     if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
-        return False  # what no log can have: the pose is late, not the log
+        return False  # impossible for a DVL: the pose is late, not the DVL
     clear = np.abs(size) > test.negligible - ndtri(0.5 * SHOWN) * error
     return test.p_value <= SHOWN and bool(clear.any()) and _missed(test)
 
 
 def _missed(test: KinematicTest) -> bool:
-    """Whether a recording is explained worse without an effect than chance alone would make it.
+    """Return whether the fit without an effect is significantly worse.
 
-    Where a log moves along one line alone, scales and angles may turn into one another: the estimate is far
-    from nothing then and its linearised errors are small, and without it all fits as well.
+    For motion along one line, scales and angles may be exchanged for one another.  The estimate is then large
+    and its linearised errors are small, but the fit without it is equally good.
     """
     return float(chdtrc(len(test.estimate), test.missed)) <= SHOWN
 
 
 def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
-    """Whether kinematics contradicts the values that a model of the dynamics asks for.
+    """Return whether kinematics contradicts the values that a model of the dynamics claims.
 
     Args:
-        test: Of the effect.
+        test: Test of the effect.
         claimed: Its `[[effect]]` table.
 
     Returns:
@@ -154,7 +154,7 @@ def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
         False where the recording could not have shown an error of that size.
 
     Raises:
-        DataError: The table is none of this effect.
+        DataError: The table does not fit this effect.
     """
     given = {key: value for key, value in claimed.items() if key != "standard_error"}
     values = CATALOGUE[test.effect].pack(given, thrusters=0)
@@ -164,14 +164,14 @@ def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
 
 
 def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
-    """Hold pose against velocity for all errors of the velocity log.
+    """Test pose against velocity for all errors of the DVL.
 
     Args:
         record: The recording.
 
     Returns:
-        One test per sensor effect, by name; none where position, attitude or velocity has no samples, for one
-        of them was then made of the others.
+        One test per sensor effect, by name; empty if position, attitude or velocity has no samples, since it
+        was then derived from the others.
 
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.
@@ -185,7 +185,7 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / 3))
         if (left < OTHERWISE).all():
             break
-        # A position known at longer intervals than it is logged errs by more than its rows tell.
+        # A position with fixes rarer than rows has larger errors than its row-to-row noise.
         sigma[:3] *= np.maximum(left, 1.0)
     blocks = len(normal.gram) // block_length(normal.score)
     rough = ROUGH if (sigma[:3] > RARE * given[:3]).any() else 1.0
@@ -201,12 +201,12 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
 
 
 def _squares(normal: Normal) -> float:
-    """Sum of the squared residuals of a problem."""
+    """Return the sum of the squared residuals of a problem."""
     return float(normal.channels.sum())
 
 
 def _negligible(effect: str, dt: float) -> float:
-    """Size of an error that nobody would put right; half a sample where the record has none."""
+    """Return the negligible size of an error; half a sample time where the record has none."""
     kinematics = CATALOGUE[effect].kinematics
     size = kinematics.negligible if kinematics is not None else None
     return 0.5 * dt if size is None else size
@@ -215,11 +215,11 @@ def _negligible(effect: str, dt: float) -> float:
 def _fitted(
     record: Recording, log: Array, sigma: Array, without: slice | int | None = None
 ) -> tuple[Array, Array, Normal]:
-    """The log's best row (LOG,) by Gauss and Newton, its covariance, and the problem about it.
+    """Fit the parameters of the DVL (LOG,) by Gauss-Newton; return them, their covariance and the problem.
 
     Args:
         record: The recording.
-        log: Where to begin.
+        log: Initial values.
         sigma: Noise of all channels (12,).
         without: Entries that are held at 0.
     """
@@ -241,12 +241,13 @@ def _fitted(
 
 
 def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array]:
-    """The least-squares problem about an estimate of the log, and by how much noise may bias it, (LOG,).
+    """Linearise at DVL parameters; return the problem and the possible bias from noise, (LOG,).
 
-    Columns and residual share the noise of the velocity.  What that adds to their products is known, and
-    taken off, short of leaving an axis without motion with less than nothing (Fuller 1987, sec. 2.5): without
-    any one block of pieces, too, or a jackknife over them has no bounds.  What is left biases a scale or an
-    angle by its share of the products: an axis that hardly moves seems to be read many times too large.
+    Columns and residual share the noise of the velocity.  Its contribution to their products is known and is
+    subtracted (Fuller 1987, sec. 2.5).  The products must stay positive for an axis without motion, and also
+    without any one block of pieces, since a jackknife over the blocks would otherwise be unbounded.  The
+    remaining contribution biases a scale or an angle by its share of the products: an axis that hardly moves
+    seems many times too large.
     """
     pieces = list(_pieces(record, log, sigma))
     if sum(len(gram) for gram, _, _ in pieces) < LEAST_PIECES:
@@ -258,7 +259,7 @@ def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array
     rows = 3 * round(PIECE_SECONDS / record.dt)
 
     def less(share: float) -> Normal:
-        """The problem without so much of what noise adds."""
+        """Return the problem with a share of the noise contribution subtracted."""
         return Normal(gram - share * shared, rows, squares, np.zeros((len(gram), 0, LOG + 1)))
 
     share = _spare(gram.sum(axis=0), shared.sum(axis=0))
@@ -267,16 +268,14 @@ def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array
     share = CAUTION * min(share, *map(_spare, *left_out))
     noisy, whole = (np.diagonal(part.sum(axis=0))[:LOG] for part in (shared, gram))
     noise = (1.0 - share) * noisy
-    least = np.maximum(
-        noise / PLAIN_SIZE, np.finfo(float).tiny
-    )  # an axis without motion is biased altogether
+    least = np.maximum(noise / PLAIN_SIZE, np.finfo(float).tiny)  # an axis without motion has no information
     return less(share), noise / np.maximum(whole - share * noisy, least)
 
 
 def _spare(gram: Array, shared: Array) -> float:
-    """Share of what noise adds, at most all of it, that some pieces have to spare.
+    """Return the largest share of the noise contribution, at most 1, that can be subtracted.
 
-    More, and they would tell less than nothing of a scale or an angle beside the log's other numbers.
+    With a larger share, the information on a scale or an angle given the other parameters would be negative.
     """
     mount = np.arange(SCALE.start, ANGLES.stop)
     others = np.setdiff1d(np.arange(LOG), mount)
@@ -288,7 +287,7 @@ def _spare(gram: Array, shared: Array) -> float:
 
 
 def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:
-    """Gram matrices of [columns, residual], what noise adds to them, and squares by axis; per segment."""
+    """Yield Gram matrices of [columns, residual], their noise part, and squares by axis, per segment."""
     dt, mount, turned = record.dt, _mount(log), _mount_derivatives(log)
     wander = np.sqrt((sigma[6:9] ** 2).mean())
     horizon = np.clip(sigma[:3] / wander, *HORIZON)
@@ -327,13 +326,13 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
 
 
 def _mount(log: Array) -> Array:
-    """Matrix (3, 3) from the log's reading without its bias to the velocity at the log, body axes."""
+    """Return the matrix (3, 3) from the DVL's unbiased output to the velocity at the DVL, body axes."""
     matrix: Array = rotation(*log[ANGLES]) / (1.0 + log[SCALE])
     return matrix
 
 
 def _mount_derivatives(log: Array) -> Array:
-    """Derivatives of `_mount` by all entries of the log, (LOG, 3, 3)."""
+    """Return the derivatives of `_mount` by all parameters of the DVL, (LOG, 3, 3)."""
     little, out = 1e-5, np.zeros((LOG, 3, 3))
     for i in [*range(LOG)[SCALE], *range(LOG)[ANGLES]]:
         shift = little * np.eye(LOG)[i]
@@ -342,7 +341,7 @@ def _mount_derivatives(log: Array) -> Array:
 
 
 def _reading(log: Array, mount: Array, turned: Array, nu: Array, t: Array) -> tuple[Array, Array]:
-    """Velocity of CO behind a reading, (N, 3), and its derivatives by the entries of the log, (LOG, N, 3)."""
+    """Return the velocity of CO from the DVL output, (N, 3), and its parameter derivatives, (LOG, N, 3)."""
     path = CubicSpline(t, nu[:, :3])
     now, before, after = (path(np.clip(t + log[DELAY] + shift, t[0], t[-1])) for shift in (0.0, -BOX, BOX))
     now -= log[BIAS]

@@ -1,4 +1,4 @@
-"""A raw table as arrays: what identification reads of a recording, checked once."""
+"""Raw table as arrays, validated once, for identification."""
 
 from __future__ import annotations
 
@@ -21,47 +21,45 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
 CUBIC_REACH = 0.24
-"""Half-width of the cubic that `smoothed` lays through each measurement [s]."""
+"""Half-width of the local cubic of `smoothed` [s]."""
 Number = TypeVar("Number", bound=np.generic)
 HORIZONTAL = (("x", "y"), ("u", "v"))
-"""Channels that show horizontal motion, alternatives to each other."""
+"""Channels that show horizontal motion, as alternatives."""
 LEAST_NOISE = 1e-4
 LEAST_SAMPLES = 5
-MOSTLY = (
-    0.5  # share of the rows with a sample from which one without is a hole, not the pace of a slower sensor
-)
+MOSTLY = 0.5  # share of sampled rows above which a row without a sample is a dropout, not a slower sensor
 UNSEEN = np.repeat([0.1, 0.1, 0.3, 0.3], 3)
-"""What counts as noise of a channel without samples [m, rad, m/s, rad/s]; no likelihood has a term of it."""
+"""Assumed noise of a channel without samples [m, rad, m/s, rad/s]; no likelihood includes it."""
 STRAIGHT = 0.02
-"""Bend of a row, over the root mean square of all, below which three rows lie on a straight line."""
-DRAWN_ROWS = 0.4  # share of such rows from which a channel is one that was interpolated,
-LEAST_CORNERS = 12  # if its lines meet so often at least,
-CORNER_ROWS = 2  # in so few rows,
-UNSTEADY = 0.25  # and at a pace steady to this share, or without any bend between,
-MOST = 0.8  # at this share of corners, or of rows between them
+"""Second difference of a row, relative to the RMS of all, below which three rows lie on a straight line."""
+DRAWN_ROWS = 0.4  # minimum share of such rows in an interpolated channel
+LEAST_CORNERS = 12  # minimum number of corners of the lines
+CORNER_ROWS = 2  # maximum rows of a corner
+UNSTEADY = 0.25  # maximum relative variation of the distance of corners, unless the lines are exact
+MOST = 0.8  # minimum share of corners, or of rows between them, that satisfy these limits
 ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
-"""Bend of a straight line, over the channel's greatest value, that rounding of the table explains."""
+"""Second difference of a straight line, relative to the channel's maximum, that rounding explains."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A raw table in float64.
+    """Raw table in float64.
 
-    Where a sensor gave nothing, eta and nu are filled: to begin from, not to compare with.
+    Where a sensor has no sample, eta and nu are filled: the values are initial guesses, not measurements.
 
     Attributes:
-        t: Times as logged [s], (N,); they rise within a segment only.
+        t: Times as logged [s], (N,); they ascend within a segment only.
         eta: Pose x y z phi theta psi, NED, (N, 6); angles as logged, they may jump by a turn.
         nu: Velocity as the log gives it, body frame, (N, 6).
         commands: (N, n), effective ones (`recording.supply`); row k is held on [t_k, t_k+1).
-        segments: Unbroken runs of rows [start, stop), (S, 2).
-        after_gap: Which segments go on with a session after a gap, (S,).
+        segments: Uninterrupted runs of rows [start, stop), (S, 2).
+        after_gap: Which segments continue a session after a gap, (S,).
         session: Number of each segment's session, (S,).
         dt: Sample time [s].
         seen: Which values of pose and velocity are samples, (N, 12); None where all are.
         sigma: Noise of channels that hold pseudo-observations (`recording.heavy_tails`), (12,), NaN of
-            others; None where none does.
-        doubt: Standard deviation of what fills channels without samples, (12,), where a model has done so.
+            others; None if there are none.
+        doubt: Standard deviation of values that a model filled into channels without samples, (12,).
     """
 
     t: Array
@@ -102,7 +100,7 @@ def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
 
     Raises:
         DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
-            rise at one rate.
+            ascend at one rate.
     """
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     supply = supply_voltage(vehicle, raw)
@@ -136,7 +134,7 @@ def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
 
 
 def _samples(raw: pl.DataFrame) -> Mask | None:
-    """Which values of pose and velocity are there, (N, 12); None where all are."""
+    """Return which values of pose and velocity are samples, (N, 12); None if all are."""
     motion = raw.select(*POSE, *VELOCITY)
     if not sum(motion.null_count().row(0)):
         return None
@@ -144,13 +142,13 @@ def _samples(raw: pl.DataFrame) -> Mask | None:
 
 
 def smoothed(record: Recording) -> tuple[Array, Array]:
-    """Pose and velocity through local cubics of half a second: without most of the noise, without delay.
+    """Smooth pose and velocity by local cubics of half a second, without delay.
 
-    The attitude goes through its quaternion, so that a vehicle may loop and tumble: roll and heading jump by
-    half a turn where it passes the vertical.
+    The attitude is smoothed as a quaternion, so that the vehicle may loop: roll and heading jump by half a
+    turn at the vertical.
 
     Returns:
-        eta and nu, (N, 6) each; segments of fewer than five rows as they are.
+        eta and nu, (N, 6) each; segments of fewer than five rows unchanged.
     """
     eta, nu = record.eta.copy(), record.nu.copy()
     widest = max(2 * round(CUBIC_REACH / record.dt) + 1, 5)
@@ -166,13 +164,13 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
 
 
 def noise(record: Recording) -> Array:
-    """Standard deviation of the white noise on each channel, pose then velocity, shape (12,).
+    """Estimate the standard deviation of the white noise of each channel, pose then velocity, shape (12,).
 
-    From fourth differences, in which motion all but cancels and white noise of variance s^2 has 70 s^2; by
-    their median size, so that a few jumps of a log do not count.  A channel that was drawn in straight lines
-    between the samples of a slower sensor is judged by rows as far apart as those.  Never below 1e-4 (m, rad,
-    m/s, rad/s), where a simulated log carries no noise at all.  Of a channel with nulls its samples alone are
-    looked at; one with fewer than five in every segment counts as UNSEEN.
+    It uses fourth differences, in which motion nearly cancels and white noise of variance s^2 has 70 s^2.
+    Their median size is robust to a few jumps.  A channel interpolated between the samples of a slower sensor
+    is judged at the spacing of these samples.  The minimum is 1e-4 (m, rad, m/s, rad/s), for simulated logs
+    without noise.  A channel with nulls is judged by its samples; one with fewer than five in every segment
+    gets UNSEEN.
 
     Raises:
         DataError: No segment has five rows.
@@ -190,9 +188,9 @@ def noise(record: Recording) -> Array:
 
 
 def drawn(record: Recording, of: slice = slice(None)) -> bool:
-    """Whether any of these channels was drawn in straight lines between the samples of a slower sensor.
+    """Return whether any of these channels was interpolated between the samples of a slower sensor.
 
-    Its noise is not white from row to row, however well its size is known; nor is it where rows without a
+    Its noise is not white from row to row, even if its size is known.  The same holds where rows without a
     sample were filled.
     """
     if record.seen is not None and not record.seen[:, of].all():
@@ -201,7 +199,7 @@ def drawn(record: Recording, of: slice = slice(None)) -> bool:
 
 
 def channels(record: Recording) -> Iterator[list[Array]]:
-    """Each channel segment by segment, pose then velocity, angles without jumps."""
+    """Yield each channel by segments, pose then velocity, with unwrapped angles."""
     channels = np.hstack([record.eta, record.nu])
     for start, stop in record.segments:
         channels[start:stop, 3:6] = np.unwrap(channels[start:stop, 3:6], axis=0)
@@ -210,7 +208,7 @@ def channels(record: Recording) -> Iterator[list[Array]]:
 
 
 def samples(record: Recording) -> Iterator[list[Array]]:
-    """Each channel's samples segment by segment, without what was filled."""
+    """Yield each channel's samples by segments, without filled values."""
     for i, parts in enumerate(channels(record)):
         if record.seen is None:
             yield parts
@@ -220,10 +218,10 @@ def samples(record: Recording) -> Iterator[list[Array]]:
 
 
 def evenly_spaced(parts: Sequence[NDArray[Number]], record: Recording, channel: int) -> list[NDArray[Number]]:
-    """What stands at each sample of a channel, in runs: where few rows have no sample, those between holes.
+    """Return the values at the samples of a channel in evenly spaced runs, split at dropouts.
 
     Args:
-        parts: Segment by segment.
+        parts: Values at the samples, by segments.
         record: The recording.
         channel: Number of the channel, pose then velocity.
     """
@@ -237,11 +235,11 @@ def evenly_spaced(parts: Sequence[NDArray[Number]], record: Recording, channel: 
 
 
 def _apart(parts: Sequence[Array]) -> int:
-    """Rows from one sample of a channel to the next; 1 where every row is one.
+    """Return the rows from one sample of a channel to the next; 1 if every row is a sample.
 
-    Lines between samples bend at these alone, a row or two long, and either at a steady pace or not at all
-    between.  Smooth motion bends for many rows on end; and where thrusts without lag jump, which bend a
-    velocity for one row, it goes on along a curve, at no steady pace.
+    Interpolated lines bend only at the samples, for one or two rows, and at a steady pace or with exact lines
+    between.  Smooth motion bends for many consecutive rows.  A jump of thrust bends a velocity for one row,
+    but the motion continues along a curve, and at no steady pace.
     """
     bends = np.concatenate([np.diff(part, 2) for part in parts])
     bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
@@ -258,9 +256,9 @@ def _apart(parts: Sequence[Array]) -> int:
 
 
 def _noise(parts: Sequence[Array]) -> float:
-    """The same of one channel, segment by segment."""
+    """Return the noise of one channel, given by segments."""
     apart, sizes = _apart(parts), list[float]()
-    for first in range(apart):  # of the rows that fall on the samples, or nearest to them
+    for first in range(apart):  # the rows at the samples, or nearest to them
         differences = [np.diff(part[first::apart], 4) for part in parts if len(part) > first]
         if sum(part.size for part in differences):
             sizes.append(float(np.median(np.abs(np.concatenate(differences)))))

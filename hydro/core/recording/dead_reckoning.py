@@ -1,6 +1,6 @@
-"""Pose against the sum of the velocities: what differs is an error of the log, whatever forces act.
+"""Difference of the pose and the dead reckoning of the velocities: an error of the log, whatever forces act.
 
-A constant difference of turning is a gyro's bias.  The velocities along the axes have more ways to err, see
+A constant difference of the turn is a gyro's bias.  Linear velocities have more kinds of errors, see
 `diagnosis.sensor_tests`.
 """
 
@@ -14,17 +14,17 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.frames import rotation
 
 TURN_LENGTH = 2.0
-"""Length over which turning is compared."""
-LEAST_TURNS = 16  # of such lengths
+"""Length over which turns are compared [s]."""
+LEAST_TURNS = 16  # minimum number of such lengths
 CHANCE = 1e-9
-"""Probability of chance up to which a bias of a gyro is reported."""
-PLAIN_BIAS = 1e-3  # rad/s, that a bias must be
+"""Maximum p-value at which a gyro bias is reported."""
+PLAIN_BIAS = 1e-3  # rad/s, minimum size of a reported bias
 
 
 def pose_error(record: Recording, nu: Array) -> tuple[Array, Array]:
-    """Pose less the dead reckoning of velocities nu: position [m] and attitude [rad], (N, 3) each.
+    """Return the pose minus dead reckoning of velocities nu: position [m] and attitude [rad], (N, 3) each.
 
-    Velocities are summed by trapezoids; what lies between two segments has no meaning.
+    Velocities are integrated by trapezoids; differences across two segments have no meaning.
     """
     R = rotation(*record.eta[:, 3:].T)
     along = np.einsum("kij,kj->ki", R, nu[:, :3])
@@ -37,11 +37,10 @@ def pose_error(record: Recording, nu: Array) -> tuple[Array, Array]:
 
 
 def rate_bias(record: Recording) -> Array:
-    """What p, q and r read too much all the time [rad/s], (3,); 0 where they do not plainly.
+    """Return the constant bias of p, q and r [rad/s], (3,); 0 where it is not significant.
 
-    Nor where attitude or rates have no samples.
-
-    A scale that is wrong errs with the rate, and is none of this: both are fitted at once.
+    It is 0 if attitude or rates have no samples.  A scale error grows with the rate and is fitted together
+    with the bias.
     """
     if record.seen is not None and not record.seen[:, [3, 4, 5, 9, 10, 11]].any(axis=0).all():
         return np.zeros(3)

@@ -1,7 +1,4 @@
-"""How much a recording may be: refused, with an estimate, before hours of work or more than memory holds.
-
-And how long a diagnosis of it takes, about.
-"""
+"""Limits of the size of a recording, checked before any work, and the expected duration of a diagnosis."""
 
 from __future__ import annotations
 
@@ -10,29 +7,30 @@ import polars as pl
 from hydro.core.errors import DataError
 
 MOST_ROWS = 100_000_000
-"""Of one table: 23 days at 50 Hz, and some 10 GB at once with all that is made of it."""
+"""Maximum rows of a table: 23 days at 50 Hz, and some 10 GB of memory with all derived arrays."""
 BYTES_PER_ROW = 100
-"""Of a recording: pose, velocity and eight commands in float32, time and session."""
+"""Size of a row: pose, velocity and eight commands in float32, time and session."""
 FINEST = 10.0
-"""Rows to a sample of the fastest sensor: more hold nothing more."""
+"""Maximum rows per sample of the fastest sensor; more rows add no information."""
 
 OUT_OF_WATER = 0.5
-"""Height above the surface from which a simulated vehicle is said to have left the water [m]."""
+"""Height above the surface above which a simulated vehicle has left the water [m]."""
 FIRST_SECONDS, DIAGNOSED_ROWS, DIAGNOSED_VALUES = 16.0, 750.0, 50.0
-"""Of a diagnosis: seconds of one processor (2.8 GHz) whatever there is; rows to a second more; values to fit
-to as much again.  Laid through the nine measured ones of `tests/core/recording/test_extent.py`: how much is
-found, which nobody knows beforehand, makes the rest, up to a factor of two."""
+"""Duration of a diagnosis: fixed seconds of one processor (2.8 GHz), rows per further second, and number of
+fitted values that doubles it.  The values fit the nine measured durations of
+`tests/core/recording/test_extent.py`.  The number of findings, unknown in advance, adds a factor of up to
+two."""
 SERIAL = 1.0 / 3.0
-"""Share of a diagnosis that one processor alone does."""
+"""Share of a diagnosis that runs on one processor."""
 EXPLAINED = 1.25
-"""A first step of `explain`, in diagnoses: 40 s of 32 s; later steps look for less and took 25 s and 18 s."""
+"""Duration of the first step of `explain`, in diagnoses: 40 s of 32 s; later steps took 25 s and 18 s."""
 
 
 def require_rows(rows: float) -> None:
-    """Refuse more rows than a table may have.
+    """Refuse more rows than the maximum of a table.
 
     Raises:
-        DataError: There are more; the line says what they would take.
+        DataError: There are more rows; the message gives their size.
     """
     if rows > MOST_ROWS:
         raise DataError(
@@ -42,14 +40,14 @@ def require_rows(rows: float) -> None:
 
 
 def require_rate(rate: float, step: float) -> None:
-    """Refuse rows far closer than any sample.
+    """Refuse a row rate far above that of any sensor.
 
     Args:
         rate: Rows per second.
         step: Median step of the fastest sensor [s].
 
     Raises:
-        DataError: They are.
+        DataError: The rate is too high.
     """
     if rate * step > FINEST:
         raise DataError(
@@ -59,7 +57,7 @@ def require_rate(rate: float, step: float) -> None:
 
 
 def duration(seconds: float) -> str:
-    """An estimate of time in a few words."""
+    """Return a duration in words."""
     for size, unit in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.0f} {unit}"
@@ -67,21 +65,21 @@ def duration(seconds: float) -> str:
 
 
 def diagnosis_seconds(rows: int, values: int, processors: int) -> float:
-    """How long a diagnosis takes, to a factor of two [s].
+    """Estimate the duration of a diagnosis, to a factor of two [s].
 
     Args:
-        rows: Of the recording.
-        values: Numbers of the vehicle file that are fitted anew.
-        processors: Of this machine.
+        rows: Rows of the recording.
+        values: Number of fitted values of the vehicle file.
+        processors: Number of processors.
     """
     alone = (FIRST_SECONDS + rows / DIAGNOSED_ROWS) * (1.0 + values / DIAGNOSED_VALUES)
     return alone * (SERIAL + (1.0 - SERIAL) / processors)
 
 
 def above_surface(raw: pl.DataFrame) -> str:
-    """Return that a simulated vehicle left the water, and when; empty where it did not.
+    """Return a warning that a simulated vehicle left the water, and when; else an empty string.
 
-    Every session that begins at the origin begins at the surface, so that a little height is nothing.
+    Sessions that start at the origin start at the surface, so a small height is ignored.
 
     Args:
         raw: Raw table of a simulation; depth `z` [m] is 0 at the surface.

@@ -1,16 +1,16 @@
-"""Do the commands of a recording answer to its motion, as a pilot's or a controller's do?
+"""Test for feedback: whether the commands of a recording depend on its motion, as with a pilot or controller.
 
-Under feedback the input is correlated with what disturbs the vehicle, and an estimate takes part of a
-disturbance for a coefficient (U. Forssell and L. Ljung, Closed-loop identification revisited, Automatica 35,
-1215-1241, 1999).  What is measured at a row comes before the command of that row acts.  So, the past of both
-given, a planned command tells nothing of the motion of its own row and its noise, and a controller's follows
-from it (instantaneous causality: C. W. J. Granger, Econometrica 37, 424-438, 1969).  Axis by axis, the
-demanded wrench is predicted from the past, and from that and the row's own pose and velocity, with the law
-fitted to other parts of the log.  Set points that jump are outliers, and weigh as such (Huber 1964).
+Under feedback the input is correlated with disturbances, and an estimate mistakes part of a disturbance for a
+coefficient (U. Forssell and L. Ljung, Closed-loop identification revisited, Automatica 35, 1215-1241, 1999).
+A measurement of a row precedes the effect of that row's command.  So, given the past of both, a planned
+command holds no information on the motion of its own row, but a controller's command follows from it
+(instantaneous causality: C. W. J. Granger, Econometrica 37, 424-438, 1969).  The demanded wrench is predicted
+axis by axis, from the past alone, and from the past with the row's pose and velocity.  Each law is fitted to
+other parts of the log.  Jumps of set points are outliers with a small weight (Huber 1964).
 
-A light hold of depth or attitude beside an excitation is feedback too, but it biases little.  So the row must
-not only help to predict: the gains found on pose and velocity, applied to the motion, must make a good part
-of how the demand changes over a second.
+A weak hold of depth or attitude in addition to an excitation is feedback too, but causes little bias.  So a
+significant prediction is not sufficient: the gains on pose and velocity, applied to the motion, must also
+explain a large share of the change of the demand over a second.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, POWER, configuration_matrix, thruster_table
 
 PAST = 3
-"""Rows of the past that both models know."""
+"""Number of past rows in both models."""
 SECOND = 1.0
-"""Time over which changes of the demand are explained by the motion [s]."""
+"""Time over which changes of the demand are compared with the motion [s]."""
 FOLDS, LEAST_ROWS, MOST_ROWS = 6, 600, 60_000
 BLOCK = 250
-"""Rows that are one observation in the test, kept together where there are more than MOST_ROWS."""
+"""Rows of one observation in the test; blocks are kept whole if there are more than MOST_ROWS."""
 ALPHA = 1e-3
-"""Probability of a false alarm, all axes counted."""
+"""Probability of a false alarm over all axes."""
 MATERIAL = 0.3
-"""Part of the demand's changes over SECOND that the motion must make."""
-HUBER, ROUNDS = 2.0, 5  # robust standard deviations from which an error is an outlier; rounds of weights
+"""Minimum share of the demand's changes over SECOND that the motion explains."""
+HUBER, ROUNDS = 2.0, 5  # limit of outliers in robust standard deviations; rounds of weights
 RIDGE = 1e-10
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """How the commands of a recording answer to its motion.
+    """Result of the feedback test.
 
     Attributes:
-        share: Part of the demand's changes over a second that the motion makes, held out, over all axes.
-        by_axis: The same part on each axis, (6,); 0 of those that the thrusters do not have.
-        p_values: That chance alone would let the motion predict as much, (6,); 1 where it is not MATERIAL.
+        share: Share of the demand's changes over a second that the motion explains, held out, over all axes.
+        by_axis: The share on each axis, (6,); 0 for axes without thrust.
+        p_values: p-values of the prediction by the motion, (6,); 1 where the share is below MATERIAL.
     """
 
     share: float
@@ -58,17 +58,17 @@ class Feedback:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes on which the demand answers to pose or velocity."""
+        """Axes on which the demand depends on pose or velocity."""
         sure = self.p_values <= ALPHA / len(DOF)
         return tuple(int(i) for i in np.flatnonzero(sure & (self.by_axis >= MATERIAL)))
 
     @property
     def closed(self) -> bool:
-        """Whether the recording was made under feedback that matters."""
+        """Whether the recording was made under significant feedback."""
         return bool(self.axes)
 
     def words(self) -> str:
-        """Which demands answer to which motion."""
+        """Describe which demands depend on which motion."""
         return "; ".join(
             f"{DOF[i]} to {POSE[i]} and {VELOCITY[i]} ({self.by_axis[i]:.0%})" for i in self.axes
         )
@@ -80,9 +80,9 @@ class _Problem:
 
     Attributes:
         demand: (K,).
-        past: Of demand, pose and velocity, with a constant, (K, 3 PAST + 1).
-        now: Pose and velocity of the row less those of the row before, (K, 2).
-        rows: Of the recording, (K,).
+        past: Past demand, pose and velocity, with a constant, (K, 3 PAST + 1).
+        now: Pose and velocity of the row minus those of the row before, (K, 2).
+        rows: Rows of the recording, (K,).
     """
 
     demand: Array
@@ -92,14 +92,14 @@ class _Problem:
 
 
 def feedback(vehicle: Vehicle, record: Recording) -> Feedback:
-    """Whether, and how, the commands of a recording answer to its motion.
+    """Test whether the commands of a recording depend on its motion.
 
     Args:
         vehicle: The vehicle, for the wrench that its thrusters give.
         record: The recording.
 
     Returns:
-        A share of 0 where the recording is too short to tell.
+        The result, with a share of 0 if the recording is too short.
     """
     demand, state = _demand(vehicle, record), _state(record)
     span = max(round(SECOND / record.dt), 1)
@@ -123,7 +123,7 @@ def feedback(vehicle: Vehicle, record: Recording) -> Feedback:
 
 
 def _demand(vehicle: Vehicle, record: Recording) -> Array:
-    """Wrench that the commands ask for, (N, 6), as a share of the most that all thrusters give."""
+    """Return the wrench demanded by the commands, (N, 6), as a share of the maximum of all thrusters."""
     table, B = thruster_table(vehicle), configuration_matrix(vehicle)
     size = np.abs(record.commands) ** table[:, POWER]
     thrust = np.where(record.commands > 0.0, table[:, MAX_THRUST], -table[:, MAX_REVERSE]) * size
@@ -133,7 +133,7 @@ def _demand(vehicle: Vehicle, record: Recording) -> Array:
 
 
 def _state(record: Recording) -> Array:
-    """Pose and velocity as a controller sees them, (N, 12): displacements along the body's axes."""
+    """Return pose and velocity as seen by a controller, (N, 12): displacements along body axes."""
     eta, turned = record.eta.copy(), rotation(*record.eta[:, 3:].T)
     for first, last in record.segments:
         eta[first:last, 3:] = np.unwrap(eta[first:last, 3:], axis=0)
@@ -143,7 +143,7 @@ def _state(record: Recording) -> Array:
 
 
 def _problem(record: Recording, demand: Array, motion: Array) -> _Problem | None:
-    """The prediction of one axis' demand (N,) from its motion (N, 2); None of too few rows."""
+    """Return the prediction of one axis' demand (N,) from its motion (N, 2); None for too few rows."""
     rows = np.concatenate([np.arange(a + PAST, max(b, a + PAST)) for a, b in record.segments])
     rows = rows[rows // BLOCK % (1 + len(rows) // MOST_ROWS) == 0]
     if len(rows) < LEAST_ROWS:
@@ -155,19 +155,19 @@ def _problem(record: Recording, demand: Array, motion: Array) -> _Problem | None
 
 
 def _folds(problem: _Problem) -> Iterator[tuple[Mask, Mask]]:
-    """Which rows are left out with each fold, and all others, (K,) each."""
+    """Yield the held-out rows of each fold, and all others, (K,) each."""
     fold = np.arange(len(problem.demand)) * FOLDS // len(problem.demand)
     return ((fold == number, fold != number) for number in range(FOLDS))
 
 
 def _laws(problem: _Problem) -> Array:
-    """The law by the past and the row's motion without each fold, (FOLDS, 3 PAST + 3); the gains are last."""
+    """Return the laws with past and motion, fitted without each fold, (FOLDS, 3 PAST + 3); gains are last."""
     both = np.hstack([problem.past, problem.now])
     return np.array([_robust(both[rest], problem.demand[rest])[0] for _, rest in _folds(problem)])
 
 
 def _chance(problem: _Problem, laws: Array) -> float:
-    """Probability that chance lets the row's motion tell as much beside the past."""
+    """Return the p-value of the gain in prediction by the row's motion over the past alone."""
     both, gain = np.hstack([problem.past, problem.now]), np.zeros(len(problem.demand))
     for law, (out, rest) in zip(laws, _folds(problem), strict=True):
         alone, limit = _robust(problem.past[rest], problem.demand[rest])
@@ -182,7 +182,7 @@ def _chance(problem: _Problem, laws: Array) -> float:
 
 
 def _robust(X: Array, y: Array) -> tuple[Array, float]:
-    """Huber's estimate of a linear law, and the size of an error from which it is an outlier."""
+    """Return Huber's estimate of a linear law, and the limit above which an error is an outlier."""
     weight, least = np.ones(len(y)), 1e-3 * float(np.sqrt((y**2).mean())) + 1e-300
     size = np.sqrt((X**2).mean(axis=0)) + 1e-300
     unit, ridge = X / size, RIDGE * len(y) * np.eye(X.shape[1])
@@ -197,6 +197,6 @@ def _robust(X: Array, y: Array) -> tuple[Array, float]:
 
 
 def _loss(error: Array, limit: float) -> Array:
-    """Huber's loss."""
+    """Return Huber's loss."""
     size = np.abs(error)
     return np.asarray(np.where(size <= limit, size**2, 2.0 * limit * size - limit**2))

@@ -1,7 +1,8 @@
-"""A whole motion where sensors gave samples of a part of it: a place to begin from, no measurement.
+"""Filling of motion channels without samples: initial guesses, not measurements.
 
-Lines between the samples of a channel; a velocity that was never measured from the slope of the pose, and a
-position that was never measured from the sum of the velocities.  What neither shows stands still.
+Channels are interpolated linearly between samples.  A velocity without samples is the slope of the pose, and
+a position without samples is the integral of the velocities.  If neither is measured, the channel is
+constant.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from hydro.core.columns import Array, Mask, Rows
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
 
 SLOPE_SECONDS = 0.5
-"""Length of the cubic whose slope is a velocity."""
+"""Length of the local cubic whose slope is a velocity [s]."""
 ANGLES = slice(3, 6)
 
 
 def filled(motion: Array, bounds: Rows, dt: float) -> Array:
-    """Pose and velocity without NaN, (N, 12); what was measured stays as it is.
+    """Fill NaN in pose and velocity, (N, 12); measured values stay unchanged.
 
     Args:
-        motion: Pose and velocity, NaN where there is no sample, (N, 12) [m, rad, m/s, rad/s].
+        motion: Pose and velocity, NaN without a sample, (N, 12) [m, rad, m/s, rad/s].
         bounds: Segments [start, stop), (S, 2).
         dt: Sample time [s].
     """
@@ -38,7 +39,7 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
 
 
 def unshown(seen: Mask) -> Mask:
-    """Which channels of a segment neither samples (N, 12) nor slopes of those of the pose show, (12,)."""
+    """Return which channels of a segment neither samples (N, 12) nor slopes of the pose show, (12,)."""
     never: Mask = np.logical_not(seen.any(axis=0))
     tilted = never[ANGLES].any()
     never[6:9] &= tilted or never[:3].any()
@@ -56,7 +57,7 @@ def _draw_lines(values: Array, seen: Mask, turns: bool) -> None:
 
 
 def _derive(part: Array, never: Mask, dt: float) -> None:
-    """Fill the channels of one segment that have no sample at all from the others, in place."""
+    """Derive the channels of one segment without any sample from the others, in place."""
     R = rotation(*part[:, ANGLES].T)
     if never[9:].any():
         attitude = steady(quaternion_from_euler(*part[:, ANGLES].T))
@@ -75,17 +76,17 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
 
 
 def slope_noise(dt: float) -> float:
-    """Standard deviation of the slope of a pose with white noise of 1 [1/s]."""
+    """Return the standard deviation of the slope of a pose with white noise of 1 [1/s]."""
     return float(np.linalg.norm(scipy.signal.savgol_coeffs(max(_width(dt), 5), 3, deriv=1, delta=dt)))
 
 
 def _width(dt: float) -> int:
-    """Rows of the cubic whose slope is a velocity."""
+    """Return the rows of the local cubic whose slope is a velocity."""
     return 2 * round(0.5 * SLOPE_SECONDS / dt) + 1
 
 
 def _slope(values: Array, dt: float) -> Array:
-    """Derivative of (n, k) along its rows, through local cubics."""
+    """Return the derivative of (n, k) along its rows, by local cubics."""
     width = min(_width(dt), (len(values) - 1) // 2 * 2 + 1)
     if width < 5 or not values.size:  # scipy refuses an array without columns
         return np.zeros_like(values)
@@ -94,14 +95,14 @@ def _slope(values: Array, dt: float) -> Array:
 
 
 def _rates(quaternion: Array, turning: Array) -> Array:
-    """Rates of turn about the body's axes, twice the vector part of q^* dq/dt, (n, 3) [rad/s]."""
+    """Return the angular velocity in body axes, twice the vector part of q^* dq/dt, (n, 3) [rad/s]."""
     w, v, dw, dv = quaternion[:, :1], quaternion[:, 1:], turning[:, :1], turning[:, 1:]
     rates: Array = 2.0 * (w * dv - dw * v - np.cross(v, dv))
     return rates
 
 
 def steady(quaternion: Array) -> Array:
-    """The same rotations (N, 4) without the sign of the quaternion jumping from row to row."""
+    """Return the same rotations (N, 4) without jumps of the quaternion's sign between rows."""
     turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
     out = quaternion.copy()
     out[1:][np.cumsum(turned) % 2 == 1] *= -1.0

@@ -1,9 +1,9 @@
-"""Positions and angles of a filter that predicts between its sensor's samples and is corrected at each.
+"""Detection of channels that hold a filter's estimates, which jump at each correction by a sample.
 
-No vehicle changes its position at once.  A filter does: it predicts row by row, and where a sample comes it
-moves by a part of what it was off.  What it writes between two corrections is its own model, no measurement.
-Taken for one, its smooth rows would pass for a sensor without noise, and its steps for speeds of many m/s.
-So only the rows right after the corrections are kept as samples.
+A vehicle's position cannot jump.  A filter's estimate does: at each sample it moves by a part of the
+innovation.  Between two corrections it is the prediction of the filter's model, not a measurement.  Used as a
+measurement, its smooth rows would look like a sensor without noise, and its steps like speeds of many m/s. So
+only the rows right after the corrections are kept as samples.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from hydro.core.recording.arrays import LEAST_NOISE, Recording, samples
 from hydro.core.recording.jumps import is_sparse
 
 STEP = 20.0
-"""Robust standard deviations of the change from row to row from which a change is a step: noise makes none in
-1e80 rows, and a hull at 50 Hz changes its speed by a few per cent from row to row."""
+"""Robust standard deviations of the row-to-row change above which a change is a step.  Noise causes none in
+1e80 rows, and a hull at 50 Hz changes its speed by a few per cent between rows."""
 AROUND = 5
-"""Rows whose median change a change is held against."""
+"""Rows of the running median that a change is compared with."""
 ALONE = 5.0
-"""Times the changes of the NEAR rows to either side that a step must be: a quick motion changes them all."""
+"""Ratio of a step to the changes in NEAR rows on either side: a fast motion changes them all."""
 STAYS = 0.5
-"""Part of a step that must be there NEAR rows before and after: an outlier comes and goes."""
+"""Share of a step that must persist NEAR rows before and after: an outlier returns."""
 NEAR = 3
 LEAST_STEPS = 20
 LONGEST = 1.0
-"""Median time between steps up to which their rows suffice as samples [s]: hulls respond in 0.1 to 1."""
+"""Maximum median time between steps for their rows to suffice as samples [s]: hulls respond in 0.1 to 1 s."""
 ALIKE = 0.05
-"""Share of equal neighbours from which a channel is held or reads in steps of its own."""
+"""Share of equal neighbours above which a channel is held or quantised."""
 
 
 def filter_corrections(record: Recording) -> dict[str, Mask]:
-    """Return the rows right after a filter's corrections, of each position and angle that has them, (N,).
+    """Return the rows right after a filter's corrections, for each position and angle with such steps, (N,).
 
     Args:
-        record: The recording.  Channels without a sample in every row are left alone, and so are all of a log
-            that is too sparse to tell a step from a quick motion.
+        record: The recording.  Channels with unsampled rows are skipped, and so are all channels of a log too
+            sparse to separate a step from a fast motion.
     """
     if is_sparse(record.dt):
         return {}
@@ -55,14 +55,14 @@ def filter_corrections(record: Recording) -> dict[str, Mask]:
 
 
 def without_predictions(raw: pl.DataFrame, corrected: dict[str, Mask]) -> pl.DataFrame:
-    """Return the table without what a filter predicted between its corrections."""
+    """Return the table without a filter's predictions between its corrections."""
     return raw.with_columns(
         pl.when(pl.Series(after)).then(pl.col(name)).alias(name) for name, after in corrected.items()
     )
 
 
 def _steps(parts: list[Array]) -> list[Mask]:
-    """Return which changes from row to row are steps that stay, (n - 1,) of each part."""
+    """Return which row-to-row changes are persistent steps, (n - 1,) of each part."""
     changes = [np.diff(part) for part in parts]
     none = [np.zeros(len(change), bool) for change in changes]
     every = np.concatenate(changes)
@@ -83,21 +83,21 @@ def _steps(parts: list[Array]) -> list[Mask]:
 
 
 def _resolution(values: Array) -> float:
-    """Return the least difference of two values: the unit of a sensor that rounds, else next to nothing."""
+    """Return the smallest difference of two values: the resolution of a sensor that rounds, else nearly 0."""
     apart = np.diff(np.unique(values))
     apart = apart[apart > LEAST_NOISE]
     return float(apart.min()) if apart.size else 0.0
 
 
 def _around(size: Array) -> Array:
-    """Return the greatest of the NEAR sizes to either side of each, without itself."""
+    """Return the maximum of the NEAR sizes on either side of each, without itself."""
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(size, NEAR), 2 * NEAR + 1)
     around: Array = np.delete(windows, NEAR, axis=1).max(axis=1)
     return around
 
 
 def _running_median(change: Array) -> Array:
-    """Return the median of the changes around each, at the ends of those there are."""
+    """Return the running median of the changes, with repeated ends."""
     around = np.pad(change, AROUND // 2, mode="edge")
     if len(around) < AROUND:
         return change
@@ -106,9 +106,9 @@ def _running_median(change: Array) -> Array:
 
 
 def _stayed(part: Array, change: Array) -> Array:
-    """Return what is left of each change from NEAR rows before and to NEAR rows after it, the lesser of both.
+    """Return the persistent part of each change, between NEAR rows before and after; the smaller one.
 
-    The way that the rows go on is taken off.
+    The trend of the rows is subtracted.
     """
     rows, last, on = np.arange(len(change)), len(part) - 1, (NEAR + 1) * _running_median(change)
     to = part[np.minimum(rows + 1 + NEAR, last)] - part[:-1] - on

@@ -1,31 +1,33 @@
-"""Sensors that err grossly now and then: their samples made as good as those of Gaussian noise.
+"""Pseudo-observations for sensors with occasional gross errors, as informative as Gaussian noise.
 
-Errors of a Doppler log are often Student's t rather than Gauss: most are small, a few are large, and the
-mean squared residual that a right model leaves is those few.  How heavy the tails are is estimated from the
-samples of a channel alone, from what each lies off the polynomial through its neighbours, where motion
-cancels: so that what a model cannot explain is never taken for an outlier.
+Errors of a DVL often follow Student's t instead of a Gaussian: most are small, a few are large.  The mean
+squared residual of a true model then consists of those few.  The weight of the tails is estimated from the
+samples of a channel alone.  It uses the deviation of each sample from the polynomial through its neighbours,
+where motion cancels.  So model errors are never mistaken for outliers.
 
-Let errors e have scale s and nu degrees of freedom.  The score of a sample is psi(e/s)/s with
-psi(z) = (nu + 1) z/(nu + z^2); let c be the mean of its slope psi'.  A sample y near a smooth motion m is
-replaced by the pseudo-observation (Huber 1981, section 7.8)
+Let errors e have scale s and nu degrees of freedom.  The score of a sample is psi(e/s)/s with psi(z) = (nu +
+1) z/(nu + z^2); let c be the mean of its slope psi'.  A sample y near a smooth motion m is replaced by the
+pseudo-observation (Huber 1981, section 7.8)
 
     y* = m + s psi((y - m)/s)/c.
 
-To first order it is the true value with an independent error of variance s^2 E[psi^2]/c^2, wherever m lies;
-of t noise that is s^2 (nu + 3)/(nu + 1), the Cramer-Rao bound.  Least squares on y* is then as efficient as
-maximum likelihood on y (Lange, Little and Taylor 1989), and what supposes Gaussian noise holds its level.
+To first order it is the true value with an independent error of variance s^2 E[psi^2]/c^2, wherever m lies.
+For t noise that is s^2 (nu + 3)/(nu + 1), the Cramer-Rao bound.  Least squares on y* is then as efficient as
+maximum likelihood on y (Lange, Little and Taylor 1989), and tests that assume Gaussian noise keep their
+level.
 
-That order ends where m is off by about s: from there on y* is drawn to m, and misses every turn as if the
-motion had been smoothed.  So m is the widest local cubic that follows the channel's motion: a wide one is
-drawn less by outliers, a narrow one sees faster motion.  Where none follows, the samples stay as they are.
+The approximation fails where the error of m is about s: y* is then drawn to m and misses every turn, as if
+the motion had been smoothed.  So m is the widest local cubic that follows the channel's motion.  A wide one
+is less affected by outliers, a narrow one follows faster motion.  If none follows, the samples stay
+unchanged.
 
-Where samples are sparse beside the motion, its corners look like outliers.  Two conditions rule that out.
-Seven samples must lie within a second (`jumps.is_sparse`).  And large residuals
-must not grow when the polynomial is laid through every second sample: an independent error keeps its size
-at any spacing, while the interpolation error of a motion grows with it.
+If samples are sparse relative to the motion, its corners look like outliers.  Two conditions exclude that.
+Seven samples must lie within a second (`jumps.is_sparse`).  And large residuals must not grow when the
+polynomial uses every second sample.  An independent error keeps its size at any spacing, while the
+interpolation error of a motion grows with the spacing.
 
 Pseudo-observations belong to the observation model (`recording.arrays.Recording`).  The raw table keeps the
-samples as they were logged.
+samples as logged.
 """
 
 from __future__ import annotations
@@ -46,32 +48,35 @@ from hydro.core.vehicle.frames import wrapped
 
 CHANNELS = (*POSE, *VELOCITY)
 FREEDOMS = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0)
-"""Degrees of freedom that are tried beside Gauss; above eight there is little to gain."""
+"""Candidate degrees of freedom in addition to Gauss; above eight there is little to gain."""
 FILTERS = ((3, 3), (5, 7))
-"""Neighbours to each side, and degree of the polynomial through them: the second sees less of the motion."""
+"""Neighbours on each side, and degree of the polynomial through them; the second filter passes less motion.
+"""
 LIKELIER = 3.0
-"""Logarithm of the likelihood, per sample times independent samples, by which t must beat Gauss in both,"""
+"""Minimum log-likelihood ratio of t over Gauss in both filters, per sample times independent samples."""
 ALIKE = 0.3
-"""and part of the first's that the second's must be: noise leaves half, corners of the motion a tenth."""
+"""Minimum ratio of the second filter's log-likelihood gain to the first's: noise leaves half, corners of the
+motion a tenth."""
 LARGE = 4.0
-"""Residuals above this multiple of their median size are compared at both spacings."""
+"""Ratio to the median residual above which residuals are compared at both spacings."""
 GROWTH = 0.95
-"""Largest slope of the residuals at twice the spacing against those at single spacing, for large residuals.
+"""Maximum slope of large residuals at twice the spacing versus those at single spacing.
 
-Independent errors give 0.75 to 0.94 (Gauss to t with 1.5 degrees of freedom), corners of a motion 1.2 to 4:
-`benchmarks/heavy_tails.py` counts the errors."""
+Independent errors give 0.75 to 0.94 (Gauss to t with 1.5 degrees of freedom), corners of a motion 1.2 to 4;
+see `benchmarks/heavy_tails.py`.
+"""
 MOST_SAMPLES, LEAST_SAMPLES = 20_000, 200
-STEPS_ALIKE = 0.05  # share of equal neighbours from which a channel reads in steps, or is held
-REACH = 0.12  # s, half-width of the widest cubic that the motion is taken for,
-LEAST_REACH = 3  # samples, that of the narrowest
-FINE = (11, 7)  # samples and degree of the local polynomial that the cubics are held against
-MISFIT = 1.5  # of the narrowest, from which the motion is too fast for any: the bias is still small there
-WIDER = 1.15  # misfit below which a wider one is taken: little is lost where chance alone exceeds it
-TURNS = 12  # of the smoothed motion and the samples
-PLAUSIBLE = 0.01  # samples expected as far off, from which one such is no fault
-LEVEL = 0.5  # cosine of the pitch below which roll and heading swing with the noise
+STEPS_ALIKE = 0.05  # share of equal neighbours above which a channel is quantised or held
+REACH = 0.12  # s, half-width of the widest cubic
+LEAST_REACH = 3  # samples, half-width of the narrowest cubic
+FINE = (11, 7)  # samples and degree of the reference polynomial
+MISFIT = 1.5  # misfit of the narrowest cubic above which the motion is too fast
+WIDER = 1.15  # misfit below which a wider cubic is used; a false rejection costs little
+TURNS = 12  # iterations of smoothed motion and pseudo-observations
+PLAUSIBLE = 0.01  # expected number of samples with such an error above which one is not a fault
+LEVEL = 0.5  # cosine of the pitch below which noise dominates roll and heading
 ANGLES = range(3, 6)
-GRID, FARTHEST = 0.02, 80.0  # of the densities, in units of the scale
+GRID, FARTHEST = 0.02, 80.0  # step and range of the densities, in units of the scale
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class Tail:
         channel: Its name.
         freedom: Degrees of freedom nu.
         scale: s, in the channel's unit.
-        width: Samples of the cubic that the channel's motion is taken for, odd.
+        width: Samples of the local cubic that represents the channel's motion, odd.
     """
 
     channel: str
@@ -91,24 +96,24 @@ class Tail:
     width: int
 
     def score(self, z: Array) -> Array:
-        """psi(z) = (nu + 1) z/(nu + z^2)."""
+        """Return psi(z) = (nu + 1) z/(nu + z^2)."""
         psi: Array = (self.freedom + 1.0) * z / (self.freedom + z**2)
         return psi
 
     def slope(self, z: Array) -> Array:
-        """psi'(z)."""
+        """Return psi'(z)."""
         square = z**2
         slope: Array = (self.freedom + 1.0) * (self.freedom - square) / (self.freedom + square) ** 2
         return slope
 
     def plausible(self, error: Array, count: int) -> Mask:
-        """Which errors the greatest of so many samples may well be."""
+        """Return which errors are plausible as the largest of `count` samples."""
         beyond = count * 2.0 * stdtr(self.freedom, -np.abs(error) / self.scale)
         return np.asarray(beyond >= PLAUSIBLE)
 
 
 def heavy_tails(record: Recording) -> dict[int, Tail]:
-    """The channels, pose then velocity, whose noise is plainly Student's t, and whose motion is followed."""
+    """Return the channels, pose then velocity, with Student's t noise and a motion that a cubic follows."""
     steep = bool((np.cos(record.eta[:, 4]) <= LEVEL).any())
     found = {}
     for i, parts in enumerate(samples(record)):
@@ -125,15 +130,15 @@ def heavy_tails(record: Recording) -> dict[int, Tail]:
 def pseudo_observed(
     raw: pl.DataFrame, record: Recording, tails: Mapping[int, Tail]
 ) -> tuple[pl.DataFrame, Array]:
-    """A raw table whose channels with heavy tails hold pseudo-observations; all else stays bit for bit.
+    """Replace channels with heavy tails by pseudo-observations; other channels stay bit for bit.
 
     Args:
         raw: Raw table.
-        record: The same as arrays.
+        record: The table as arrays.
         tails: Of `heavy_tails`.
 
     Returns:
-        The table, and the standard deviations of the pseudo-observations, (12,), NaN of other channels.
+        The table, and the standard deviations of the pseudo-observations, (12,), NaN for other channels.
     """
     columns, sigma, every = [], np.full(len(CHANNELS), np.nan), list(samples(record))
     for i, tail in tails.items():
@@ -148,16 +153,16 @@ def pseudo_observed(
 
 
 def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array], float]:
-    """y* about the local cubic through themselves, and their standard deviation; see the module.
+    """Return y* about the local cubic through y*, and their standard deviation; see the module.
 
     Args:
-        parts: Evenly spaced samples, segment by segment; fewer than the cubic's stay as they are.
+        parts: Evenly spaced samples, segment by segment; segments shorter than the cubic stay unchanged.
         tail: Their noise.
     """
     width = tail.width
     pseudo = [part.copy() for part in parts]
     long = [i for i, part in enumerate(parts) if len(part) >= width]
-    kept = 1.0 - float(scipy.signal.savgol_coeffs(width, 3)[width // 2])  # of the variance, off the cubic
+    kept = 1.0 - float(scipy.signal.savgol_coeffs(width, 3)[width // 2])  # share of the variance
     for _ in range(TURNS):
         motion = [scipy.signal.savgol_filter(pseudo[i], width, 3) for i in long]
         z = [(parts[i] - smooth) / tail.scale for i, smooth in zip(long, motion, strict=True)]
@@ -175,14 +180,14 @@ def _spacing(record: Recording, channel: int) -> float:
 
 
 def _widest(record: Recording, channel: int) -> int:
-    """Samples of the widest cubic that the motion may be taken for."""
+    """Return the samples of the widest cubic for the motion."""
     return 2 * max(round(REACH / _spacing(record, channel)), LEAST_REACH) + 1
 
 
 def _tail(name: str, parts: Sequence[Array], widest: int) -> Tail | None:
-    """Student's t of one channel, of the filter that sees the lighter tail.
+    """Fit Student's t to one channel, by the filter that gives the lighter tail.
 
-    None where Gauss does as well, and where the motion is too fast.
+    The result is None if Gauss fits equally well, or if the motion is too fast.
     """
     parts = [part for part in parts if len(part) >= max(widest, FINE[0])]
     if sum(map(len, parts)) < LEAST_SAMPLES:
@@ -199,7 +204,7 @@ def _tail(name: str, parts: Sequence[Array], widest: int) -> Tail | None:
 
 
 def _growth(parts: Sequence[Array]) -> float:
-    """Return the slope of residuals at twice the spacing against those at single spacing, for large ones.
+    """Return the slope of large residuals at twice the spacing versus those at single spacing.
 
     Args:
         parts: Evenly spaced samples of one channel.
@@ -217,9 +222,10 @@ def _growth(parts: Sequence[Array]) -> float:
 
 
 def _following(tail: Tail, parts: Sequence[Array]) -> Tail | None:
-    """The same with a narrower cubic where its own does not follow the motion; None where none does.
+    """Return the tail with the widest cubic that follows the motion; None if none does.
 
-    From the narrowest up: pseudo-observations about a cubic far too wide hide its misfit, for they follow it.
+    The search starts with the narrowest cubic: pseudo-observations about a cubic that is too wide follow it
+    and hide its misfit.
     """
     reach, widest = LEAST_REACH, tail.width // 2
     found = replace(tail, width=2 * reach + 1)
@@ -235,9 +241,10 @@ def _following(tail: Tail, parts: Sequence[Array]) -> Tail | None:
 
 
 def _misfit(parts: Sequence[Array], tail: Tail) -> float:
-    """Mean square that the cubic lies off a finer polynomial, over that of white noise: 1 if it follows.
+    """Return the mean squared deviation of the cubic from a finer polynomial over that of white noise.
 
-    Both go through the pseudo-observations, of which no outlier hides a short stretch of fast motion.
+    It is 1 if the cubic follows the motion.  Both pass through the pseudo-observations, so that outliers do
+    not hide a short stretch of fast motion.
     """
     pseudo, _ = pseudo_observations(parts, tail)
     whole = max(tail.width, FINE[0])
@@ -247,21 +254,21 @@ def _misfit(parts: Sequence[Array], tail: Tail) -> float:
 
 
 def _power(parts: Sequence[Array], taps: Array) -> float:
-    """Variance of white noise that would leave as much behind a filter."""
+    """Return the variance of white noise with the same power after a filter."""
     left = np.concatenate([np.convolve(part, taps, "valid") for part in parts])
     return float(np.mean(left**2) / (taps @ taps))
 
 
 def _centred(taps: Array, count: int) -> Array:
-    """Taps in the middle of so many."""
+    """Return taps padded on both sides to `count`."""
     return np.pad(taps, (count - len(taps)) // 2)
 
 
 def _likeliest(parts: Sequence[Array], place: int) -> tuple[float, float, float]:
-    """By a filter's output: by how much t beats Gauss, its degrees of freedom, and its scale."""
+    """Return the log-likelihood gain of t over Gauss, its degrees of freedom and scale, for a filter."""
     taps = _taps(*FILTERS[place])
     off = np.abs(np.concatenate([np.convolve(part, taps, "valid") for part in parts]))
-    off = np.sort(off[:: -(-len(off) // MOST_SAMPLES)])  # in order, their densities are found far sooner
+    off = np.sort(off[:: -(-len(off) // MOST_SAMPLES)])  # sorted values interpolate faster
     median = float(np.median(off))
     if median <= 0.0:
         return 0.0, np.inf, 0.0
@@ -274,14 +281,14 @@ def _likeliest(parts: Sequence[Array], place: int) -> tuple[float, float, float]
 
 @cache
 def _density(place: int, freedom: float) -> tuple[tuple[Array, Array], float]:
-    """Of a filter's output over its median: places and logarithms of the density; and the median."""
+    """Return places and log density of a filter's output over its median, and the median."""
     x, density = _distribution(_taps(*FILTERS[place]), freedom)
     middle = _middle(x, density)
     return (x / middle, np.log(np.maximum(density * middle, 1e-300))), middle
 
 
 def _distribution(taps: Array, freedom: float) -> tuple[Array, Array]:
-    """Density of the size of sum_j taps_j e_j, e of scale 1, by its characteristic function."""
+    """Return the density of |sum_j taps_j e_j|, e of scale 1, from its characteristic function."""
     count = round(FARTHEST / GRID)
     t = np.arange(count) * np.pi / FARTHEST
     whole = np.ones(count)
@@ -292,7 +299,7 @@ def _distribution(taps: Array, freedom: float) -> tuple[Array, Array]:
 
 
 def _characteristic(t: Array, freedom: float) -> Array:
-    """Characteristic function of Student's t, or of the normal law."""
+    """Return the characteristic function of Student's t, or of the normal distribution."""
     if not np.isfinite(freedom):
         return np.asarray(np.exp(-0.5 * t**2))
     half, way = 0.5 * freedom, np.sqrt(freedom) * np.maximum(t, 1e-9)
@@ -301,13 +308,13 @@ def _characteristic(t: Array, freedom: float) -> Array:
 
 
 def _middle(x: Array, density: Array) -> float:
-    """Median of a density on a grid."""
+    """Return the median of a density on a grid."""
     below = np.cumsum(density) - 0.5 * (density + density[0])  # trapezoidal rule
     return float(np.interp(0.5 * below[-1], below, x))
 
 
 def _taps(reach: int, degree: int) -> Array:
-    """What a sample lies off the polynomial through its neighbours: 1 for itself, less their weights."""
+    """Return the filter of a sample's deviation from the polynomial through its neighbours."""
     k = np.arange(-reach, reach + 1)
     powers = np.vander(k, degree + 1, increasing=True).astype(float)
     taps = np.zeros(len(k))

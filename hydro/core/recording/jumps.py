@@ -1,4 +1,4 @@
-"""Samples that jump away from those around them and back, as no force makes them."""
+"""Detection of samples that jump away from their neighbours and back, which no force can cause."""
 
 from __future__ import annotations
 
@@ -10,35 +10,37 @@ from hydro.core.columns import Array, Mask
 from hydro.core.recording.arrays import LEAST_NOISE
 
 NEIGHBOURS = 3
-"""Samples to each side that tell what a sample should be, by the cubic through them."""
+"""Samples on each side in the cubic that predicts a sample."""
 JUMP = 8.0
-"""Standard deviations that a sample must lie off that cubic to jump,"""
+"""Standard deviations from that cubic above which a sample may be a jump."""
 ALONE = 10.0
-"""times what the samples around do, which lie as far off it where the motion has a corner,"""
+"""Minimum ratio of a jump to the deviations of its neighbours, which are as large at a corner of the motion.
+"""
 BACK = 2.0
-"""and times the way from the sample before to the one behind: what stays is no jump but a step."""
+"""Minimum ratio of a jump to the change from the sample before to the one after: a persistent change is a
+step."""
 SHARP = 0.8
-"""Part of it that must lie between two samples, on either side."""
+"""Share of a jump that must occur between two samples, on either side."""
 PASSES = 6
 RESOLVED = 1.0
-"""Longest time that the samples of one cubic may span [s]: thrusters and small hulls respond in 0.1 to 1."""
+"""Maximum time span of the samples of one cubic [s]: thrusters and small hulls respond in 0.1 to 1 s."""
 BEYOND = 1.5
-"""Factor by which a jump must exceed all other changes between samples where these are sparser."""
+"""Factor by which a jump between sparse samples must exceed all other changes."""
 
 
 def is_sparse(spacing: float) -> bool:
-    """Return whether samples [s] apart are too sparse to tell a corner of the motion from an outlier."""
+    """Return whether samples `spacing` [s] apart are too sparse to separate a corner from an outlier."""
     return 2 * NEIGHBOURS * spacing > RESOLVED
 
 
 def jumping(series: Sequence[Array], bursts: Sequence[int], spacing: float = 0.0) -> list[Mask]:
-    """Find the samples of each series that jump, again and again without those found before.
+    """Find the samples of each series that jump, in repeated passes without those already found.
 
     Args:
         series: Samples, evenly spaced.
         bursts: Numbers of samples that may jump together.
-        spacing: Time from sample to sample [s]. Between sparse samples the motion may do what it does
-            anywhere else, so that a jump must exceed every other change.
+        spacing: Time from sample to sample [s].  Between sparse samples a jump must exceed every other
+            change, since the motion may change as fast there.
     """
     values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
     for stride in bursts:
@@ -69,19 +71,19 @@ def _beyond_motion(series: Sequence[Array], odd: Sequence[Mask]) -> list[Mask]:
 
 
 def _usual(off: Array) -> float:
-    """Standard deviation by the median size, at least the least noise."""
+    """Return the robust standard deviation from the median size, at least the least noise."""
     return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
 
 
 def _off_cubic(y: Array, stride: int) -> tuple[Array, Mask]:
-    """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
+    """Return each sample's deviation from the cubic through its neighbours, and whether it is a jump.
 
     Args:
         y: Samples, (n,).
-        stride: From one of those around to the next: a burst of as many samples jumps as one.
+        stride: Step between the neighbours: a burst of `stride` samples jumps as one.
 
     Returns:
-        (n - 2 NEIGHBOURS stride,) each: nothing is said of those at both ends.
+        (n - 2 NEIGHBOURS stride,) each, without both ends.
     """
     reach = NEIGHBOURS * stride
     if len(y) <= 2 * reach:
@@ -97,7 +99,7 @@ def _off_cubic(y: Array, stride: int) -> tuple[Array, Mask]:
 
 
 def _off() -> Array:
-    """What 2 NEIGHBOURS + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
+    """Return the map from 2 NEIGHBOURS + 1 samples to deviations from a cubic without the middle, (7, 7)."""
     k = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
     powers = np.vander(k, 4, increasing=True).astype(float)
     through = np.zeros((len(k), len(k)))

@@ -1,18 +1,18 @@
-"""Kinematics of a body and of the sensors that a raw table knows, linearised in closed form.
+"""Kinematic model of a body and of its sensors, linearised in closed form.
 
-The nominal state is (x, R, nu, nu', nu'', b): position of CO in NED, rotation from body to world as a unit
-quaternion, velocity over ground and rates in body axes with two derivatives, and constant biases of the
-logged velocity and rates.  Between rows
+The nominal state is (x, R, nu, nu', nu'', b).  These are position of CO in NED, rotation from body to world
+as a unit quaternion, and velocity over ground and rates in body axes with two derivatives.  The last part is
+constant biases of the logged velocity and rates.  Between rows
 
     x' = R v,   R' = R [omega]x,   (nu')' = nu'' + white,   (nu'')' = white,   b' = 0.
 
-White noise of (nu')' alone is the model of `smoothing`; forces that thrusters build up with a lag are
-smoother than that.  With both noises, each of its likeliest density, the standard deviation of an
-acceleration is what its error is; with the first alone both are twice as much in slow manoeuvres.
+White noise of (nu')' alone is the model of `smoothing`, but thruster forces with a lag are smoother than
+that.  With both noises at their maximum-likelihood densities, the standard deviation of an acceleration
+matches its error.  With the first alone, error and standard deviation are twice as large in slow manoeuvres.
 
-Errors are additive, but for the attitude: R_true = R exp([delta]x) with delta in body axes, so that the error
-has 30 numbers and no singularity (Sola 2017, Quaternion kinematics for the error-state Kalman filter).
-Turning the world about its vertical changes none that is fixed to the body.
+Errors are additive, except for the attitude: R_true = R exp([delta]x) with delta in body axes.  So the error
+has 30 components and no singularity (Sola 2017, Quaternion kinematics for the error-state Kalman filter).  A
+rotation of the world about its vertical changes none of the body-fixed components.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from hydro.core.vehicle.frames import quaternion_kernel, quaternion_product_kern
 
 ERRORS, STATES, CHANNELS = 30, 31, 12
 POSITION, ATTITUDE, SPEED, RATES, ACCELERATION, JERK, SPEED_BIAS, RATE_BIAS = 0, 3, 6, 9, 12, 18, 24, 27
-"""First entry of each part of the error; in the state all from SPEED on stand one later."""
+"""First index of each part of the error; in the state, parts from SPEED on are one place later."""
 QUATERNION = 3
 LEAST_COSINE = 0.1
-"""Of pitch, below which roll or yaw alone is no measurement: both turn about nearly the same axis."""
+"""Minimum cosine of the pitch for measurements of roll or yaw alone: near it both turn about one axis."""
 
 
 class Model(NamedTuple):
-    """What the smoother is told.
+    """Parameters of the smoother.
 
     Attributes:
         dt: Sample time [s].
         density: Spectral density of the white noise in the derivatives of nu' and nu'' of each axis, (6, 2)
             [m^2/s^5, rad^2/s^5; m^2/s^7, rad^2/s^7].
-        variance: Of the white noise of each channel, (12,) [m^2, rad^2, m^2/s^2, rad^2/s^2].
+        variance: Variance of the white noise of each channel, (12,) [m^2, rad^2, m^2/s^2, rad^2/s^2].
         prior: Variance of each error before the first sample, (30,).
-        log: How the logged velocity depends on the error, (6, 30).
-        offset: What the logged velocity reads of a body at rest, (6,) [m/s, rad/s].
+        log: Derivative of the logged velocity by the error, (6, 30).
+        offset: Logged velocity of a body at rest, (6,) [m/s, rad/s].
     """
 
     dt: float
@@ -58,11 +58,11 @@ class Model(NamedTuple):
 
 
 def velocity_rows(log: Array, late: float) -> tuple[Array, Array]:
-    """Rows (6, 30) and offset (6,) of a velocity log: u_m = G [v(t - d) + omega(t - d) x r] + b.
+    """Return rows (6, 30) and offset (6,) of a DVL: u_m = G [v(t - d) + omega(t - d) x r] + b.
 
     Args:
-        log: The vehicle's velocity log, (13,); see `effects.sensor`.
-        late: What is left of its delay d once samples are moved by whole rows [s].
+        log: The errors of the vehicle's DVL, (13,); see `effects.sensor`.
+        late: Remainder of its delay d after samples are moved by whole rows [s].
     """
     turned = (1.0 + log[sensor.SCALE])[:, None] * rotation(*log[sensor.ANGLES]).T
     x, y, z = log[sensor.LEVER]
@@ -99,7 +99,7 @@ def turn(quaternion: Array, twist: Array, out: Array) -> None:
 
 @jit
 def corrected(state: Array, error: Array, out: Array) -> None:
-    """Write the state (31,) with an error (30,) taken up into `out` (31,)."""
+    """Write the state (31,) corrected by an error (30,) into `out` (31,)."""
     for i in range(3):
         out[i] = state[i] + error[i]
     turn(state[QUATERNION : QUATERNION + 4], error[ATTITUDE:SPEED], out[QUATERNION : QUATERNION + 4])
@@ -109,10 +109,10 @@ def corrected(state: Array, error: Array, out: Array) -> None:
 
 @jit
 def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
-    """One row on: the state into `out` (31,), its error's transition into `phi` (30, 30), R halfway into `R`.
+    """Advance by one row: write the state to `out` (31,), the transition to `phi` (30, 30), and `R` halfway.
 
-    Position by Simpson's rule, attitude by the mean rate; `phi` must hold the identity but for what is
-    written here.
+    The position uses Simpson's rule, the attitude the mean rate.  `phi` must contain the identity in all
+    places that are not written here.
     """
     R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
     S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -136,7 +136,7 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
     _cross_matrix(halfway, S)
     N[:] = -(R @ S)
     _cross_matrix(half, S)
-    B[:] = N - N @ S  # the attitude's error halfway, as the middle of the row sees it
+    B[:] = N - N @ S  # effect of the attitude's error at the middle of the row
     _cross_matrix(twist, S)
     square = S @ S
     for i in range(3):
@@ -157,9 +157,10 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
 
 @jit
 def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: NDArray[np.int64]) -> int:
-    """Which entries of the error white noise of an axis drives, how much of it, integrated how many times.
+    """Return the number of error entries that white noise of an axis drives; write entries, gains and orders.
 
-    Written into arrays (6,), nu'' first; returns their number.  `R` is the rotation halfway through the row.
+    Entries, gains and numbers of integrations are written to arrays (6,), nu'' first.  `R` is the rotation
+    halfway through the row.
     """
     for n in range(3):
         entry[n], share[n], times[n] = JERK - 6 * n + axis, 1.0, n
@@ -173,7 +174,7 @@ def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: N
 
 @jit
 def integrated(dt: float, first: int, second: int) -> float:
-    """Covariance of unit white noise over `dt`, integrated so and so many times."""
+    """Return the covariance over `dt` of unit white noise integrated `first` and `second` times."""
     size = dt ** (first + second + 1) / (first + second + 1)
     for n in range(2, first + 1):
         size /= n
@@ -184,7 +185,7 @@ def integrated(dt: float, first: int, second: int) -> float:
 
 @jit
 def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
-    """Add to the covariance (30, 30) what white noise of `density` (6, 2) does in one row."""
+    """Add the white noise of `density` (6, 2) over one row to the covariance (30, 30)."""
     entry, share, times = np.empty(6, np.int64), np.empty(6), np.empty(6, np.int64)
     for axis in range(6):
         for a in range(driven(axis, R, entry, share, times)):
@@ -197,7 +198,7 @@ def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
 
 @jit
 def rotation_vector(q: Array, measured: Array, out: Array) -> None:
-    """Write the turn from attitude q to `measured` (4,), about body axes, into `out` (3,) [rad]."""
+    """Write the rotation from attitude q to `measured` (4,), about body axes, to `out` (3,) [rad]."""
     turned, inverse = np.empty(4), np.empty(4)
     inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
     quaternion_product_kernel(inverse, measured[0], measured[1], measured[2], measured[3], turned)
@@ -221,9 +222,10 @@ def angles(q: Array, out: Array) -> None:
 
 @jit
 def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> None:
-    """Residuals `e` (12,) and rows `H` (12, 30) of the angles that were measured.
+    """Write residuals `e` (12,) and rows `H` (12, 30) of the measured angles.
 
-    All three are one rotation, compared about body axes, with no singularity; fewer are compared one by one.
+    Three angles are one rotation, compared about body axes without singularity.  Fewer angles are compared
+    one by one.
     """
     q, found, twist = state[QUATERNION : QUATERNION + 4], np.empty(3), np.empty(3)
     if seen[3] and seen[4] and seen[5]:
@@ -256,7 +258,7 @@ def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> Non
 
 @jit
 def sensor_rows(state: Array, z: Array, seen: Mask, model: Model, e: Array, H: Array) -> None:
-    """Residuals `e` (12,) and rows `H` (12, 30) of the samples `z` (12,) of a row; 0 where there is none."""
+    """Write residuals `e` (12,) and rows `H` (12, 30) of a row's samples `z` (12,); 0 without a sample."""
     e[:] = 0.0
     H[:] = 0.0
     for i in range(3):

@@ -1,14 +1,14 @@
-"""Pose, velocity and acceleration of every row from whatever samples there are, with standard deviations.
+"""Kinematic smoother: pose, velocity and acceleration with standard deviations, from any samples.
 
-An error-state extended Kalman filter runs forward over each unbroken segment of a recording, a fixed-interval
-smoother back: the Rauch-Tung-Striebel estimates in the form of Bryson and Frazier (Bierman 1973, Automatica
-9), which inverts no covariance and so bears states that nothing determines.  A sample is one scalar
-measurement, a null is none.  Motion and sensors are those of `kinematic_model`.
+An error-state extended Kalman filter runs forward over each segment of a recording, and a fixed-interval
+smoother runs back.  The smoother gives the Rauch-Tung-Striebel estimates in the form of Bryson and Frazier
+(Bierman 1973, Automatica 9).  That form inverts no covariance, so it tolerates undetermined states.  Each
+sample is one scalar measurement; a null is none.  Motion and sensors are those of `kinematic_model`.
 
-The spectral densities of the white noise are those of greatest likelihood.  Its score is half the sum over
-the rows of lambda' Q_i lambda - tr(Lambda Q_i), of the smoother's adjoint (lambda, Lambda) (Koopman and
-Shephard 1992, Biometrika 79); a density is multiplied by the ratio of both terms until they agree (Zhou et
-al. 2019, J. Comput. Graph. Stat. 28, take the root of it: slower by half, and never beyond the maximum).
+The spectral densities of the white noise maximise the likelihood.  The score is half the sum over the rows of
+lambda' Q_i lambda - tr(Lambda Q_i), with the smoother's adjoint (lambda, Lambda) (Koopman and Shephard 1992,
+Biometrika 79).  A density is multiplied by the ratio of both terms until they agree.  Zhou et al. 2019, J.
+Comput. Graph. Stat. 28, use its square root, which never overshoots but is slower by half.
 """
 
 from __future__ import annotations
@@ -35,48 +35,48 @@ from hydro.core.threads import spread
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler, wrapped
 
 PRIOR = np.repeat([30.0, 1.0, 5.0, 2.0, 3.0, 5.0, 10.0, 30.0], 3)
-"""Standard deviation of the first position [m], attitude, velocity, rates and two derivatives.
+"""Prior standard deviation of the first position [m], attitude, velocity, rates and two derivatives.
 
-About lines between samples, with no acceleration: wide for a vehicle in water, and not so wide that rounding
-shows in what the samples leave of it.
+The mean is interpolated between samples, without acceleration.  The values are wide for a vehicle in water,
+but narrow enough to keep rounding errors out of the posterior.
 """
 BIASES = np.repeat([0.005, 0.005], 3)
-"""Standard deviation of a Doppler log's and a gyroscope's bias [m/s, rad/s].
+"""Prior standard deviation of the bias of a DVL and of a gyroscope [m/s, rad/s].
 
-Makers of Doppler logs state 1 to 5 mm/s beside a scale; a MEMS gyroscope keeps 0.1 to 1 degree/s from one
-turning-on to the next, less where an attitude filter takes it off.
+DVL makers specify 1 to 5 mm/s in addition to a scale error.  A MEMS gyroscope has 0.1 to 1 degree/s between
+power cycles, less if an attitude filter removes it.
 """
 PRIOR_VARIANCE = np.concatenate([PRIOR, BIASES]) ** 2
 BLOCK = 128
-"""Rows whose covariances are kept at once: the others are computed again on the way back."""
-WINDOW, WINDOWS = 768, 2  # rows and number of the pieces of data that the densities are estimated from
-ROUNDS = 12  # of the search for densities at most,
-SETTLED = 0.05  # until none changes by so much
-FASTEST = 30.0  # times that a density grows or shrinks in a round at most
+"""Rows whose covariances are stored at once; others are recomputed in the backward pass."""
+WINDOW, WINDOWS = 768, 2  # rows and number of the windows used to estimate the densities
+ROUNDS = 12  # maximum rounds of the search for densities
+SETTLED = 0.05  # relative change at which the search ends
+FASTEST = 30.0  # maximum factor of a density in a round
 SLOW, QUICK = 1e-10, 1e8
 """Bounds of a density [SI]."""
 FIRST = np.array([[1e-4, 10.0]] * 3 + [[1e-4, 1.0]] * 3)
-"""Densities that the search begins from: smooth motion, unless the samples say otherwise."""
+"""Initial densities of the search: a smooth motion."""
 ASTRAY, ENOUGH = 5.0, 5
-"""Median distance of a channel's samples from the smoothed motion, in its noise, from which both disagree; of
-so many samples at least."""
+"""Median deviation of a channel's samples from the smoothed motion, in its noise, above which they disagree;
+minimum number of samples."""
 FASTEST_TURN = 0.5
-"""Turn from a row to the next that is none of a vehicle's [rad]."""
+"""Maximum plausible rotation of a vehicle between rows [rad]."""
 ROUGH = (3.0, 0.0)
-"""Density where nothing tells: of an acceleration that changes by 1 m/s^2 in a third of a second."""
+"""Density of an axis without data: an acceleration that changes by 1 m/s^2 in a third of a second."""
 OUT = STATES + 18 + 36
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Smoothed motion of N rows; NaN in segments without samples of an angle, or that contradict each other.
+    """Smoothed motion of N rows; NaN in segments without samples of an angle, or with contradictory samples.
 
     Attributes:
         pose: x y z phi theta psi, NED, (N, 6) [m, rad].
         motion: (nu, nu_dot) of CO, body axes, (N, 6, 2) [m/s, rad/s; per s].
         pose_sd: Standard deviation of position, NED, and of the attitude about body axes, (N, 6).
         motion_sd: Standard deviation of (nu, nu_dot), (N, 6, 2).
-        covariance: Of nu_dot, (N, 6, 6).
+        covariance: Covariance of nu_dot, (N, 6, 6).
     """
 
     pose: Array
@@ -87,21 +87,21 @@ class Smoothed:
 
 
 class Samples(NamedTuple):
-    """Channels (n, 12) of some rows, angles in rad, and which of them are samples."""
+    """Channels (n, 12) of some rows, angles in rad, and a mask of the samples."""
 
     z: Array
     seen: Mask
 
 
 class _Kept(NamedTuple):
-    """What the way back needs of each row of a block.
+    """Data of each row of a block for the backward pass.
 
     Attributes:
         state: Corrected state (n, 31).
         P: Its covariance (n, 24, 30).
         H: Row of each sample (n, 12, 30).
         gain: Gain of each sample (n, 12, 30).
-        residual: And its variance, (n, 12, 2).
+        residual: Residual of each sample and its variance, (n, 12, 2).
     """
 
     state: Array
@@ -113,9 +113,9 @@ class _Kept(NamedTuple):
 
 @jit
 def _forward(model: Model, state: Array, P: Array, samples: Samples, kept: _Kept) -> float:
-    """Filter rows from the prediction (state, P) for the first to that for the row behind the last, in place.
+    """Filter rows in place, from the prediction (state, P) of the first row to that after the last row.
 
-    `kept` takes what it has rows for.  Returns log det S + e' S^-1 e, summed over the rows.
+    `kept` stores as many rows as it has space for.  Returns log det S + e' S^-1 e, summed over the rows.
     """
     e, H, PH, delta = np.empty(CHANNELS), np.empty((CHANNELS, ERRORS)), np.empty(ERRORS), np.empty(ERRORS)
     after, phi, R = np.empty(STATES), np.eye(ERRORS), np.empty((3, 3))
@@ -179,9 +179,9 @@ def _score(lam: Array, Lam: Array, R: Array, dt: float, score: Array) -> None:
 def _backward(
     model: Model, seen: Mask, kept: _Kept, lam: Array, Lam: Array, out: Array, score: Array
 ) -> None:
-    """Smooth the rows of one block, from the adjoint (lam, Lam) behind its last row to that of its first.
+    """Smooth the rows of one block, from the adjoint (lam, Lam) after its last row to that of its first row.
 
-    Row k of `out` (85) takes the state; the variances of position, attitude, nu and nu_dot; and the
+    Row k of `out` (85) holds the state, the variances of position, attitude, nu and nu_dot, and the
     covariance (6, 6) of nu_dot.
     """
     phi, R, ahead = np.eye(ERRORS), np.empty((3, 3)), np.empty(STATES)
@@ -227,7 +227,7 @@ def _backward(
 
 @jit
 def _empty(rows: int) -> _Kept:
-    """Room for so many rows."""
+    """Return space for `rows` rows."""
     return _Kept(
         np.empty((rows, STATES)),
         np.empty((rows, ERRORS, ERRORS)),
@@ -239,7 +239,7 @@ def _empty(rows: int) -> _Kept:
 
 @jit
 def _smooth(model: Model, start: Array, samples: Samples, out: Array, score: Array) -> None:
-    """Smooth a segment into `out` (n, 85), from a state (31,) with the prior; `score` may have no rows."""
+    """Smooth a segment into `out` (n, 85), from a state (31,) with the prior; `score` may be empty."""
     count = samples.z.shape[0]
     blocks = (count + BLOCK - 1) // BLOCK
     states, covariances = np.empty((blocks, STATES)), np.empty((blocks, ERRORS, ERRORS))
@@ -268,18 +268,17 @@ def smooth(
     """Smooth a recording with nulls.
 
     Args:
-        samples: Pose and velocity, NaN where there is no sample, (N, 12) [m, rad, m/s, rad/s]; pose in NED,
-            velocity of CO over ground, body axes.
+        samples: Pose and velocity, NaN without a sample, (N, 12) [m, rad, m/s, rad/s]; pose in NED, velocity
+            of CO over ground, body axes.
         bounds: Segments [start, stop), (S, 2).
         dt: Sample time [s].
         noise: Standard deviation of the white noise of each channel, (12,).
-        log: The vehicle's velocity log, (13,), see `effects.sensor`: its errors are part of the measurement.
-        density: Spectral densities of the white noise, (6, 2), see `kinematic_model.Model`; by default the
-            likeliest.
+        log: The errors of the vehicle's DVL, (13,), see `effects.sensor`; they are part of the measurement.
+        density: Spectral densities of the white noise, (6, 2), see `kinematic_model.Model`; by default those
+            of maximum likelihood.
 
     Returns:
-        Every row of the segments in which each angle has a sample, and whose samples the smoothed motion
-        follows; NaN elsewhere.
+        Every row of segments with samples of each angle that the smoothed motion follows; NaN elsewhere.
     """
     shown = np.array([np.isfinite(samples[a:b, 3:6]).any(axis=0).all() for a, b in bounds], dtype=bool)
     known, late = _in_time(samples, bounds, dt, log)
@@ -301,10 +300,10 @@ def smooth(
 
 
 def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
-    """Spectral densities of the white noise of each axis, of greatest likelihood, (6, 2) [SI].
+    """Return the maximum-likelihood spectral densities of the white noise of each axis, (6, 2) [SI].
 
-    Found on at most WINDOWS pieces of WINDOW rows, evenly spread.  Along a body axis of which neither the
-    velocity nor the whole position is measured no density can be found: it is ROUGH.
+    They are estimated from at most WINDOWS windows of WINDOW rows, evenly spread.  The density is ROUGH along
+    body axes for which neither the velocity nor the whole position is measured.
     """
     seen: Mask = np.asarray(np.isfinite(samples).any(axis=0))
     shown = np.append(seen[6:9] | seen[:3].all(), np.ones(3, bool))[:, None]
@@ -325,10 +324,10 @@ def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
 
 
 def _follows(model: Model, samples: Array, out: Array) -> bool:
-    """Whether smoothed rows (n, 85) are near the samples (n, 12): half of each channel's within ASTRAY.
+    """Return whether smoothed rows (n, 85) follow the samples (n, 12): the median error is within ASTRAY.
 
-    A filter linearised about a motion far from the true one, or sensors that contradict each other, leave
-    more; its standard deviations would not say so.
+    A filter linearised far from the true motion, or contradictory sensors, cause larger deviations, which the
+    standard deviations would not show.
     """
     if not np.isfinite(out).all() or np.abs(out[:, 10:13]).max() * model.dt > FASTEST_TURN:
         return False
@@ -336,7 +335,7 @@ def _follows(model: Model, samples: Array, out: Array) -> bool:
     off = np.empty(samples.shape)
     off[:, :3] = samples[:, :3] - out[:, :3]
     off[:, 3:6] = wrapped(samples[:, 3:6] - turned)
-    off[:, [3, 5]] *= np.cos(turned[:, 1:2])  # near the vertical roll and yaw are large, but no turn
+    off[:, [3, 5]] *= np.cos(turned[:, 1:2])  # near the vertical, roll and yaw are large for small turns
     off[:, 6:] = samples[:, 6:] - model.offset - out[:, 7:STATES] @ model.log[:, SPEED:].T
     size = np.abs(off) / np.sqrt(model.variance)
     seen = np.isfinite(size)
@@ -344,10 +343,10 @@ def _follows(model: Model, samples: Array, out: Array) -> bool:
 
 
 def _step(score: Array) -> Array:
-    """Factor of each density (6, 2) for the sums (6, 2, 2) of `_score`.
+    """Return the factor of each density (6, 2) from the sums (6, 2, 2) of `_score`.
 
-    Samples that say nothing of a density leave it; a filter that has diverged, so that a sum is negative or
-    not finite, followed too readily.
+    A density without information is unchanged.  A filter that diverged, with a negative or infinite sum,
+    followed too closely, so its density is reduced.
     """
     there, expected = score[..., 0], score[..., 1]
     with np.errstate(all="ignore"):
@@ -358,7 +357,7 @@ def _step(score: Array) -> Array:
 
 
 def _prepared(model: Model, samples: Array) -> tuple[Model, Array, Samples]:
-    """The model with the biases that a segment shows, its first state, and its samples."""
+    """Return the model with the observable biases of a segment, its first state, and its samples."""
     seen = np.isfinite(samples)
     counts = seen.sum(axis=0) > 1
     prior = model.prior.copy()
@@ -377,7 +376,7 @@ def _prepared(model: Model, samples: Array) -> tuple[Model, Array, Samples]:
 
 
 def _in_time(samples: Array, bounds: Rows, dt: float, log: Array | None) -> tuple[Array, float]:
-    """Samples of a late velocity log moved by whole rows to when they were true, and what is left [s]."""
+    """Return the samples of a late DVL moved by whole rows to their times, and the remaining delay [s]."""
     rows = 0 if log is None else round(log[sensor.DELAY] / dt)
     late = 0.0 if log is None else float(log[sensor.DELAY] - rows * dt)
     if not rows:
@@ -390,7 +389,7 @@ def _in_time(samples: Array, bounds: Rows, dt: float, log: Array | None) -> tupl
 
 
 def _unpacked(out: Array) -> Smoothed:
-    """The rows (N, 85) of `_smooth` by name."""
+    """Return the rows (N, 85) of `_smooth` by name."""
     pose, motion = np.full((len(out), 6), np.nan), np.empty((len(out), 6, 2))
     there = np.isfinite(out[:, 0])
     pose[:, :3] = out[:, :3]

@@ -1,7 +1,7 @@
-"""Rows that repeat the last one in every channel: the logger got nothing new, and wrote what it had.
+"""Detection of rows that repeat the last one in every channel because the logger received nothing new.
 
-A sensor slower than the log, or all of them, repeats too, but at a rate: how many fall into a stretch hardly
-varies.  Rows that are lost at chance vary as chance does.
+A sensor slower than the log repeats too, but at a fixed rate, so the number of repeats in a stretch hardly
+varies.  The number of rows lost at random varies as expected for random events.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from hydro.core.columns import COMMAND, POSE, VELOCITY, Array, Mask
 from hydro.core.recording.arrays import Recording
 
 LEAST, MOST = 20, 0.5
-"""Number of such rows, and part of the log up to which, to be lost ones."""
+"""Minimum number of such rows, and maximum share of the log, for lost rows."""
 AT_CHANCE = 0.4
-"""Variance of their number in a stretch, over that of rows lost at chance."""
-STRETCH = 3  # of them, in the mean
-LONGEST = 10  # rows; what stands still for longer is a frozen sensor or a vehicle at rest
+"""Minimum variance of their number in a stretch, relative to random loss."""
+STRETCH = 3  # mean number of repeats in a stretch
+LONGEST = 10  # rows; a longer standstill is a frozen sensor or a vehicle at rest
 ALIVE = 0.9
-"""Part of the other rows in which one channel at least must take a value of its own."""
+"""Minimum share of the other rows in which at least one channel has a distinct value."""
 
 
 def repeated_rows(record: Recording) -> Mask:
-    """Rows that repeat the last one for want of anything new, (N,)."""
+    """Return the rows that repeat the last one because nothing new was received, (N,)."""
     motion, none = np.hstack([record.eta, record.nu]), np.zeros(record.rows, bool)
     same, repeated = (np.diff(motion, axis=0) == 0.0).all(axis=1), none.copy()
     for start, stop in record.segments:
@@ -39,13 +39,13 @@ def repeated_rows(record: Recording) -> Mask:
 
 
 def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.DataFrame:
-    """The table without samples of pose and velocity in repeated rows.
+    """Return the table without samples of pose and velocity in repeated rows.
 
-    Commands that are repeated as well go on a straight line: left as they are, all would come late.
+    Commands that are repeated too are interpolated, since repeated commands would be late.
 
     Args:
         raw: Raw table.
-        record: The same as arrays.
+        record: The table as arrays.
         repeated: Rows that repeat the last one, (N,).
     """
     columns = [pl.when(pl.Series(~repeated)).then(pl.col(name)).alias(name) for name in (*POSE, *VELOCITY)]
@@ -59,14 +59,14 @@ def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.
 
 
 def _held(commands: Array, record: Recording, repeated: Mask) -> bool:
-    """Whether commands (N, n) are repeated with the motion: there always, elsewhere hardly ever."""
+    """Return whether commands (N, n) are repeated together with the motion, and hardly ever elsewhere."""
     same = np.append(False, (np.diff(commands, axis=0) == 0.0).all(axis=1))
     same[record.segments[:, 0]] = False
     return bool(same[repeated].all() and same[~repeated].mean() <= 1.0 - ALIVE)
 
 
 def _along(record: Recording, repeated: Mask, column: Array) -> Array:
-    """A column (N,) with repeated rows on a straight line between the others of their segment."""
+    """Return a column (N,) with repeated rows interpolated between the others of their segment."""
     out = column.copy()
     for start, stop in record.segments:
         rows, again = np.arange(stop - start), repeated[start:stop]
@@ -75,5 +75,5 @@ def _along(record: Recording, repeated: Mask, column: Array) -> Array:
 
 
 def _alive(fresh: Array) -> bool:
-    """Whether a channel has a value of its own in nearly every row; coarse steps repeat anyway."""
+    """Return whether a channel has distinct values in nearly every row; quantised channels repeat anyway."""
     return any(len(np.unique(values)) >= ALIVE * len(values) for values in fresh.T)

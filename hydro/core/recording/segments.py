@@ -1,4 +1,4 @@
-"""Unbroken runs of rows: one session without a gap in time, sampled at one constant rate.
+"""Segments: uninterrupted runs of rows of one session, sampled at one constant rate.
 
 A step above 1.5 sample times is a gap and starts a new segment; every other step may differ from the sample
 time by 1 %.  Filters, lags and differences never reach across the end of a segment.
@@ -19,24 +19,24 @@ from hydro.core.errors import DataError
 GAP = 1.5  # in sample times
 JITTER = 0.01  # of a sample time
 STEPS = (1e-5, 10.0)
-"""Sample times of a recording of motion [s]; beyond, t is in another unit."""
+"""Plausible sample times of a recording of motion [s]; beyond them, t is in another unit."""
 
 
 def sample_time(frame: pl.DataFrame) -> float:
-    """Sample time dt [s]: the median step of `t` within sessions, rounded to a nanosecond.
+    """Return the sample time dt [s]: the median step of `t` within sessions, rounded to a nanosecond.
 
     Args:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: The table is empty, a session's rows are scattered or its time does not rise, no session
+        DataError: The table is empty, a session's rows are scattered or its time does not ascend, no session
             has two rows, or the time is not in seconds.
     """
     return _clock(frame)[2]
 
 
 def sessions(frame: pl.DataFrame) -> pl.DataFrame:
-    """Sessions of a recording in their order: `session`, `rows` and `sample_time` [s].
+    """Return the sessions of a recording in order: `session`, `rows` and `sample_time` [s].
 
     Args:
         frame: A table with `session` and `t` [s].
@@ -49,12 +49,12 @@ def sessions(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 class Clock(NamedTuple):
-    """When the rows of a session were taken.
+    """Clock of the rows of a session.
 
     Attributes:
-        rows: How many there are.
+        rows: Number of rows.
         dt: Sample time [s].
-        bounds: First and past-the-last row of each unbroken run, shape (S, 2).
+        bounds: First row of each segment and the row after its last, shape (S, 2).
     """
 
     rows: int
@@ -63,7 +63,7 @@ class Clock(NamedTuple):
 
 
 def clock(frame: pl.DataFrame) -> Clock:
-    """The clock of a session, or of a whole recording.
+    """Return the clock of a session, or of a whole recording.
 
     Args:
         frame: A table with `session` and `t` [s].
@@ -75,10 +75,10 @@ def clock(frame: pl.DataFrame) -> Clock:
 
 
 def common_sample_time(clocks: Mapping[str, Clock]) -> float:
-    """Sample time [s] of sessions that lie apart: the median of theirs.
+    """Return the sample time [s] of separate sessions: the median of theirs.
 
     Raises:
-        DataError: One of them differs from it by more than 1 %.
+        DataError: The sample time of a session differs from it by more than 1 %.
     """
     each = np.array([clock.dt for clock in clocks.values()])
     dt = float(np.sort(each)[len(each) // 2])
@@ -93,7 +93,7 @@ def common_sample_time(clocks: Mapping[str, Clock]) -> float:
 
 
 def segments(frame: pl.DataFrame) -> Rows:
-    """First and past-the-last row of each unbroken run, shape (S, 2), in the order of the rows.
+    """Return the first row of each segment and the row after its last, shape (S, 2), in row order.
 
     Args:
         frame: A table with `session` and `t` [s].
@@ -117,7 +117,7 @@ def segments(frame: pl.DataFrame) -> Rows:
 
 
 def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
-    """Which segments go on with a session after a gap, shape (S,); the others begin a session."""
+    """Return which segments continue a session after a gap, shape (S,); the others start a session."""
     names = frame["session"]
     first, before = bounds[:, 0], np.maximum(bounds[:, 0] - 1, 0)
     same = (names.gather(first) == names.gather(before)).to_numpy()
@@ -125,14 +125,14 @@ def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
 
 
 def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
-    """Refuse a raw table in which a sensor gave nothing in some rows.
+    """Refuse a raw table with rows that lack samples of a sensor.
 
     Args:
         raw: Raw table.
-        columns: Those of its columns that must have a sample in every row.
+        columns: Columns that must have a sample in every row.
 
     Raises:
-        DataError: One of them has nulls.
+        DataError: One of these columns has nulls.
     """
     rare = [name for name in columns if name in raw.columns and raw[name].null_count()]
     if rare:
@@ -144,7 +144,7 @@ def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
 
 
 def gaps(frame: pl.DataFrame) -> str:
-    """How many gaps in time a table has and where the first is, in a few words; empty where it has none.
+    """Describe the number of gaps in time and the place of the first; empty if there are none.
 
     Args:
         frame: A table with `session` and `t` [s].
@@ -165,7 +165,7 @@ def gaps(frame: pl.DataFrame) -> str:
 
 
 def _clock(frame: pl.DataFrame) -> tuple[NDArray[np.bool_], Array, float]:
-    """Of each step from a row to the next: whether the session changes, its length [s]; and dt [s]."""
+    """Return for each step between rows whether the session changes and its length [s]; and dt [s]."""
     if frame.height == 0:
         raise DataError("the table has no rows; give at least one session")
     names = frame["session"]

@@ -1,11 +1,11 @@
-"""Readings that no motion makes: a sensor that jumps for a sample, stands still, or writes a mark of its own.
+"""Detection and correction of impossible readings: jumps for a sample, frozen values, and fill values.
 
-No force moves a vehicle for one sample and back, and a sensor with noise never reads the same twice, far less
-for a second.  Such readings are found from the log alone, each channel by itself, reported, and kept away
-from every fit: short ones are bridged by a straight line in their channel, and rows under long ones are left
-out.  A slow sensor whose readings are held, or drawn in straight lines, from sample to sample is held to this
-by its samples; so is one that reads in steps.  Jumps that a channel's noise makes anyway, for its tails are
-heavy, are no faults: such channels hold pseudo-observations afterwards (`recording.heavy_tails`).
+No force moves a vehicle for one sample and back, and a noisy sensor never repeats a reading, even less for a
+second.  Such readings are detected from the log alone, channel by channel.  They are reported and excluded
+from every fit.  Short ones are interpolated in their channel, and rows with long ones are dropped.  A slow
+sensor whose readings are held or interpolated is tested at its samples, and so is a quantised one.  Jumps of
+noise with heavy tails are not faults: such channels hold pseudo-observations afterwards
+(`recording.heavy_tails`).
 """
 
 from __future__ import annotations
@@ -27,28 +27,29 @@ from hydro.core.vehicle.description import Vehicle
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
 LEAST_SAMPLES = 8
-BURSTS = (1, 2, 4)  # samples that jump together
+BURSTS = (1, 2, 4)  # numbers of samples that may jump together
 STANDS, LONGEST_CHANCE = 10, 5.0
-"""Rows that stand still, and times the length that 99 of 100 such runs keep to, to be a fault."""
-LEAST_STILL = 0.2  # s
-FINE = 0.9  # distinct values among the runs from which a channel does not read in steps
+"""Minimum rows of a frozen value, and minimum ratio to the 99 % quantile of the lengths of such runs."""
+LEAST_STILL = 0.2  # s, minimum length of a frozen value
+FINE = 0.9  # share of distinct values among the runs above which a channel is not quantised
 WHITE = 3.0
-"""Fourth differences over second ones from which a channel has noise: 3.4 of white noise, motion has less."""
-DRAWN_SHARE, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how straight these are
-MARKS = 10  # runs of one and the same value, in a fine channel, that make it a mark
-BRIDGED = 0.4  # s, of readings that a straight line replaces
-CONTRADICTED = 2.0  # times what pose and velocity differ by elsewhere
+"""Ratio of fourth to second differences above which a channel has noise: 3.4 for white noise, less for
+motion."""
+DRAWN_SHARE, EXACT = 0.4, 1e-6  # minimum share of moving rows on straight lines, and their tolerance
+MARKS = 10  # minimum runs of one value in a channel that is not quantised for a fill value
+BRIDGED = 0.4  # s, longest run of readings that is interpolated
+CONTRADICTED = 2.0  # ratio to the usual difference of pose and velocity
 LEAST_GROWN = 0.01  # m, rad
-LEVEL = 0.5  # cosine of the pitch below which roll and heading swing with the noise
+LEVEL = 0.5  # cosine of the pitch below which noise dominates roll and heading
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind of fault of a log.
+    """Fault of a log, of one kind.
 
     Attributes:
-        columns: Columns of the raw table that have it.
-        message: What is wrong, how often, where first, and what was done about it.
+        columns: Columns of the raw table with the fault.
+        message: Fault, frequency, first place, and correction.
     """
 
     columns: tuple[str, ...]
@@ -57,12 +58,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Corrected:
-    """A recording without the faults of its sensors.
+    """Recording with corrected sensor faults.
 
     Attributes:
         raw: Raw table.
-        record: The same as arrays; channels with heavy tails hold pseudo-observations.
-        faults: What was wrong, one of each kind.
+        record: The table as arrays; channels with heavy tails hold pseudo-observations.
+        faults: The faults, one of each kind.
         tails: Noise of channels with heavy tails.
     """
 
@@ -74,12 +75,12 @@ class Corrected:
 
 @dataclass(frozen=True)
 class Faults:
-    """Readings of a recording that are none.
+    """Masks of impossible readings of a recording.
 
     Attributes:
-        jumps: Which jump away for some samples and back, (N, 12), pose then velocity.
-        marks: Which hold a value that keeps coming back, as 0 for `no reading` does, (N, 12).
-        stills: Which stand still though their sensor has noise, or the pose moves otherwise, (N, 12).
+        jumps: Readings that jump away for some samples and back, (N, 12), pose then velocity.
+        marks: Fill values, which recur as 0 does for `no reading`, (N, 12).
+        stills: Frozen values although the sensor has noise, or the pose contradicts them, (N, 12).
     """
 
     jumps: Mask
@@ -93,7 +94,7 @@ class Faults:
 
 
 def faults(record: Recording) -> Faults:
-    """Find the readings of a recording that no motion makes."""
+    """Find the impossible readings of a recording."""
     found = Faults(*(np.zeros((record.rows, len(CHANNELS)), bool) for _ in range(3)))
     errors = pose_error(record, record.nu)
     for i, (places, parts) in enumerate(_sampled(record)):
@@ -121,7 +122,7 @@ def faults(record: Recording) -> Faults:
 
 
 def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
-    """Of each channel the rows of its samples and what they read, in evenly spaced runs; none without any."""
+    """Yield rows and values of the samples of each channel, in evenly spaced runs; empty without samples."""
     every = [np.arange(start, stop) for start, stop in record.segments]
     for i, parts in enumerate(samples(record)):
         rows = every if record.seen is None else [those[record.seen[those, i]] for those in every]
@@ -130,7 +131,7 @@ def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
 
 
 def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """The recording without readings that no motion makes, a gyro's bias and heavy tails of the noise.
+    """Correct impossible readings, a gyro's bias and heavy tails of the noise.
 
     Args:
         vehicle: The vehicle.
@@ -143,7 +144,7 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """The recording without readings that no motion makes; gyros keep their bias.
+    """Correct impossible readings; gyros keep their bias.
 
     Args:
         vehicle: The vehicle.
@@ -171,7 +172,7 @@ def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """The recording without what its gyros read too much all the time."""
+    """Subtract the constant bias of gyros."""
     rates = rate_bias(log.record)
     bias = {name: float(value) for name, value in zip(RATES, rates, strict=True) if value}
     if not bias:
@@ -191,13 +192,13 @@ def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
-    """The table without faulty readings: short ones on a straight line, rows under long ones left out.
+    """Return the table with short faulty readings interpolated, and rows with long ones dropped.
 
-    Where some rows have no sample anyway, a faulty one is none either.
+    In a table with nulls, faulty readings become null.
 
     Args:
         raw: Raw table.
-        record: The same as arrays.
+        record: The table as arrays.
         found: Its faults.
     """
     bad, most = found.all, max(int(BRIDGED / record.dt), 1)
@@ -225,7 +226,7 @@ def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
 
 
 def _implausible(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, found: Faults) -> Faults:
-    """The faults without jumps such as noise with heavy tails makes, where the other samples show some."""
+    """Remove jumps that noise with heavy tails explains, if the other samples show such noise."""
     others = heavy_tails(recording(vehicle, mended(raw, record, found))) if found.jumps.any() else {}
     if not others:
         return found
@@ -242,7 +243,7 @@ def _implausible(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, found: 
 
 
 def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[Fault]:
-    """Each kind of faulty reading: in which columns, how many, and where the first is."""
+    """Yield each kind of faulty reading: columns, number, and place of the first."""
     kinds = (
         (found.jumps, "jump away and back within a few samples, which no force does"),
         (found.marks, "hold a value that keeps coming back, as a sensor writes where it has no reading"),
@@ -254,7 +255,7 @@ def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[F
 
 
 def _fault(raw: pl.DataFrame, record: Recording, bad: Mask, words: str) -> Fault:
-    """What so many readings (N, 12) do, how many, and where the first is."""
+    """Describe faulty readings (N, 12): kind, number, and place of the first."""
     rows = np.flatnonzero(bad.any(axis=1))
     columns = tuple(CHANNELS[i] for i in np.flatnonzero(bad.any(axis=0)))
     stretches = 1 + int(np.count_nonzero(np.diff(rows) > 1))
@@ -268,7 +269,7 @@ def _fault(raw: pl.DataFrame, record: Recording, bad: Mask, words: str) -> Fault
 
 
 def _predicted(record: Recording, corrected: Mapping[str, Mask]) -> Fault:
-    """That channels are a filter's predictions but for the rows right after its corrections."""
+    """Describe channels that are a filter's estimates, except right after its corrections."""
     rows = max(int(after.sum()) for after in corrected.values())
     rate = rows / (record.rows * record.dt)
     move = "moves" if len(corrected) == 1 else "move"
@@ -281,7 +282,7 @@ def _predicted(record: Recording, corrected: Mapping[str, Mask]) -> Fault:
 
 
 def _biased(bias: Mapping[str, float]) -> Fault:
-    """That gyros read so much too much [rad/s]."""
+    """Describe the biases of gyros [rad/s]."""
     message = (
         f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in bias.items())} too much "
         "throughout, against the attitude: a gyro's bias; it is subtracted here, subtract it in the log"
@@ -290,13 +291,13 @@ def _biased(bias: Mapping[str, float]) -> Fault:
 
 
 def _runs(part: Array) -> Rows:
-    """Edges of the runs of equal readings, (runs + 1,)."""
+    """Return the edges of the runs of equal readings, (runs + 1,)."""
     changes = np.flatnonzero(np.diff(part) != 0.0) + 1
     return np.concatenate([[0], changes, [len(part)]])
 
 
 def _whiteness(samples: Sequence[Array]) -> float:
-    """Size of fourth differences over that of second ones; see WHITE."""
+    """Return the ratio of fourth to second differences; see WHITE."""
     if max(len(part) for part in samples) < LEAST_SAMPLES:
         return 0.0
     size = [np.median(np.abs(np.concatenate([np.diff(part, n) for part in samples]))) for n in (4, 2)]
@@ -304,7 +305,7 @@ def _whiteness(samples: Sequence[Array]) -> float:
 
 
 def _contradicted(error: Array, still: Mask) -> Mask:
-    """Those runs of a segment in which pose and velocities differ far more than elsewhere."""
+    """Return the runs of a segment in which pose and velocities differ far more than elsewhere."""
     edges, out = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2), still.copy()
     for begin, end in edges:
         long = min(int(end), len(error) - 1) - int(begin)
@@ -333,7 +334,7 @@ def _jumps(places: Sequence[Rows], parts: Sequence[Array], known: Mask, dt: floa
 
 
 def _apart(parts: Sequence[Array]) -> int:
-    """Rows from sample to sample of a channel drawn in straight lines between them; 1 of any other."""
+    """Return the rows between samples of an interpolated channel; 1 for any other."""
     if max(len(part) for part in parts) < LEAST_SAMPLES:
         return 1
     slope, bend = (np.concatenate([np.diff(part, n)[2 - n :] for part in parts]) for n in (1, 2))
@@ -345,10 +346,10 @@ def _apart(parts: Sequence[Array]) -> int:
 
 
 def _samples(part: Array, known: Mask, apart: int) -> Iterator[tuple[Rows, Rows, Array]]:
-    """First and past-the-last row, and value, of each sample of a channel, in one series or several.
+    """Yield first row, row after the last, and value of each sample of a channel, in one or several series.
 
-    Equal rows are one sample.  Of a channel that was drawn in lines, each row is near a sample of one series
-    of rows that lie as far apart as samples; what jumps there bends the lines to its neighbours as well.
+    Equal rows are one sample.  An interpolated channel gives one series for each phase of its samples, since
+    a jump also bends the lines to the neighbouring samples.
     """
     if apart == 1:
         edges = _runs(part)

@@ -1,6 +1,6 @@
-"""Shots: stretches of a few seconds from many places of a recording, each with its own beginning.
+"""Shots: stretches of a few seconds of a recording, each with its own initial state.
 
-What a model predicts from there is compared with what was logged: `prediction.multiple_shooting`.
+`prediction.multiple_shooting` compares the predictions from these states with the log.
 """
 
 from __future__ import annotations
@@ -17,35 +17,36 @@ from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.vehicle.frames import body_states
 
 SHOT_SECONDS = 2.0
-"""Length of a shot: long enough for forces to show in the velocity, too short to diverge."""
+"""Length of a shot [s]: long enough for forces to show in the velocity, too short to diverge."""
 CHANNELS = 12  # position, attitude, velocity, rates: three each
-TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
-UNSEEN_TRUST = 5.0  # times that, of what no sample of the shot shows
-UNKNOWN = 0.5  # s, after a gap, in which thrusters still obey commands that it swallowed
+TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)
+"""Prior standard deviation of a measured initial state [m, rad, m/s, rad/s]."""
+UNSEEN_TRUST = 5.0  # factor for components without a sample in the shot
+UNKNOWN = 0.5  # s, time after a gap in which thrusters still respond to commands lost in it
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-LEAST_SWELL = 1e-12  # square of what a sea makes of a shot, in that of the noise: less is nothing
+LEAST_SWELL = 1e-12  # negligible variance of waves in a shot, in units of the noise variance
 
 
 @dataclass(frozen=True)
 class Shots:
-    """Short stretches of a recording, each predicted from its own beginning.
+    """Short stretches of a recording, each predicted from its own initial state.
 
     Attributes:
         record: The recording.
         starts: First row of each, (S,).
         segment: Segment of the recording that each lies in, (S,).
         length: Rows of each.
-        lead: Rows at the beginning that are predicted but not compared: what a late sensor looks back on.
+        lead: Rows at the start that are predicted but not compared, for the delay of a late sensor.
         first: State at the beginning of each, (S, 13): position, quaternion, nu.
         measured: What was logged, (S, length, 13).
         sigma: Standard deviation of position, attitude (small rotations about the body's axes), velocity and
             rates, (12,).
         eta: Smoothed pose and
         nu: velocity of the whole recording, (N, 6) each.
-        share: Of all shots that the recording has room for.
+        share: Share of all possible shots of the recording.
         seen: Which of the measured values are samples, (S, length, 12); None where all are.
-        swell: What one standard deviation of each harmonic of a sea makes of what is compared,
-            (S, length - lead, 12, Q); None of a calm one (`output_error.in_waves`).
+        swell: Effect of one standard deviation of each harmonic of a sea on the compared channels, (S, length
+            - lead, 12, Q); None for a calm sea (`output_error.in_waves`).
     """
 
     record: Recording
@@ -70,28 +71,28 @@ class Shots:
 
     @property
     def seconds(self) -> float:
-        """From the first to the last row that is compared of a shot [s]."""
+        """Time from the first to the last compared row of a shot [s]."""
         return (self.length - self.lead - 1) * self.record.dt
 
     @property
     def residuals(self) -> int:
-        """Numbers compared in one shot where all channels have a sample in every row."""
+        """Number of compared values of a shot with samples of all channels in every row."""
         return (self.length - self.lead) * CHANNELS
 
     @property
     def trust(self) -> Array:
-        """How well the initial state is known at sight, (12,) or (S, 12): less of what is not seen."""
+        """Prior standard deviation of the initial state, (12,) or (S, 12); larger without samples."""
         if self.seen is None:
             return TRUST
         return np.asarray(TRUST * np.where(self.seen.any(axis=1), 1.0, UNSEEN_TRUST))
 
     def weights(self, part: slice) -> NDArray[np.bool_] | None:
-        """Which numbers of some shots count, (s, length - lead, 12); None where all do."""
+        """Return which values of some shots count, (s, length - lead, 12); None if all do."""
         return None if self.seen is None else self.seen[part, self.lead :]
 
     @cached_property
     def hidden(self) -> Array | None:
-        """B of 1 - B B^T = (1 + X X^T)^(-1/2), X the `swell` in units of the noise, (S, residuals, Q)."""
+        """Factor B with 1 - B B^T = (1 + X X^T)^(-1/2), X the `swell` per noise, (S, residuals, Q)."""
         if self.swell is None:
             return None
         x = self.swell / self.sigma[:, None]
@@ -104,20 +105,20 @@ class Shots:
         return kept
 
     def calmed(self, columns: Array, part: slice) -> Array:
-        """Columns (s, residuals, C) of some shots, weighed by what a sea hides of them."""
+        """Return columns (s, residuals, C) of some shots, whitened for the covariance of the waves."""
         if self.hidden is None:
             return columns
         basis = self.hidden[part]
         return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))
 
     def of(self, kept: NDArray[np.bool_]) -> Shots:
-        """The shots that a mask (S,) keeps."""
+        """Return the shots of a mask (S,)."""
         there = tuple(name for name in ("seen", "swell") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
     def begun_at(self, record: Recording) -> Shots:
-        """The same shots, begun where the smoothed motion of another filling of their recording has them."""
+        """Return the shots with initial states from another filling of their recording."""
         eta, nu = smoothed(record)
         return replace(self, first=body_states(eta, nu)[self.starts], eta=eta, nu=nu)
 
@@ -130,15 +131,15 @@ def make_shots(
     sigma: Array | None = None,
     most: int | None = None,
 ) -> Shots:
-    """Lay shots end to end over a recording, or spread some of them evenly over it.
+    """Make contiguous shots of a recording, or some of them, evenly spread.
 
-    Behind a gap they begin half a second later where there is room: what the thrusters did is not known.
+    After a gap they start half a second later if possible, since the thrust before is unknown.
 
     Args:
         record: The recording.
-        seconds: Length of what is compared of each [s].
-        lead: Predicted before it [s]; at least the greatest delay of a sensor that is to be tried.
-        sigma: Noise of the twelve channels; by default found from the recording.
+        seconds: Compared length of each shot [s].
+        lead: Length predicted before it [s]; at least the largest delay of a sensor that is tried.
+        sigma: Noise of the twelve channels; by default estimated from the recording.
         most: Shots to keep of a long recording, see `evenly`; by default all.
 
     Raises:
@@ -170,7 +171,7 @@ def make_shots(
 
 
 def room(record: Recording, seconds: float) -> int:
-    """Return the number of shots of a length [s] that a recording has room for."""
+    """Return the number of shots of `seconds` [s] that fit in a recording."""
     return sum(part.size for part in _laid(record, seconds, 0.0)[2])
 
 
@@ -188,17 +189,17 @@ def _laid(record: Recording, seconds: float, lead: float) -> tuple[int, int, lis
 
 
 def kept_evenly(count: int, most: int | None) -> Mask:
-    """The same as a mask, (count,), see `evenly`."""
+    """Return the selection of `evenly` as a mask, (count,)."""
     kept = np.zeros(count, np.bool_)
     kept[evenly(count, most)] = True
     return kept
 
 
 def evenly(count: int, most: int | None) -> Rows:
-    """Which of `count` shots in order to keep so that there are at most `most`, rising.
+    """Return ascending indices of at most `most` of `count` shots.
 
-    One of each of `most` equal stretches, at a place within it that the golden ratio moves on from stretch to
-    stretch: no rhythm of sessions or of manoeuvres is met, and the same shots are kept every time.
+    One shot is kept in each of `most` equal parts.  Its place in the part follows the golden ratio, so that
+    it does not coincide with a rhythm of sessions or manoeuvres.  The selection is deterministic.
     """
     if most is None or count <= most:
         return np.arange(count, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Velocity and acceleration from measured velocity: a constant-acceleration Kalman filter per axis.
+"""Smoothing of measured velocity: a constant-acceleration Kalman filter per axis.
 
 The state of each axis is (nu_i, nu_dot_i), driven by white jerk of spectral density q [m^2/s^5, rad^2/s^5];
 nu_i is measured with variance R.  The gains depend on one dimensionless number, the ratio q dt^3 / R: far
@@ -6,8 +6,8 @@ below 1 the filter averages over many rows; far above 1 it follows every row, an
 natural cubic spline through the data.
 
 The filter and the Rauch-Tung-Striebel smoother are designed with `filterpy`, in units of sqrt(R) and dt.  The
-gains depend on nothing but the number of rows since the start of the segment, and settle; so compiled code
-applies them.  A segment starts at its first measurement with an acceleration that could be anything.
+gains depend only on the number of rows since the start of the segment, and converge; so compiled code applies
+them.  A segment starts at its first measurement with an unknown acceleration.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ Method = Literal["rts", "kalman", "kalman-difference"]
 METHODS: tuple[str, ...] = ("rts", "kalman", "kalman-difference")
 
 DIFFUSE = 1e6  # variance of the unknown first acceleration [R / dt^2], times the ratio where that is above 1
-SETTLED_GAIN = 1e-13  # relative change of a gain that counts as none
-MOST_ROWS = 5000  # rows a gain may take to settle
+SETTLED_GAIN = 1e-13  # relative change at which a gain has converged
+MOST_ROWS = 5000  # maximum rows for a gain to converge
 RATIOS = 10.0 ** np.arange(-8.0, 6.01, 0.25)  # a step changes the filter's bandwidth by 15 %
-WINDOW, WINDOWS = 256, 64  # rows and number of the pieces of data that the ratio is estimated from
-UNINFORMED = 2  # innovations at the start of a window that only find the first acceleration
-NEGLIGIBLE_WEIGHT = 1e-3  # share of its largest weight below which a row's weight is nothing
+WINDOW, WINDOWS = 256, 64  # rows and number of the windows used to estimate the ratio
+UNINFORMED = 2  # innovations at the start of a window that only determine the first acceleration
+NEGLIGIBLE_WEIGHT = 1e-3  # share of the largest weight below which a weight is negligible
 
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """The filter of one vehicle's velocity log.
+    """Filter of one vehicle's velocity measurements.
 
     Attributes:
         dt: Sample time [s].
@@ -52,11 +52,11 @@ class Design:
     noise: tuple[float, ...]
 
     def at(self, dt: float) -> Design:
-        """The same noise and the same jerk, sampled every `dt` [s]."""
+        """Return the design with the same noise and jerk at a sample time of `dt` [s]."""
         return dataclasses.replace(self, dt=dt, ratio=tuple(r * (dt / self.dt) ** 3 for r in self.ratio))
 
     def following(self, times: float) -> Design:
-        """The same noise, and a jerk of so many times the density, as far as the grid of ratios goes."""
+        """Return the design with the same noise and a multiplied jerk density, within the grid of ratios."""
         most = float(RATIOS[-1])
         return dataclasses.replace(self, ratio=tuple(max(r, min(r * times, most)) for r in self.ratio))
 
@@ -67,10 +67,10 @@ class Design:
 
 
 class Gains(NamedTuple):
-    """Gains by row since the start of a segment; the last row holds from there on.
+    """Gains by row since the start of a segment; the last row holds afterwards.
 
-    `forward` (n, 6, 2): what (nu, nu_dot) take of the innovation, the second in 1/s.
-    `backward` (n, 6, 4): row-major 2 x 2 gain of the smoother, in SI units.
+    `forward` (n, 6, 2): gains of (nu, nu_dot) from the innovation, the second in 1/s. `backward` (n, 6, 4):
+    row-major 2 x 2 gain of the smoother, in SI units.
     """
 
     forward: Array
@@ -78,7 +78,7 @@ class Gains(NamedTuple):
 
 
 def gains(design: Design) -> Gains:
-    """Design the filter and the smoother of every axis with `filterpy`, until their gains have settled."""
+    """Design the filter and the smoother of every axis with `filterpy`, until their gains have converged."""
     designed = {ratio: _unit_gains(ratio) for ratio in set(design.ratio)}
     axes = [designed[ratio] for ratio in design.ratio]
     rows = max(len(forward) for forward, _ in axes)
@@ -88,9 +88,9 @@ def gains(design: Design) -> Gains:
     return Gains(forward * [1.0, 1.0 / dt], backward * [1.0, dt, 1.0 / dt, 1.0])
 
 
-@functools.lru_cache(maxsize=len(RATIOS))  # a design is made anew wherever it is used, its ratios are few
+@functools.lru_cache(maxsize=len(RATIOS))  # designs are recomputed at each use, but their ratios are few
 def _unit_gains(ratio: float) -> tuple[Array, Array]:
-    """Forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1."""
+    """Return forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1."""
     from filterpy.common import Q_continuous_white_noise
     from filterpy.kalman import KalmanFilter
 
@@ -119,7 +119,7 @@ def _hold_last(values: Array, rows: int) -> Array:
 
 @kernel
 def _step(state: Array, z: float, gain: Array, dt: float) -> float:
-    """One prediction and correction of one axis, (nu, nu_dot) in place; the innovation."""
+    """Predict and correct one axis, (nu, nu_dot) in place; return the innovation."""
     predicted = state[0] + dt * state[1]
     innovation: float = z - predicted
     state[0] = predicted + gain[0] * innovation
@@ -138,7 +138,7 @@ def filter_axis(row: int, state: Array, z: float, gain: Array, dt: float) -> Non
 
 @kernel
 def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> None:
-    """Advance the six filters in place by one sample; the first one begins them.
+    """Advance the six filters in place by one sample; the first sample initialises them.
 
     Args:
         row: Samples since the start of the segment.
@@ -154,7 +154,7 @@ def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> 
 
 @jit
 def _filter_segment(z: Array, forward: Array, dt: float, out: Array) -> None:
-    """Filtered (nu, nu_dot) of one segment into `out` (N, 6, 2)."""
+    """Write filtered (nu, nu_dot) of one segment to `out` (N, 6, 2)."""
     for k in range(z.shape[0]):
         out[k] = out[max(k - 1, 0)]
         filter_step(k, out[k], z[k], forward, dt)
@@ -187,21 +187,21 @@ def _difference_segment(dt: float, out: Array) -> None:
 def smooth(
     velocity: ArrayLike, bounds: ArrayLike, design: Design, method: str = "rts", designed: Gains | None = None
 ) -> Array:
-    """Smoothed velocity and acceleration of every row, each belonging to the row's own time t_k.
+    """Return smoothed velocity and acceleration of every row, both at the row's own time t_k.
 
     Args:
         velocity: Measured nu of CO in body axes, shape (N, 6) [m/s, rad/s].
-        bounds: Segments [start, stop), shape (S, 2), that cover all rows; each starts afresh.
+        bounds: Segments [start, stop), shape (S, 2), that cover all rows; the filter restarts in each.
         design: The filter.
-        method: `rts`: two-sided, without delay.  `kalman`: the filter's own nu and nu_dot, from past rows
-            alone.  `kalman-difference`: the paper's recipe (IV-B), the filter's nu and its differences.
-        designed: `gains(design)`, where they are at hand already.
+        method: `rts`: two-sided, without delay.  `kalman`: nu and nu_dot of the filter, from past rows alone.
+            `kalman-difference`: the paper's method (IV-B), nu of the filter and its differences.
+        designed: `gains(design)`, if available.
 
     Returns:
         (nu, nu_dot), shape (N, 6, 2).
 
     Raises:
-        DataError: The method is not known, or a segment has a single row and so no acceleration.
+        DataError: The method is unknown, or a segment has a single row and so no acceleration.
     """
     if method not in METHODS:
         raise DataError(f"acceleration {method!r} is not known; choose one of {', '.join(METHODS)}")
@@ -223,7 +223,7 @@ def smooth(
 
 
 def reach(design: Design) -> int:
-    """Rows on either side that the smoothed (nu, nu_dot) of a row depend on, in any axis.
+    """Return the number of rows on either side on which the smoothed (nu, nu_dot) of a row depend.
 
     A row further away has less than 1e-3 of the largest weight.
     """
@@ -233,13 +233,13 @@ def reach(design: Design) -> int:
 
 
 def acceleration_noise(design: Design) -> Array:
-    """Standard deviation that noise of the log leaves in the smoother's nu_dot, (6,) [m/s^2, rad/s^2]."""
+    """Return the standard deviation of smoothed nu_dot from measurement noise, (6,) [m/s^2, rad/s^2]."""
     left: Array = np.asarray(design.noise) * np.sqrt((_weights(design)[:, :, 1] ** 2).sum(axis=0))
     return left
 
 
 def _weights(design: Design) -> Array:
-    """Weights of a measurement in the smoothed (nu, nu_dot) of rows around it, (2 MOST_ROWS + 1, 6, 2)."""
+    """Return the weights of a measurement in smoothed (nu, nu_dot) around it, (2 MOST_ROWS + 1, 6, 2)."""
     impulse = np.zeros((2 * MOST_ROWS + 1, 6))
     impulse[MOST_ROWS] = 1.0
     return smooth(impulse, [[0, len(impulse)]], design)
@@ -248,18 +248,18 @@ def _weights(design: Design) -> Array:
 def estimate(
     velocity: ArrayLike, bounds: ArrayLike, dt: float, noise: Sequence[float] | None = None
 ) -> Design:
-    """Find each axis' ratio, and its noise unless given, from the innovations: maximum likelihood.
+    """Estimate each axis' ratio, and its noise unless given, by maximum likelihood of the innovations.
 
     Innovations e_k of the right filter are white with variance R s_k, where s_k follows from the ratio.  For
-    each of a grid of ratios R is the mean of e_k^2 / s_k (or given); the ratio with the greatest likelihood
-    is taken.  Up to 64 windows of 256 rows, evenly spread over the log, are used.  On data without noise the
-    likelihood rises to the upper end of the grid: the data are interpolated and nothing is smoothed away.
+    each ratio of a grid, R is the mean of e_k^2 / s_k (or given); the ratio with the highest likelihood is
+    used.  Up to 64 windows of 256 rows, evenly spread over the log, are used.  For data without noise the
+    likelihood rises to the upper end of the grid: the data are interpolated without smoothing.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].
         bounds: Segments [start, stop), shape (S, 2).
         dt: Sample time [s].
-        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 is no noise.
+        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 means no noise.
 
     Raises:
         DataError: `noise` is not six finite numbers of at least 0, or no segment has eight rows.
@@ -268,7 +268,7 @@ def estimate(
 
 
 def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[float] | None = None) -> Design:
-    """The same of some windows alone, so that of many sessions no more is read than these.
+    """Estimate the design from some windows alone, so that only these need to be read.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].
@@ -289,7 +289,7 @@ def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[fl
     for k, ratio in enumerate(RATIOS):
         _innovations_kernel(z, within, _unit_design(ratio, WINDOW), scores[k])
     squares, logs = scores[:, :, 0] / scores[:, :, 2], scores[:, :, 1] / scores[:, :, 2]
-    smallest = np.finfo(float).tiny  # an axis that never moves has no innovations at all
+    smallest = np.finfo(float).tiny  # an axis without motion has zero innovations
     variance = np.maximum(squares if known is None else np.broadcast_to(known**2, squares.shape), smallest)
     cost = squares / variance + logs + np.log(variance)  # -2 log(likelihood) / rows
     best = np.argmin(cost, axis=0)
@@ -298,7 +298,7 @@ def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[fl
 
 
 def windows(bounds: Rows) -> Rows:
-    """At most WINDOWS pieces of at most WINDOW rows, evenly spread over the segments, shape (W, 2).
+    """Return at most WINDOWS windows of at most WINDOW rows, evenly spread over the segments, shape (W, 2).
 
     Raises:
         DataError: No segment has eight rows.
@@ -317,9 +317,10 @@ def windows(bounds: Rows) -> Rows:
 
 @jit
 def _unit_design(ratio: float, rows: int) -> Array:
-    """Gains and innovation variance (k_1, k_2, s) of each row for R = dt = 1, shape (rows, 3).
+    """Return gains and innovation variance (k_1, k_2, s) of each row for R = dt = 1, shape (rows, 3).
 
-    The recursion of `_unit_gains` in compiled form: a search over ratios would take `filterpy` seconds.
+    This is the recursion of `_unit_gains` in compiled form; `filterpy` would take seconds for a search over
+    ratios.
     """
     design = np.zeros((rows, 3))
     p11, p12, p22 = 1.0, 0.0, DIFFUSE * max(1.0, ratio)
@@ -334,7 +335,7 @@ def _unit_design(ratio: float, rows: int) -> Array:
 
 @jit
 def _innovations_kernel(z: Array, windows: Rows, design: Array, out: Array) -> None:
-    """Sums over the windows of e^2 / s, of log s, and their number, for each axis, into `out` (6, 3)."""
+    """Write sums over the windows of e^2 / s, of log s, and their number, for each axis, to `out` (6, 3)."""
     out[:] = 0.0
     state = np.zeros(2)
     for m in range(windows.shape[0]):

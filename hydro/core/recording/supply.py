@@ -1,8 +1,8 @@
-"""Commands and supply voltage of a recording as the thrusters' kernels take them, and back.
+"""Conversion of commands and supply voltage of a recording to effective commands, and back.
 
-Of a thruster whose curve is a table the kernels see an effective command: the one that gives the table's
-thrust by a plain curve, linear or, where the rotor speed lags, quadratic (`vehicle.thrusters`).  It is made
-here, row by row, before anything is integrated; of other thrusters it is the command itself.
+If the curve of a thruster is a table, the kernels receive an effective command.  It gives the table's thrust
+with a simple curve: linear or, if the rotor speed has a lag, quadratic (`vehicle.thrusters`).  It is computed
+here, row by row, before any integration.  For other thrusters it is the command itself.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from hydro.core.vehicle.thrusters import curve_power, nominal_voltage, table_of,
 
 
 def recorded_commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """Effective commands of a raw or commands table, (N, n).
+    """Return the effective commands of a raw or commands table, (N, n).
 
     Raises:
-        DataError: The commands do not fit the thrusters, or a curve is at fault.
+        DataError: The commands do not fit the thrusters, or a curve is invalid.
     """
     names = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     commands = np.ascontiguousarray(raw.select(pl.col(names).cast(pl.Float64)).to_numpy())
@@ -28,10 +28,10 @@ def recorded_commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
 
 
 def supply_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> Array | None:
-    """Supply voltage of each row [V], (N,); None where no thrust depends on it or the table has none.
+    """Return the supply voltage of each row [V], (N,); None if no thrust depends on it or it is not logged.
 
-    A row without a reading has the session's last one; before the first it has the first, and a session
-    without any has the nominal voltage.
+    A row without a reading has the last one of the session; rows before the first reading have the first.  A
+    session without readings has the nominal voltage.
     """
     if VOLTAGE not in raw.columns or not voltage_matters(vehicle):
         return None
@@ -42,7 +42,7 @@ def supply_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> Array | None:
 
 
 def unknown_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> str:
-    """That a recording lacks the voltage which the thrust curves ask for; empty where it does not."""
+    """Return a warning if a recording lacks the voltage that the thrust curves need; else empty."""
     if not voltage_matters(vehicle):
         return ""
     rows = raw.height
@@ -59,7 +59,7 @@ def unknown_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> str:
 
 
 def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | None = None) -> Array:
-    """Effective commands of given ones.
+    """Return the effective commands of given ones.
 
     Args:
         vehicle: The vehicle.
@@ -67,10 +67,10 @@ def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | N
         voltage: Supply voltage of each row [V], (N,), or one for all; by default the nominal one.
 
     Returns:
-        (N, n); `commands` itself where no curve is a table.
+        (N, n); `commands` itself if no curve is a table.
 
     Raises:
-        DataError: A curve is no table, or has several voltages without a nominal one.
+        DataError: A curve is not a valid table, or has several voltages without a nominal one.
     """
     tables = [table_of(thruster) for thruster in vehicle.thruster]
     if not any(tables):
@@ -88,7 +88,7 @@ def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | N
 
 
 def given_commands(vehicle: Vehicle, effective: Array) -> Array:
-    """The commands to give for effective ones (N, n), at the nominal voltage: in [-1, 1].
+    """Return the commands for effective ones (N, n), at the nominal voltage: in [-1, 1].
 
     Raises:
         DataError: As for `effective_commands`.

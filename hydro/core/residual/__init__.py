@@ -1,1 +1,1 @@
-"""What a hull does that no formula of its file says: learnt from one recording, held fixed in another."""
+"""Residual hull force: learned from one recording, held fixed in another."""

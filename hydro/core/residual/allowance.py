@@ -1,16 +1,17 @@
-"""What a hull may do beside its file, allowed for while changes are held against one recording.
+"""Bayesian allowance for unmodelled hull force while candidate changes are tested against one recording.
 
-No file describes a hull exactly, and without a recording from before a change nothing shows what the hull
-itself does.  But that much is known of it: it is a force of the motion through the water, as the library has
-it (`residual.library`) without what stands for weight and trim, of a size that the recording tells.  So the
-library's coefficients are unknowns of zero mean with one factor to their prior deviations, and are integrated
-out beside each change, as are the beginnings of the shots.  What remains is the evidence for the change
-(MacKay, Bayesian interpolation, Neural Computation 4, 415-447, 1992): a change of weight, current, thrust or
-sensor has marks that no force of the motion has, and keeps its evidence; one that only bends to the hull's
-error finds it taken up already.
+No vehicle file describes a hull exactly.  Without a recording from before a change, the model error of the
+hull is unknown.  It is modelled as a force of the motion through the water: the terms of `residual.library`
+without those for weight and trim.  The coefficients of the library have zero mean and the prior deviations of
+the hull's size times one common factor.  They are integrated out together with the initial states of the
+shots, and the evidence selects the factor.
 
-Residuals of a wrong model are no noise.  They last for as long as a shot does, so that one counts for as many
-independent numbers as a steady wrench has, of a size that the evidence finds, too.
+The remaining evidence is that of the change (MacKay, Bayesian interpolation, Neural Computation 4, 415-447,
+1992).  A change of weight, current, thrust or sensor has features that no force of the motion has, and keeps
+its evidence.  A change that only imitates the hull's model error loses it to the library.
+
+Residuals of a wrong model are not white noise: they persist for the length of a shot.  So each shot counts as
+NUMBERS independent values, the components of a steady wrench.  The evidence also selects their variance.
 """
 
 from __future__ import annotations
@@ -38,26 +39,27 @@ from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
 NUMBERS = 6
-"""Independent numbers that a shot counts for."""
+"""Independent residual values per shot: the components of a steady wrench."""
 FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
-"""Times the hull's size that coefficients may be (`residual.library.sizes`)."""
+"""Factors on the prior deviations of the coefficients (`residual.library.sizes`), selected by evidence."""
 TEMPERS = np.exp(np.arange(-1.0, 15.0, 0.25))
-"""Mean squared residuals, in units of the noise."""
+"""Reduced chi-squares of the residual model, selected by evidence."""
 STEPS, WORTH, SHORTER = 6, 0.5, 0.3
-"""Gauss-Newton steps at most, evidence that one must bring, and part of the way that is tried besides."""
+"""Maximum Gauss-Newton steps, log evidence that each step must gain, and the shortened step that is also
+tried."""
 LEAST = 1e-300
 
 
 @dataclass(frozen=True)
 class Held:
-    """How an effect's values stand beside what the hull may do.
+    """Fit of an effect together with the unmodelled hull force.
 
     Attributes:
-        values: Of its entries, and of all that is fitted with it, about which it is worked out, (P,).
+        values: Values of all fitted entries at the linearisation point, (P,).
         evidence: Logarithm of the evidence; minus infinity where a prediction diverges.
-        best: The most probable values, (P,),
-        covariance: and how far they may be off, (P, P).
-        left: Mean squared residual beside them and the library, in units of the noise.
+        best: Most probable values, (P,).
+        covariance: Posterior covariance, (P, P).
+        left: Reduced chi-square that remains with the effect and the library.
     """
 
     values: Array
@@ -69,15 +71,15 @@ class Held:
 
 @dataclass(frozen=True)
 class Allowance:
-    """The library along a recording, its answers turned so that their normal equations are diagonal.
+    """Responses of the shots to the library, rotated so that their normal equations are diagonal.
 
     Attributes:
         shots: The recording.
-        weight: Of each shot: a few violent ones are not all that counts, (S,).
-        beginnings: Answers to the first row of each shot, in units of the noise, (S, R, 12).
-        across: What the library takes of residuals, beginnings taken out, (S, R, Q).
+        weight: Robust weight of each shot, so that a few violent shots do not dominate, (S,).
+        beginnings: Responses to the initial state of each shot, in units of the noise, (S, R, 12).
+        across: Responses to the library with the initial states eliminated, (S, R, Q).
         sizes: Eigenvalues of the library's normal equations, (Q,).
-        compared: Numbers of a shot that are compared, on average.
+        compared: Average number of compared residuals per shot.
     """
 
     shots: Shots
@@ -89,11 +91,11 @@ class Allowance:
 
     @classmethod
     def of(cls, vehicle: Vehicle, shots: Shots) -> Allowance:
-        """Work it out along the motion that was measured.
+        """Build the allowance along the measured motion.
 
         Args:
             vehicle: The file.
-            shots: Of the recording; where samples are rarer than rows, those alone count.
+            shots: Shots of the recording; with samples rarer than rows, only the samples count.
         """
         transitions = Transitions.of(candidate(vehicle), shots)
         library = terms(Flow.of(transitions.model, shots))[:, :-RESTING]
@@ -109,7 +111,7 @@ class Allowance:
 
     @classmethod
     def _turned(cls, shots: Shots, weight: Array, beginnings: Array, library: Array) -> Allowance:
-        """The library with the beginnings taken out, turned to the axes of its normal equations."""
+        """Eliminate the initial states and rotate the library to the eigenvectors of its normal equations."""
         gram, across, known = np.zeros((library.shape[2], library.shape[2])), library.copy(), _known(shots)
         seen = shots.weights(slice(None))
         compared = library.shape[1] if seen is None else float(seen[:, :: thinning(shots)].sum() / len(seen))
@@ -123,12 +125,12 @@ class Allowance:
         return cls(shots, weight, beginnings, turned, np.maximum(found, 0.0), compared)
 
     def held(self, unknown: Free, values: Array, prior: Prior) -> Held:
-        """Values beside what the hull may do.
+        """Evaluate values of the effect with the hull force integrated out.
 
         Args:
-            unknown: What is fitted.
-            values: Of it, (P,).
-            prior: What is known of it, in scales of the entries.
+            unknown: The fitted entries.
+            values: Their values, (P,).
+            prior: Their prior, in scales of the entries.
         """
         vehicle, count = unknown.at(values), len(values)
         error = _error(vehicle, self.shots)
@@ -157,13 +159,16 @@ class Allowance:
     def _integrated(
         self, own: Array, across: Array, away: Array, prior: Prior
     ) -> tuple[float, Array, Array, float]:
-        """Evidence, the greatest over factors and tempers; there the best step, its covariance, what is left.
+        """Maximise the evidence over factors and tempers.
 
         Args:
-            own: Normal equations of the effect's columns and the residual, beginnings taken out.
-            across: What these take of the library.
-            away: How far the values are from where the prior has them, in scales, (P,).
-            prior: What is known of them.
+            own: Normal equations of the effect's columns and the residual, initial states eliminated.
+            across: Their projections on the library.
+            away: Distance of the values from the prior mean, in scales, (P,).
+            prior: Prior of the values.
+
+        Returns:
+            The evidence, the best step, its covariance and the reduced chi-square.
         """
         scale = NUMBERS / (self.compared * TEMPERS)  # information of a squared residual, (T,)
         size = np.multiply.outer(FACTORS**2, self.sizes)[:, None] * scale[:, None]  # (F, T, Q)
@@ -185,9 +190,9 @@ class Allowance:
         return float(evidence[at]), np.asarray(step[at]), spread, float(TEMPERS[at[1]])
 
     def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
-        """The same about the most probable values, as long as the way to them brings evidence.
+        """Repeat the linearisation at the most probable values while the evidence grows.
 
-        It brings none where the effect is linear in its entries: then they are known already.
+        An effect that is linear in its entries needs no step.
         """
         for _ in range(STEPS):
             tried = self.held(unknown, held.best, prior)
@@ -200,7 +205,7 @@ class Allowance:
 
 
 def _error(vehicle: Vehicle, shots: Shots) -> Array:
-    """Residuals of the rows that are compared, in units of the noise, begun as they were seen, (S, R)."""
+    """Return residuals of the compared rows in units of the noise, from measured initial states, (S, R)."""
     model = candidate(vehicle)
     begun = corrected_first(shots, model)
     error = residuals(prepare(model, begun), begun, calmed=False)[:, :: thinning(shots)]
@@ -208,5 +213,5 @@ def _error(vehicle: Vehicle, shots: Shots) -> Array:
 
 
 def _known(shots: Shots) -> Array:
-    """Information that the log itself gives on the beginning of each shot, (S, 12)."""
+    """Return the information of the log on the initial state of each shot, (S, 12)."""
     return np.broadcast_to(shots.trust**-2, (len(shots.starts), CHANNELS))

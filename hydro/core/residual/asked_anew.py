@@ -1,8 +1,8 @@
-"""Shots of a candidate whose current or velocity log the model of the hull is asked about as well.
+"""Shots whose hull-force correction is recomputed for every candidate.
 
-A hull's wrench depends on the motion through the water, and that on what a candidate takes for current and
-for errors of its velocity log: both change the correction of the shots, not the prediction alone.  Here
-residuals are worked out anew for every candidate, and derivatives are differences of them.
+The wrench of a hull depends on the motion through the water.  A candidate's current and its DVL errors change
+that motion, so they change the correction of the shots as well as the prediction.  Residuals are computed
+again for every candidate here, and derivatives are finite differences of them.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class AskedAnew:
-    """A problem of `levenberg_marquardt` over shots as measured.
+    """Least-squares problem of `levenberg_marquardt` over shots as measured.
 
     Attributes:
-        law: The hull's wrench beside the file's.
-        transitions: How deviations go on in the shots, for all candidates.
-        beginnings: What deviations of the first row make of the rows that are compared, in units of the
-            noise, (S, K, 12), K numbers a shot, orthonormal.
+        law: The residual wrench of the hull.
+        transitions: State transitions of deviations in the shots, for all candidates.
+        beginnings: Orthonormal responses of the compared rows to the initial state, in units of the noise,
+            (S, K, 12), K values per shot.
     """
 
     law: Law
@@ -40,7 +40,7 @@ class AskedAnew:
 
     @classmethod
     def of(cls, law: Law, transitions: Transitions) -> AskedAnew:
-        """Prepare the shots of some transitions."""
+        """Prepare the problem from the transitions of shots."""
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
             part = slice(begin, begin + SHOTS_TOGETHER)
@@ -53,7 +53,7 @@ class AskedAnew:
         return cls(law, transitions, np.concatenate(found))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """The least-squares problem about a vehicle, by differences."""
+        """Linearise the least-squares problem about a vehicle by finite differences."""
         here = self._left(base)
         columns = [(here - self._left(other)) / step for other, step in zip(moved, steps, strict=True)]
         flat = np.stack([*columns, here], axis=-1)
@@ -66,15 +66,15 @@ class AskedAnew:
         return Normal(gram, np.maximum(compared - CHANNELS, 1.0), channels, follow)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, AskedAnew]:
-        """Sum of squares of a vehicle; the beginnings have no values of their own."""
+        """Return the sum of squares of a vehicle; initial states have no values to update."""
         return float((self._left(vehicle) ** 2).sum()), self
 
     def reweighted(self, normal: Normal) -> tuple[AskedAnew, bool]:
-        """The weights stay."""
+        """Return the problem unchanged: the weights are fixed."""
         return self, False
 
     def _left(self, vehicle: Vehicle) -> Array:
-        """Residuals in units of the noise with the beginnings eliminated, (S, K)."""
+        """Return residuals in units of the noise with the initial states eliminated, (S, K)."""
         shots = self.transitions.shots
         corrected = OutputError(self.transitions.corrected(self.law.wrench(vehicle, shots)))
         begun = corrected.at_measured_states(vehicle).shots

@@ -1,4 +1,4 @@
-"""What one recording has taught of a hull: the wrench beside its file, and how much error that leaves."""
+"""Residual hull model learned from one recording, with its prediction error on held-out data."""
 
 from __future__ import annotations
 
@@ -17,33 +17,32 @@ from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 STRETCH = 10.0
-"""Length of a stretch that is left out [s]."""
+"""Length of a held-out stretch [s]."""
 FOLDS = 8
-"""Sets of stretches that are left out together, so that each holds some of every session."""
+"""Number of cross-validation folds; each holds stretches of every session."""
 LEAST_SECONDS = 64.0
-"""Length of all shots together in the recording that a hull is learnt from [s]."""
+"""Minimum total length of the shots from which a hull is learned [s]."""
 
 
 class Law(Protocol):
-    """The wrench of a hull beside its file's."""
+    """Residual wrench of a hull: the force that its file lacks."""
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """At every row of a recording, (N, 6) [N, N m]; current and velocity log are the vehicle's."""
+        """Return the wrench at every row, (N, 6) [N, N m], with the vehicle's current and DVL errors."""
 
 
 @dataclass(frozen=True)
 class Hull:
-    """A hull as a recording shows it.
+    """Residual hull model and its error.
 
     Attributes:
-        law: Its wrench beside the file's.
-        sigma: Noise of the channels of that recording, (12,).
-        floor: Root mean square residual of stretches that the law was not fitted to, in units of the noise
-            and at least 1, (12,).
-        alone: The same of the file alone, (12,).
-        given: Mean squared residual of the file alone in units of the noise, and
-        left: that of stretches left out.
-        unchanged: The shots without what the law explains of them, left out of its fit in turn.
+        law: The residual wrench.
+        sigma: Noise of the channels of the recording, (12,).
+        floor: Root mean square residual of held-out stretches, in units of the noise and at least 1, (12,).
+        alone: Root mean square residual of the file without the law, (12,).
+        given: Reduced chi-square of the file without the law.
+        left: Reduced chi-square of held-out stretches with the law.
+        unchanged: The shots corrected by the law, each by a fit that did not use it.
     """
 
     law: Law
@@ -56,10 +55,10 @@ class Hull:
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
-    """Learn from the shots of an unchanged vehicle by the built-in regression.
+    """Learn the residual hull force of an unchanged vehicle by the built-in regression.
 
     Raises:
-        DataError: They are too short together.
+        DataError: The total length of the shots is too short.
     """
     shots = problem.shots
     seconds = len(shots.starts) * round((shots.length - shots.lead) * shots.record.dt, 6)
@@ -81,14 +80,14 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
 
 
 def known_by(vehicle: Vehicle, problem: OutputError, law: Law) -> Hull:
-    """A law that is known already, as a network's, with its floor on the shots of an unchanged vehicle."""
+    """Return the hull model of a known law, such as a network, with its error on unchanged shots."""
     transitions = Transitions.of(candidate(vehicle), problem.shots)
     corrected = OutputError(transitions.corrected(law.wrench(vehicle, problem.shots)))
     return judged(vehicle, problem, corrected, law)
 
 
 def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: Law) -> Hull:
-    """A law with the floor that corrected shots, to which it was not fitted, have of it."""
+    """Return the hull model of a law, with its error on corrected shots to which it was not fitted."""
     given, left = (one.linearise(vehicle, [], []) for one in (problem, corrected))
     weight = robust(left.gram[:, -1, -1])
     weight /= weight.mean()
@@ -97,7 +96,7 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
 
 
 def stretches(shots: Shots) -> Rows:
-    """The set of stretches that each shot is left out with, (S,)."""
+    """Return the cross-validation fold of each shot, (S,)."""
     seconds = (shots.length - shots.lead) * shots.record.dt
     number = np.arange(len(shots.starts)) // max(round(STRETCH / seconds), 1)
     return np.asarray(number % min(FOLDS, int(number[-1]) + 1), np.int64)

@@ -1,11 +1,10 @@
-"""What the error of a hull's model makes of a change: the same fit, to the recording without it.
+"""Standard errors of a change that account for the error of the hull model.
 
-A model of a hull is not exact, and what it leaves is no noise: it lasts, and comes back wherever the motion
-does.  So standard errors that residuals alone give are too small.  The stretches of the recording before that
-the model was not fitted to show what it leaves, and the derivatives of a fit of the recording after what that
-fit would have made of each: that much of its values may be the hull's.  How much the stretches of the
-recording after pull its values apart adds to it, as in the sandwich formula of clustered errors (White 1982,
-Liang and Zeger 1986).
+The error of a hull model is not white noise: it persists, and it recurs with the motion.  So standard errors
+from residuals alone are too small.  Two terms are combined here.  The first is the change that the fit would
+find in each held-out stretch of the recording without a change: that much may be caused by the hull model's
+error.  The second is the scatter of the values between the stretches of the recording with the change, as in
+the sandwich estimator for clustered errors (White 1982, Liang and Zeger 1986).
 """
 
 from __future__ import annotations
@@ -24,26 +23,26 @@ from hydro.core.vehicle.description import Vehicle
 
 
 def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Array, fold: Rows) -> Array:
-    """Return what fits to the stretches of a recording without a change would find of it.
+    """Return the changes that would be fitted to stretches of a recording without a change.
 
-    Each is one Gauss-Newton step, along the motion that the file predicts, from a stretch that stands for as
-    much data as all of them have.
+    Each is one Gauss-Newton step along the motion that the file predicts.  Each stretch is weighted to
+    represent as much data as all stretches together.
 
     Args:
-        unchanged: Shots of the recording before, without what the model of the hull explains of them.
+        unchanged: Shots of the recording before the change, corrected by the hull model.
         file: The vehicle without the change.
-        unknown: What was fitted to the recording after,
-        values: and the values that were found, (P,).
+        unknown: Entries fitted to the recording after the change.
+        values: Their fitted values, (P,).
         fold: Number of the stretch of each shot, (S,).
 
     Returns:
-        Values beyond those of no change, in the units of the entries, (stretches, P).
+        Deviations from no change, in the units of the entries, (stretches, P).
     """
     changed, steps = moved(unknown, values)
     normal = unchanged.linearise(file, [unknown.at(values), *changed], [1.0] * (1 + len(changed)))
     numbers = np.unique(fold)
     gram = np.array([normal.gram[(fold == one) & ~normal.lost].sum(axis=0) for one in numbers]) * len(numbers)
-    # Columns are answers of the file's motion to the whole change, and to a little more of each entry.
+    # Columns are responses of the file's motion to the whole change, and to a small step of each entry.
     little = np.vstack([-np.ones(len(changed)), np.eye(len(changed))]) / np.array(steps)
     matrix = little.T @ gram[:, :-1, :-1] @ little + np.eye(len(changed)) * PRIOR**-2
     score = gram[:, :-1, -1] @ little
@@ -52,11 +51,11 @@ def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Arr
 
 
 def pulls(normal: Normal, unknown: Free, fold: Rows) -> Array:
-    """Return how far each stretch of a recording pulls the values of a fit to all of it.
+    """Return the change of the fitted values caused by each stretch of a recording.
 
     Args:
-        normal: The problem about the fit.
-        unknown: What was fitted, P entries.
+        normal: The problem linearised at the fit.
+        unknown: The P fitted entries.
         fold: Number of the stretch of each shot, (S,).
 
     Returns:
@@ -70,7 +69,7 @@ def pulls(normal: Normal, unknown: Free, fold: Rows) -> Array:
 
 
 def widened(fit: Fit, imitated: Array, pulled: Array) -> Fit:
-    """Return the fit with standard errors that hold for the hull model's error and between stretches.
+    """Return the fit with standard errors widened by hull model error and by scatter between stretches.
 
     Correlations stay those of the fit: few stretches do not determine them.
 

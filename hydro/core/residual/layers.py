@@ -1,9 +1,9 @@
-"""The steps that residual networks are made of, and the interpreter that runs a program of them.
+"""Layer kernels of residual networks, and the interpreter of a program of layers.
 
-A program is a table of doubles, one row per step: what to do, from where to where in a workspace of float32,
-how many numbers, and where its weights begin.  Weights are float32 as torch trained them, matrices transposed
-so that the inner loop runs along a row.  Every sum has a fixed order, so a wrench does not depend on how many
-vehicles are computed together or on which thread; it agrees with torch to a few float32 roundings.
+A program is a table of doubles with one row per step: operation, source and target in a float32 workspace,
+number of values, and offset of the weights.  Weights are float32 as torch trained them.  Matrices are
+transposed so that the inner loop runs along a row.  Every sum has a fixed order, so a wrench depends neither
+on the batch size nor on the thread.  Results agree with torch to a few float32 roundings.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from hydro.core.columns import Array, Array32
 from hydro.core.compiled import kernel, within
 from hydro.core.residual.mirrors import mirrored_wrench
 
-# What a step does with `length` numbers at `to`, from `width` numbers at `source`.
+# Operations of a step: `width` values at `source` are mapped to `length` values at `to`.
 DENSE = 0  # W x + b
 ACTIVATE = 1  # in place, by the function `ARGUMENT`
 NORM = 2  # layer norm of x
-ADD = 3  # x is added to what is there
-MIX = 4  # the mean of `width` vectors that lie one after the other at `source`, weighted from ARGUMENT on
-DIRECTION = 5  # seven numbers of the velocity; see `_direction`
+ADD = 3  # x is added to the values at `to`
+MIX = 4  # mean of `width` consecutive vectors at `source`, with weights from ARGUMENT on
+DIRECTION = 5  # seven features of the velocity; see `_direction`
 PASSIVE = 6  # C(nu) nu + D(nu) nu from the 36 numbers of A at `source`; see `_passive`
 MIRRORED = 7  # the wrench of a velocity, from ARGUMENT points; see `core.residual.mirrors`
 
@@ -31,12 +31,12 @@ OPERATION, SOURCE, WIDTH, TO, LENGTH, WEIGHTS, ARGUMENT, COLUMNS = range(8)
 
 FUNCTIONS = {"relu": 0, "silu": 1, "tanh": 2, "softmax": 3}
 SLOW = 0.1
-"""Speed, in units of the training data's, below which the direction of motion becomes vague."""
+"""Normalised speed below which the direction of motion is smoothed towards zero."""
 EPSILON = 1e-5
 """Added to the variance in a layer norm, torch's default."""
 
 _ONE, _LOWEST, _HIGHEST, _LOG2_E = (np.float32(x) for x in (1.0, -87.0, 88.0, 1.44269504088896341))
-_ROUNDER = np.float32(1.5 * 2.0**23)  # a sum with it is rounded to a whole number, which its last bits hold
+_ROUNDER = np.float32(1.5 * 2.0**23)  # adding it rounds to an integer, held in the last bits
 _ROUNDER_BITS = 0x4B400000
 _LN_2, _LN_2_REST = np.float32(0.693359375), np.float32(-2.12194440e-4)  # the first is exact in nine bits
 _C0, _C1, _C2, _C3, _C4, _C5 = (
@@ -106,10 +106,10 @@ def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -
 
 @within
 def exponential(x: np.float32) -> np.float32:
-    """exp(x) of a number in single precision to 1e-7 of it, between 1e-38 and 1e38; NaN stays NaN.
+    """Return exp(x) in single precision, accurate to 1e-7, between 1e-38 and 1e38; NaN stays NaN.
 
-    By arithmetic alone, so that a loop over it uses vector instructions: x = n ln 2 + r, a polynomial of r
-    (Cephes), and n put into the bits of the exponent.
+    It uses arithmetic alone, so that loops over it are vectorised.  With x = n ln 2 + r, it evaluates a
+    polynomial of r (Cephes) and writes n into the exponent bits.
     """
     if x < _LOWEST:
         x = _LOWEST
@@ -234,7 +234,7 @@ def damping(weights: Array32, start: int, A: Array32, nu: Array, D: Array) -> No
 
 @kernel
 def _growth(weights: Array32, start: int, nu: Array) -> float:
-    """1 + |nu|."""
+    """Return 1 + |nu|."""
     square = 0.0
     for i in range(6):
         square += weights[start + 42 + i] * nu[i] ** 2
@@ -243,7 +243,7 @@ def _growth(weights: Array32, start: int, nu: Array) -> float:
 
 @kernel
 def _row(weights: Array32, at: int, nu: Array) -> float:
-    """One row of a matrix times nu."""
+    """Return one row of a matrix times nu."""
     total = 0.0
     for j in range(6):
         total += weights[at + j] * nu[j]

@@ -1,13 +1,13 @@
-"""The wrench beside a file that a residual network of `hydro train` says.
+"""Residual wrench from a network of `hydro train`.
 
-A label is y = tau - M nu_dot - g on the left-hand side of the balance, C(nu) nu in it
-(`distillation.labels`), so that the water's true forces are F = C nu - y with the C of all of M.  The file
-has F_0: what acts beside it is
+A label is y = tau - M nu_dot - g on the left-hand side of the equation of motion, with C(nu) nu included
+(`distillation.labels`).  So the true force of the water is F = C nu - y with the C of all of M.  With F_0,
+the force of the file, the residual wrench is
 
-    w = C(nu_r) nu_r - y(nu_r, nu_r_dot) - F_0,
+    w = C(nu_r) nu_r - y(nu_r, nu_r_dot) - F_0.
 
-in a steady current too, since a network of still water holds in the frame that drifts with it (Fossen 2011,
-property 8.1).  Of labels that left all effects out, y = C_RB nu - w.
+This holds in a steady current too, since a network of still water holds in the frame that drifts with it
+(Fossen 2011, property 8.1).  For labels with all effects subtracted, y = C_RB nu - w.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 
 IN_LABELS = ("inertia", "actuator", "sensor")
-"""Kinds of effects that every label has been worked out with."""
+"""Kinds of effects that are accounted for in every label."""
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """A network, and the file that it stands beside.
+    """Network and the vehicle file that it complements.
 
     Attributes:
         network: The network.
         file: The file.
-        forces: Whether the file's forces are in what the network learnt, and have to be taken from it.
-        window: Velocities that it is given, the present one included.
+        forces: Whether the network includes the forces of the file, so that they must be subtracted.
+        window: Number of velocities in the input, the present one included.
     """
 
     network: Network
@@ -54,21 +54,21 @@ class Learnt:
 
     @classmethod
     def of(cls, model: TrainedModel, file: Vehicle) -> Learnt:
-        """A model artefact beside a file.
+        """Combine a model artefact with a vehicle file.
 
         Raises:
-            DataError: Its labels were made with another rigid body, thrusters or inertia, or in a current; or
-                its layers are not known.
+            DataError: The labels were made with another rigid body, thrusters or inertia, or in a current; or
+                the layers are unknown.
         """
         require_same(model, file)
         window = int(model.architecture.get("window", 1))
         return cls(Network.of(model), file, model.subtract != "effects", window)
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """The wrench beside the file's at every row of a recording, (N, 6) [N, N m].
+        """Return the residual wrench at every row of a recording, (N, 6) [N, N m].
 
         Args:
-            vehicle: Its current and velocity log say how the water passes.
+            vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Of the recording.
         """
         record, model = shots.record, candidate(vehicle)
@@ -89,7 +89,7 @@ class Learnt:
 
 
 def coriolis(mass: Array, nu: Array) -> Array:
-    """C(nu) nu of many velocities (N, 6), (N, 6) (Fossen 2011, theorem 3.2)."""
+    """Return C(nu) nu of many velocities (N, 6), (N, 6) (Fossen 2011, theorem 3.2)."""
     momentum = nu @ mass.T
     force = np.cross(nu[:, 3:], momentum[:, :3])
     moment = np.cross(nu[:, :3], momentum[:, :3]) + np.cross(nu[:, 3:], momentum[:, 3:])
@@ -97,15 +97,13 @@ def coriolis(mass: Array, nu: Array) -> Array:
 
 
 def require_same(model: TrainedModel, file: Vehicle) -> None:
-    """Refuse a network whose labels say something else beside another file.
+    """Check that the labels of a network were made with an equivalent vehicle file.
 
     Raises:
-        DataError: They do.
+        DataError: The vehicles differ, or the file has a current.
     """
     if any(CATALOGUE[table["name"]].kind == "flow" for table in file.effect):
-        raise DataError(
-            f"{file.name} has a current: a network can only be asked beside a file of still water"
-        )
+        raise DataError(f"{file.name} has a current: a network needs a vehicle file without a current")
     labelled = model.labelled
     if labelled is None:
         return
@@ -127,7 +125,7 @@ def require_same(model: TrainedModel, file: Vehicle) -> None:
 
 
 def _tables(vehicle: Vehicle, kinds: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Effects of some kinds, without what a fit notes beside them."""
+    """Return the effects of some kinds without bookkeeping keys of a fit."""
     return [
         {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}
         for table in vehicle.effect

@@ -1,11 +1,12 @@
-"""A library of forces that a body in water may feel, and how large each may be on a hull of a given size.
+"""Library of hydrodynamic force terms, with prior sizes for a hull of given dimensions.
 
-For every axis: products of velocities and accelerations through the water (`distillation.features`), the
-other |nu_i| nu_j, and where down lies, which stands for weight and trim.  The size of a coefficient is its
-prior standard deviation, from the density and the hull's box alone: a drag of half rho A with A the mean of
-the box's sides, a mass of the displaced water, a lever of half the length for every rotation; linear damping
-is the drag at SLOW, and weight and buoyancy are in balance to a twentieth.  What a hull that is the same
-on port and starboard cannot have, as a sway force of surge, is expected to be UNEVEN times that.
+The terms of each axis are products of velocities and accelerations through the water
+(`distillation.features`), the remaining |nu_i| nu_j, and the direction of gravity for weight and trim.  The
+prior standard deviation of a coefficient follows from the water density and the hull's box alone.  Drag is
+half rho A with A the mean of the box's sides; mass is that of the displaced water; the lever arm of each
+rotation is half the length.  Linear damping equals quadratic damping at SLOW.  Weight and buoyancy balance
+within TRIM.  Coefficients that port-starboard symmetry rules out, such as a sway force of surge, are scaled
+by UNEVEN.
 """
 
 from __future__ import annotations
@@ -29,28 +30,28 @@ from hydro.core.vehicle.frames import rotation
 
 AXES = 6
 SLOW = 0.3
-"""Speed [m/s] at which linear and quadratic damping are alike."""
+"""Speed at which linear and quadratic damping are equal [m/s]."""
 TRIM = 0.05
-"""Part of the buoyancy that weight and trim may be off by."""
+"""Prior standard deviation of weight and trim relative to buoyancy."""
 UNEVEN = 0.05
-"""Of a coefficient that port and starboard alike would rule out, times the others'."""
+"""Prior size of coefficients that port-starboard symmetry rules out, relative to the others."""
 MIRRORED = np.array([False, True, False, True, False, True])
-"""Axes whose velocities and wrenches change sign in a mirror that swaps port and starboard."""
+"""Axes whose velocities and wrenches change sign under port-starboard reflection."""
 RESTING = 4
-"""Terms, the last, that do not vanish with the motion: where down lies, and one for all."""
+"""Number of terms, the last ones, that do not vanish at rest: gravity direction and a constant."""
 KNOWN_PAIRS = {(int(i), int(j)) for i, j in CROSS}
 PAIRS = tuple((i, j) for i in range(AXES) for j in range(AXES) if i != j and (i, j) not in KNOWN_PAIRS)
-"""(i, j) of the |nu_i| nu_j that the features of the networks have not."""
+"""Pairs (i, j) of |nu_i| nu_j that the network features lack."""
 
 
 @dataclass(frozen=True)
 class Flow:
-    """The motion through the water along a recording, smoothed.
+    """Smoothed motion through the water along a recording.
 
     Attributes:
         nu: Velocity, (N, 6) [m/s, rad/s].
-        nu_dot: Its rate in the body's axes, (N, 6).
-        down: Unit vector down in the body's axes, (N, 3).
+        nu_dot: Its rate in body axes, (N, 6).
+        down: Unit vector down in body axes, (N, 3).
     """
 
     nu: Array
@@ -59,7 +60,7 @@ class Flow:
 
     @classmethod
     def of(cls, model: Candidate, shots: Shots) -> Flow:
-        """The motion of a recording past the water of a vehicle's file, CO behind its velocity log."""
+        """Return the motion of CO through the water, corrected for the vehicle's current and DVL errors."""
         record = shots.record
         flow = constants_of(model.program.flat)[FLOW]
         nu = through_water(flow, shots.eta, true_velocity(model, record, shots.nu), record.t)
@@ -75,24 +76,24 @@ class Flow:
 
     @property
     def columns(self) -> Array:
-        """All of it, (N, 15)."""
+        """Velocity, acceleration and down vector side by side, (N, 15)."""
         return np.hstack([self.nu, self.nu_dot, self.down])
 
     def within(self, low: Array, high: Array) -> Flow:
-        """The nearest motion between two bounds, (15,) each."""
+        """Return the motion clipped to bounds of (15,) each."""
         nu, rate, down = np.split(np.clip(self.columns, low, high), [AXES, 2 * AXES], axis=1)
         return Flow(nu, rate, down)
 
 
 def terms(flow: Flow) -> Array:
-    """The library at every row, (N, F)."""
+    """Return the library terms at every row, (N, F)."""
     nu = flow.nu
     pairs = np.stack([np.abs(nu[:, i]) * nu[:, j] for i, j in PAIRS], axis=1)
     return np.hstack([features(np.hstack([nu, flow.nu_dot])), pairs, flow.down, np.ones((len(nu), 1))])
 
 
 def sizes(vehicle: Vehicle) -> Array:
-    """Prior standard deviation of every coefficient of the library on every axis, (F, 6)."""
+    """Return the prior standard deviation of every coefficient of the library on every axis, (F, 6)."""
     box, rho = vehicle.hull, vehicle.environment.water_density
     lever = 0.5 * box.length
     area = (box.length * box.width + box.width * box.height + box.height * box.length) / 3.0
@@ -108,7 +109,7 @@ def sizes(vehicle: Vehicle) -> Array:
 
 
 def _mirrored() -> NDArray[np.bool_]:
-    """Which terms change sign in the mirror, (F,)."""
+    """Return which terms change sign under port-starboard reflection, (F,)."""
     both = [MIRRORED[i] != MIRRORED[j] for i in range(AXES) for j in range(i + 1, AXES)]
     second = [MIRRORED[j] for _, j in (*CROSS, *PAIRS)]
     return np.array([*MIRRORED, *MIRRORED, *MIRRORED, *both, *second, False, True, False, False])

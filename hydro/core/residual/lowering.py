@@ -1,6 +1,6 @@
-"""From the description and tensors of a model artefact to a program for `core.residual.layers`.
+"""Compiler from the description and tensors of a model artefact to a program for `core.residual.layers`.
 
-Each architecture is a function that writes its steps; the six numbers placed last are its wrench.
+Each architecture is a function that writes its steps; the last six values are the wrench.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from hydro.core.vehicle.description import Vehicle
 
 AXES = 6
 LINE = 16
-"""Numbers of a cache line: what begins on one is read without a vector that lies across two."""
-PACE = 10.0  # s, of the structured model's inertia
+"""Float32 values per cache line; aligned blocks avoid vector loads across two lines."""
+PACE = 10.0  # s, time scale of the structured model's inertia
 
 
 class TrainedModel(Protocol):
-    """What of a model artefact a simulation needs (see `hydro.io.model.Model`)."""
+    """Protocol of the parts of a model artefact that a simulation needs (see `hydro.io.model.Model`)."""
 
     @property
     def name(self) -> str:
@@ -32,7 +32,7 @@ class TrainedModel(Protocol):
 
     @property
     def architecture(self) -> Mapping[str, Any]:
-        """Description of its layers."""
+        """Description of the layers."""
 
     @property
     def tensors(self) -> Mapping[str, NDArray[Any]]:
@@ -44,33 +44,33 @@ class TrainedModel(Protocol):
 
     @property
     def subtract(self) -> str:
-        """Which effects its labels left out: `inertia`, or all `effects`."""
+        """Effects subtracted from the labels: `inertia`, or all `effects`."""
 
     @property
     def labelled(self) -> Vehicle | None:
-        """The vehicle that its labels were made with; None where nobody knows."""
+        """Vehicle with which the labels were made; None if unknown."""
 
 
 class Place(NamedTuple):
-    """Some numbers of the workspace."""
+    """Block of values in the workspace."""
 
     at: int
     length: int
 
     def part(self, start: int, length: int) -> Place:
-        """Some of these."""
+        """Return a part of the block."""
         return Place(self.at + start, length)
 
 
 class Writer:
-    """Writes a program step by step, and its weights beside it.
+    """Writer of a program and its weights, step by step.
 
     Attributes:
         model: The artefact.
-        inputs: Where the standardised inputs lie.
-        room: Numbers of the workspace.
-        passive: Where the root A of a passive model's damping lies, and where its weights begin.
-        physical: Whether the wrench is in N and N m already, so that no scaler comes after it.
+        inputs: Place of the standardised inputs.
+        room: Size of the workspace in values.
+        passive: For a passive model, the place of the root A of its damping and the offset of its weights.
+        physical: Whether the wrench is already in N and N m, so that no scaler follows.
     """
 
     def __init__(self, model: TrainedModel, inputs: int) -> None:
@@ -83,18 +83,18 @@ class Writer:
         self._weights: list[Array32] = []
 
     def program(self) -> Array:
-        """The steps, (steps, COLUMNS)."""
+        """Return the steps, (steps, COLUMNS)."""
         return np.array(self._steps, dtype=np.float64).reshape(-1, layers.COLUMNS)
 
     def weights(self) -> Array32:
-        """All weights, end to end."""
+        """Return all weights, concatenated."""
         return np.concatenate(self._weights)
 
     def option(self, name: str) -> Any:
-        """An entry of the architecture.
+        """Return an entry of the architecture.
 
         Raises:
-            DataError: It is not there.
+            DataError: The entry is missing.
         """
         if name not in self.model.architecture:
             raise DataError(
@@ -103,7 +103,7 @@ class Writer:
         return self.model.architecture[name]
 
     def tensor(self, name: str, shape: tuple[int, ...]) -> Array32:
-        """A tensor of the model as float32, checked for its shape.
+        """Return a tensor of the model as float32, with its shape checked.
 
         Raises:
             DataError: It is missing or of another shape.
@@ -118,21 +118,21 @@ class Writer:
         return tensor
 
     def place(self, length: int) -> Place:
-        """Room for more numbers."""
+        """Reserve workspace for more values."""
         found = Place(_line_after(self.room), length)
         self.room = found.at + length
         return found
 
     def dense(self, x: Place, name: str, length: int) -> Place:
-        """W x + b, of the tensors `name.weight` (length, x) and `name.bias` (length,)."""
+        """Add a dense layer W x + b with the tensors `name.weight` (length, x) and `name.bias` (length,)."""
         weight = self.tensor(f"{name}.weight", (length, x.length))
         return self.affine(x, weight, self.tensor(f"{name}.bias", (length,)), self.place(length))
 
     def affine(self, x: Place, weight: Array32, bias: Array32, to: Place) -> Place:
-        """W x + b, of these weights.
+        """Add a dense layer W x + b with the given weights.
 
         Raises:
-            DataError: W has not as many columns as x has numbers.
+            DataError: The number of columns of W differs from the length of x.
         """
         if weight.shape[1] != x.length:
             raise DataError(
@@ -143,10 +143,10 @@ class Writer:
         return self._step(layers.DENSE, x, to, weights=at)
 
     def activate(self, function: str, x: Place) -> Place:
-        """A function of `layers.FUNCTIONS`, in place.
+        """Apply a function of `layers.FUNCTIONS` in place.
 
         Raises:
-            DataError: There is no such function.
+            DataError: The function is unknown.
         """
         if function not in layers.FUNCTIONS:
             known = ", ".join(layers.FUNCTIONS)
@@ -156,7 +156,7 @@ class Writer:
         return self._step(layers.ACTIVATE, x, x, argument=layers.FUNCTIONS[function])
 
     def chain(self, x: Place, name: str, widths: Sequence[int], function: str) -> Place:
-        """Dense layers `name.0`, `name.1`, …, with a function after every one but the last."""
+        """Add dense layers `name.0`, `name.1`, …, with an activation after all but the last."""
         for i, width in enumerate(widths[1:]):
             x = self.dense(x, f"{name}.{i}", width)
             if i + 2 < len(widths):
@@ -164,32 +164,32 @@ class Writer:
         return x
 
     def norm(self, x: Place, name: str) -> Place:
-        """The layer norm of the tensors `name.weight` and `name.bias`."""
+        """Add the layer norm with the tensors `name.weight` and `name.bias`."""
         parts = (self.tensor(f"{name}.{part}", (x.length,)) for part in ("weight", "bias"))
         return self._step(layers.NORM, x, self.place(x.length), weights=self._keep(*parts))
 
     def add(self, x: Place, to: Place) -> Place:
-        """Add x to other numbers, in place."""
+        """Add x to other values, in place."""
         return self._step(layers.ADD, x, to)
 
     def mix(self, shares: Place, vectors: Place, length: int) -> Place:
-        """The weighted mean of vectors."""
+        """Add the weighted mean of vectors."""
         source = Place(vectors.at, shares.length)
         return self._step(layers.MIX, source, self.place(length), argument=shares.at)
 
     def direction(self, scale: Array) -> Place:
-        """Seven numbers of the velocity; see `layers._direction`."""
+        """Add seven features of the velocity; see `layers._direction`."""
         return self._step(layers.DIRECTION, self.inputs, self.place(AXES + 1), weights=self._keep(scale))
 
     def dissipate(self, A: Place, inertia: Array, root: Array, scale: Array) -> Place:
-        """C(nu) nu + D(nu) nu; see `layers._passive`."""
+        """Add C(nu) nu + D(nu) nu; see `layers._passive`."""
         at = self._keep(inertia.ravel(), root, 1.0 / (AXES * scale**2))
         self.passive = A.at, at
         self.physical = True
         return self._step(layers.PASSIVE, A, self.place(AXES), weights=at)
 
     def mirrored(self, weights: Sequence[Array32], points: int) -> Place:
-        """The wrench of so many points of motion; see `core.residual.mirrors`."""
+        """Add the wrench of a model with `points` points of motion; see `core.residual.mirrors`."""
         self.physical = True
         to, at = self.place(AXES), self._keep(*weights)
         return self._step(layers.MIRRORED, self.inputs, to, weights=at, argument=points)
@@ -199,7 +199,7 @@ class Writer:
         return to
 
     def _keep(self, *parts: NDArray[Any]) -> int:
-        """Where weights begin that are added here."""
+        """Store weights and return their offset."""
         before = sum(map(len, self._weights))
         at = _line_after(before)
         own = [np.asarray(part, dtype=np.float32).ravel() for part in parts]
@@ -208,7 +208,7 @@ class Writer:
 
 
 def _line_after(count: int) -> int:
-    """Where the next cache line begins."""
+    """Return the start of the next cache line."""
     return -(-count // LINE) * LINE
 
 
@@ -306,10 +306,10 @@ WRITERS: dict[str, Callable[[Writer], None]] = {
 
 
 def lower(model: TrainedModel, inputs: int) -> Writer:
-    """Write the program of a model with so many inputs.
+    """Write the program of a model with `inputs` inputs.
 
     Raises:
-        DataError: The architecture is not known, or its tensors do not fit it.
+        DataError: The architecture is unknown, or its tensors do not fit it.
     """
     kind = model.architecture.get("model")
     if kind not in WRITERS:

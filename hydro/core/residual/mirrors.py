@@ -1,28 +1,28 @@
-"""The wrench of a hull as sums over points of the sphere of motions, each seen in the mirrors of the hull.
+"""Wrench of a hull as radial basis functions on the sphere of motion directions, with mirror symmetry.
 
 Motion about a centre c is z = scale * nu_c, of size m = |z| and direction d = z / m; near rest, m is EPSILON.
 
     tau = L z  +  sum_p m^p (B_p b(d) + sum_k sum_s W_pks S_s(d, d_k)),        p = 1, 2, 3
 
-b(d) are the 57 numbers |d_i| d_j and d_i d_j, of which drag and Coriolis forces are sums at p = 2.  The S are
-of radial functions R(d, d_k) = (1 + r) exp(-r), r = sqrt(3) |d - d_k| / WIDTH (Matern's of order 3/2: drag
-has kinks where it changes sides), between directions:
+b(d) are the 57 products |d_i| d_j and d_i d_j; drag and Coriolis forces are sums of these at p = 2.  The S
+are made of radial functions R(d, d_k) = (1 + r) exp(-r) between directions, with r = sqrt(3) |d - d_k| /
+WIDTH (Matern kernel of order 3/2: drag has kinks where it changes sides):
 
     0  sum over the eight mirror images g of chi(g) R(g d, d_k) / 8
-    1  (R(d, d_k) + chi R(d', d_k)) / 2, d' the image in the plane of port and starboard
+    1  (R(d, d_k) + chi R(d', d_k)) / 2, d' the image under port-starboard reflection
     2  R(d, d_k)
 
-chi(g) = +-1 is what the mirror makes of the axis, so that S 0 holds for a hull with three planes of symmetry,
-S 1 for one whose sides are equal, and S 2 for any.
+chi(g) = +-1 is the sign of the axis under the reflection g.  So S 0 holds for a hull with three planes of
+symmetry, S 1 for a port-starboard symmetric hull, and S 2 for any hull.
 
-There are two such sums.  The drag F of the first, which is all of it but the d_i d_j at p = 2, steers the
-second: a drag coefficient may depend on where the force and where the moment points.  The wrench about c is
+There are two such sums.  The drag F is the first sum without the d_i d_j at p = 2.  It modulates the second
+sum, since a drag coefficient may depend on the direction of force and moment.  The wrench about c is
 
     tau_c,i = tau_i  +  sum_j T_ij F_i |F_j| / |F|
 
-with j and |F| over the forces for a force, over the moments for a moment.  Far from all points the R are 0
-and what is left grows with the powers of the speed.  Beyond the greatest m that was seen the wrench grows as
-the square.
+where j and |F| run over the forces for a force, and over the moments for a moment.  Far from all points the R
+vanish and the remaining terms grow with the powers of the speed.  Beyond the largest m of the training data
+the wrench grows as the square of the speed.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from hydro.core.compiled import kernel
 
 AXES, POWERS, SUMS, STAGES = 6, 3, 3, 2
 WIDTH = 2.0
-"""Of the radial functions; directions are up to 2 apart."""
+"""Length scale of the radial functions; directions are up to 2 apart."""
 EPSILON = 0.05
 PRODUCTS = 57
 SIGNED = 36
-"""Of the products, those that are |d_i| d_j."""
+"""Number of products of the form |d_i| d_j."""
 PORT = 2
-"""Number of the image in the plane of port and starboard; 0 is the motion itself."""
+"""Index of the port-starboard reflection; 0 is the identity."""
 MIRRORS = np.array(
     [[a, b, c, b * c, a * c, a * b] for a in (1.0, -1.0) for b in (1.0, -1.0) for c in (1.0, -1.0)]
 )
@@ -50,23 +50,23 @@ MIRRORS = np.array(
 CENTRE, SCALE, TOP, STEERING, LINEAR = 0, 3, 9, 10, 28
 LIBRARY = LINEAR + STAGES * AXES * AXES
 POINTS = LIBRARY + STAGES * POWERS * PRODUCTS * AXES
-"""Where the weights begin: c, scale, greatest m, T, L row by row, B by power, product and axis, points."""
+"""Offsets of the weights: c, scale, greatest m, T, L row by row, B by power, product and axis, points."""
 OF_POINT = AXES + STAGES * SUMS * POWERS * AXES
-"""Weights of a point: its direction, then W by stage, sum, power and axis."""
+"""Number of weights of a point: its direction, then W by stage, sum, power and axis."""
 TINY = 1e-9
-"""N or N m: no drag points anywhere below."""
+"""Smallest drag used as a divisor [N or N m]."""
 SCRATCH = 155
-"""Numbers that the kernel works on."""
+"""Size of the kernel's scratch space in values."""
 
 
 def products(z: Array) -> Array:
-    """The numbers |z_i| z_j, then z_i z_j of i <= j, (N, PRODUCTS), of z (N, 6)."""
+    """Return the products |z_i| z_j, then z_i z_j with i <= j, (N, PRODUCTS), of z (N, 6)."""
     signed = [np.abs(z[:, [i]]) * z for i in range(AXES)]
     return np.hstack([*signed, *(z[:, [i]] * z[:, i:] for i in range(AXES))])
 
 
 def parities() -> Array:
-    """Signs of the six z and of the products in each image, (8, 6 + PRODUCTS)."""
+    """Return the signs of the six z and of the products in each image, (8, 6 + PRODUCTS)."""
     one = np.ones((1, AXES))
     plain = np.hstack([one, products(one)])
     return np.vstack([np.hstack([one * g, products(one * g)]) / plain for g in MIRRORS])
@@ -78,7 +78,7 @@ def mirrored_wrench(
 ) -> None:
     """Write the wrench (6,) about CO [N, N m] of a velocity nu (6,), with weights from `start` on.
 
-    Sums are in float64 (`scratch`, of SCRATCH numbers): weights of points side by side nearly cancel.
+    Sums are in float64 (`scratch`, of SCRATCH values), since weights of neighbouring points nearly cancel.
     """
     z, d, even, image = scratch[:6], scratch[6:12], scratch[12:18], scratch[18:26]
     x, b = scratch[26:32], scratch[32 : 32 + PRODUCTS]
@@ -155,7 +155,7 @@ def _steer(weights: Array32, at: int, drag: Array, tau: Array) -> None:
 
 @kernel
 def _grow_products(weights: Array32, at: int, d: Array, b: Array, even: Array, grown: Array) -> None:
-    """Add B_p b(d) to `grown`; `even` is that of d_i d_j in the first stage at p = 2, b (57,) is scratch."""
+    """Add B_p b(d) to `grown`, and write its d_i d_j part at stage 0, p = 2 to `even`; b (57,) is scratch."""
     count = 0
     for i in range(AXES):
         for j in range(AXES):

@@ -1,7 +1,7 @@
-"""The forward pass of a trained residual network in compiled code, for shots and for the simulation alike.
+"""Compiled forward pass of a trained residual network, shared by shots and simulation.
 
-Features, then a program of layers (`core.residual.layers`, written by `core.residual.lowering`), then
-physical units.  A model that remembers is given its memory by whoever runs it (`sim.residual.control` keeps
+The steps are features, a program of layers (`core.residual.layers`, written by `core.residual.lowering`), and
+scaling to physical units.  The caller supplies the memory of a recurrent input (`sim.residual.control` keeps
 it among MuJoCo's activations).
 """
 
@@ -33,13 +33,13 @@ class Network:
     Attributes:
         program: Steps of `core.residual.layers`.
         weights: Weights of all steps, end to end.
-        room: Numbers of the workspace: the inputs first, the wrench last.
+        room: Size of the workspace in values: the inputs first, the wrench last.
         physfeat: Whether the features are the 45 of `distillation.features`; otherwise the twelve states.
-        memory: Numbers of the past that it is given, see `distillation.history`.
+        memory: Number of past values in the input, see `distillation.history`.
         period: Time between past velocities [s]; None for a model without memory.
         scalers: Input means and scales, output means and scales, end to end.
-        passive: For a passive model, where the root A of its damping lies in the workspace, and where the
-            weights of that step begin.
+        passive: For a passive model, the place of the root A of its damping in the workspace, and the offset
+            of its weights.
     """
 
     program: Array
@@ -53,15 +53,15 @@ class Network:
 
     @property
     def inputs(self) -> int:
-        """Features and past velocities together."""
+        """Number of features and past velocities together."""
         return (len(self.scalers) - 2 * _AXES) // 2
 
     @staticmethod
     def of(model: TrainedModel) -> Network:
-        """The compiled form of a model artefact.
+        """Compile a model artefact.
 
         Raises:
-            DataError: The architecture is not known, or its tensors do not fit it.
+            DataError: The architecture is unknown, or its tensors do not fit it.
         """
         description = model.architecture
         feature_set = description.get("features", "")
@@ -88,7 +88,7 @@ class Network:
         )
 
     def wrench(self, states: ArrayLike, past: ArrayLike | None = None) -> Array:
-        """The wrench tau_res of many states.
+        """Return the wrench tau_res of many states.
 
         Args:
             states: (nu, nu_dot), FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
@@ -98,7 +98,7 @@ class Network:
             tau_res (N, 6) [N, N m], FRD, on the left-hand side.
 
         Raises:
-            DataError: The past has not the model's shape.
+            DataError: The past has the wrong shape.
         """
         x = np.ascontiguousarray(states, dtype=np.float64).reshape(-1, _STATES)
         before = np.tile(x[:, :_AXES], self.memory // _AXES) if past is None else np.asarray(past, float)
@@ -112,7 +112,7 @@ class Network:
 
 
 class Weights(NamedTuple):
-    """A network as its kernel takes it: the fields of `Network` of the same names."""
+    """Network data for the compiled kernel: the fields of `Network` of the same names."""
 
     program: Array
     weights: Array32

@@ -1,9 +1,9 @@
-"""What a hull does beside its file, as a regression of short predictions on a library of forces.
+"""Regression of the residual hull force on a library of terms, from short predictions.
 
-Every term of `residual.library` on every axis is a column of the shots by `residual.response`; nothing is
-differentiated but the smoothed motion that the terms are made of.  Coefficients have the hull's size as
-standard deviation, times a factor that is chosen by the error of stretches left out.  What is kept of the
-recording is the normal equations of each stretch.
+Every term of `residual.library` on every axis is a column of responses of the shots, computed by
+`residual.response`.  Only the smoothed motion in the terms is differentiated.  The prior standard deviation
+of a coefficient is the hull's size times a factor, which the held-out error selects.  The recording is
+reduced to the normal equations of each stretch.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from hydro.core.residual.response import Transitions, rows_of
 from hydro.core.vehicle.description import Vehicle
 
 FACTORS = 10.0 ** np.arange(-5.0, 0.01, 0.5)
-"""Times the hull's size that coefficients may be."""
+"""Candidate factors on the prior standard deviations of the coefficients."""
 EVERY = 0.06
-"""Distance of the samples that are compared [s]: the answer to a force is smooth."""
+"""Time between compared samples [s]: the response to a force is smooth."""
 MARGIN = 0.1
-"""Part of the range of a motion by which another may go beyond it."""
+"""Extrapolation beyond the range of the training motion, relative to that range."""
 TAIL = 3.0
-"""Median squared residuals at which a shot counts half."""
+"""Squared residual at which a shot has half weight, in units of the median."""
 
 
 @dataclass(frozen=True)
 class Regression:
-    """Coefficients of the library.
+    """Fitted coefficients of the library.
 
     Attributes:
         coefficients: (F, 6).
-        left_out: The same of the fits without each stretch, (folds, F, 6).
-        factor: Of the hull's size, as chosen.
-        errors: Squared residual of stretches left out for every one of FACTORS.
-        low: Least and
-        high: greatest of each number of its motion (`Flow.columns`), and a little more, (15,).
+        left_out: Coefficients of the fits without each fold, (folds, F, 6).
+        factor: Selected factor on the prior standard deviations.
+        errors: Squared held-out residual for each of FACTORS.
+        low: Lower bound of each column of the motion (`Flow.columns`), with a margin, (15,).
+        high: Upper bound of each column, with a margin, (15,).
     """
 
     coefficients: Array
@@ -54,13 +54,13 @@ class Regression:
     high: Array
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """The wrench beside the file's at every row of a recording, (N, 6) [N, N m].
+        """Return the residual wrench at every row of a recording, (N, 6) [N, N m].
 
-        Beyond the motion that it was learnt from it stays what it is at the edge: products of velocities
-        know no bounds, and what they say there nothing has shown.
+        The motion is clipped to the range of the training data, since products of velocities extrapolate
+        without bound.
 
         Args:
-            vehicle: Its current and velocity log say how the water passes.
+            vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Of the recording.
         """
         flow = Flow.of(candidate(vehicle), shots).within(self.low, self.high)
@@ -69,7 +69,7 @@ class Regression:
 
 
 def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
-    """Find the coefficients from shots in which nothing but the hull itself differs from the file.
+    """Fit the coefficients to shots of an unchanged vehicle.
 
     Args:
         vehicle: The file.
@@ -102,14 +102,14 @@ def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
 
 
 def _bounds(columns: Array) -> tuple[Array, Array]:
-    """Least and greatest of each column, (N, C), a MARGIN of the distance beyond its own, (C,) each."""
+    """Return lower and upper bounds of each column (N, C), widened by MARGIN of its range, (C,) each."""
     low, high = columns.min(axis=0), columns.max(axis=0)
     margin = MARGIN * (high - low)
     return low - margin, high + margin
 
 
 def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, prior: Array) -> Array:
-    """[X, e]^T [X, e] of each stretch with the beginnings of its shots eliminated, (folds, P + 1, P + 1).
+    """Return [X, e]^T [X, e] of each fold with the initial states eliminated, (folds, P + 1, P + 1).
 
     Columns are in units of their prior standard deviations.
     """
@@ -132,7 +132,7 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
 
 
 def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[tuple[slice, Array]]:
-    """How a few shots at a time answer to their beginnings, and to every term of a library on every axis.
+    """Yield the responses of batches of shots to initial states and to every library term on every axis.
 
     Args:
         transitions: The shots.
@@ -140,8 +140,8 @@ def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[
         prior: Units of their coefficients, F of six axes each, (6 F,).
 
     Yields:
-        Which shots, and answers of the rows that are compared, in units of the noise,
-        (s, rows, 12, 12 + 6 F).
+        The slice of shots, and the responses of the compared rows in units of the noise, (s, rows, 12, 12 + 6
+        F).
     """
     shots, thin = transitions.shots, thinning(transitions.shots)
     begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
@@ -159,25 +159,25 @@ def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[
 
 
 def thinning(shots: Shots) -> int:
-    """Rows from one that is compared to the next: all are where samples are rarer than rows."""
+    """Return the row step between compared rows; 1 where samples are rarer than rows."""
     return 1 if shots.seen is not None else max(round(EVERY / shots.record.dt), 1)
 
 
 def robust(squares: Array) -> Array:
-    """Weights of shots with these squared residuals, (S,): those of a Student's t about their median size.
+    """Return robust weights of shots from their squared residuals, (S,): Student's t about the median.
 
-    What a model errs by grows with the motion; unweighed, a few violent shots would be all that counts.
+    Model errors grow with the motion; without weights, a few violent shots would dominate.
     """
     weight: Array = 1.0 / (1.0 + squares / (TAIL * max(float(np.median(squares)), 1e-300)))
     return weight
 
 
 def _solve(gram: Array, factor: float) -> Array:
-    """Coefficients in units of their prior standard deviations, (P,)."""
+    """Return coefficients in units of their prior standard deviations, (P,)."""
     known = gram[:-1, :-1] + factor**-2 * np.eye(len(gram) - 1)
     return np.asarray(np.linalg.solve(known, gram[:-1, -1]))
 
 
 def _error(gram: Array, found: Array) -> float:
-    """Squared residual of a stretch with coefficients (P,)."""
+    """Return the squared residual of a stretch with coefficients (P,)."""
     return float(gram[-1, -1] - 2.0 * gram[-1, :-1] @ found + found @ gram[:-1, :-1] @ found)

@@ -1,15 +1,15 @@
-"""How the motion predicted in shots answers to a further wrench that is known as a function of time.
+"""Response of predicted shots to an additional wrench that is a known function of time.
 
-Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b with
-b = [0; M^-1 w] along a motion (`simulation.variational_equation`).  J is that of the file's forces along
-the measured motion, so that the transition from one row to the next is worked out once for all wrenches:
+Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b with b
+= [0; M^-1 w] along a motion (`simulation.variational_equation`).  J is that of the file's forces along the
+measured motion.  So the transition between rows is computed once for all wrenches:
 
     delta_k+1 = A_k (delta_k + dt/2 b_k) + dt/2 b_k+1,
 
-which is of second order in the sample time.  It is Phi_k int Phi_j^-1 b dt with Phi the product of the A, and
-inverts nothing.  Internal states of the file's effects are taken not to answer.
+which is of second order in the sample time.  It equals Phi_k int Phi_j^-1 b dt, with Phi the product of the
+A, but needs no inverse.  Internal states of the file's effects are assumed not to respond.
 
-What a late or turned velocity log makes of the motion it makes of the deviation too, but for its bias.
+A delayed or misaligned DVL transforms the deviation as it transforms the motion, except for its bias.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ from hydro.core.vehicle.frames import body_states
 
 @dataclass(frozen=True)
 class Transitions:
-    """How deviations go from row to row in the shots of a recording.
+    """State transitions of deviations from row to row in the shots of a recording.
 
     Attributes:
-        model: The vehicle whose forces carry them.
+        model: The vehicle whose forces define the transitions.
         shots: The shots.
         each: Transition from every row of a shot to the next, (S, length - 1, 12, 12).
     """
@@ -54,7 +54,7 @@ class Transitions:
 
     @classmethod
     def of(cls, model: Candidate, shots: Shots) -> Transitions:
-        """Follow the measured motion of each shot, smoothed, one row at a time."""
+        """Compute the transitions along the smoothed measured motion of each shot, one row at a time."""
         record = shots.record
         nu = true_velocity(model, record, shots.nu)
         states = body_states(shots.eta, nu)
@@ -68,17 +68,17 @@ class Transitions:
 
     @property
     def accelerated(self) -> Array:
-        """M^-1 of the vehicle with all its effects, (6, 6)."""
+        """Inverse mass matrix M^-1 of the vehicle with all its effects, (6, 6)."""
         begin = INVERSE_MASS_MATRIX
         inverse: Array = constants_of(self.model.program.flat)[begin : begin + 36].reshape(6, 6)
         return inverse
 
     def answers(self, part: slice, wrenches: Array, begun: Array | None = None) -> Array:
-        """Deviations of what is logged, row by row.
+        """Return the deviations of the logged channels, row by row.
 
         Args:
-            part: Which shots.
-            wrenches: Of each row, (s, length, 6, Q) [N, N m], Q of them beside one another.
+            part: Slice of shots.
+            wrenches: Q wrenches of each row, (s, length, 6, Q) [N, N m].
             begun: Deviations at the first row, (12, Q); 0 by default.
 
         Returns:
@@ -97,7 +97,7 @@ class Transitions:
         return self._logged(out)
 
     def _logged(self, deviations: Array) -> Array:
-        """What the vehicle's velocity log writes down of deviations."""
+        """Apply the errors of the vehicle's DVL, except its bias, to deviations."""
         log = self.model.log
         if not log.any():
             return deviations
@@ -109,10 +109,10 @@ class Transitions:
         return deviations
 
     def corrected(self, wrench: Array) -> Shots:
-        """The shots with what a wrench beside the file's makes of the motion taken from what was measured.
+        """Return the shots with the response to a residual wrench subtracted from the measurements.
 
         Args:
-            wrench: Of every row of the recording, (N, 6) [N, N m].
+            wrench: Wrench at every row of the recording, (N, 6) [N, N m].
         """
         shots = self.shots
         measured = shots.measured.copy()
@@ -125,13 +125,13 @@ class Transitions:
 
 
 def rows_of(shots: Shots, part: slice = slice(None)) -> Rows:
-    """Rows of the recording that some shots have, (s, length)."""
+    """Return the rows of some shots in the recording, (s, length)."""
     rows: Rows = shots.starts[part, None] + np.arange(shots.length)
     return rows
 
 
 def _one_row(model: Candidate, shots: Shots, rows: Rows, segment: int, begun: InitialStates) -> Array:
-    """Transitions from rows (K,) of a segment to the ones after them, (K, 12, 12)."""
+    """Return the transitions from rows (K,) of a segment to the next rows, (K, 12, 12)."""
     record, count = shots.record, rows.size
     places = Places(
         record.commands,

@@ -1,1 +1,1 @@
-"""The motion of a vehicle with its effects, and what drives and disturbs a simulated one."""
+"""Simulation of a vehicle with its effects: equations of motion, integration, excitation, sensor noise."""

@@ -1,8 +1,8 @@
-"""Prediction bands: how far the uncertainty of estimated numbers lets a prediction stray.
+"""Prediction bands from the uncertainty of estimated parameters.
 
-Vehicles are drawn from the covariance of their estimates, each is moved by the same commands, and 95 % of
-them lie within the band at every moment.  It holds what the numbers leave open, not what the model lacks, nor
-the sensors' noise.
+Vehicles are drawn from the covariance of their estimates, and each is simulated with the same commands.  95 %
+of them lie within the band at every time.  The band contains the uncertainty of the parameters, but neither
+model errors nor sensor noise.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 
 DRAWS = 100
-"""Vehicles drawn, by default."""
+"""Default number of drawn vehicles."""
 LEVELS = (0.025, 0.975)
 MOTION = (*POSE, *VELOCITY)
 ANGLES = slice(3, 6)
 LEAST = 0.5
-"""Part of the draws that must not diverge."""
+"""Minimum share of draws that must not diverge."""
 
 
 def bands(
@@ -37,19 +37,19 @@ def bands(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Predicted motion under commands with 95 % bands.
+    """Predict the motion under commands with 95 % bands.
 
     Args:
         vehicle: The vehicle with its estimated numbers.
-        estimates: These, with their covariance.
+        estimates: The estimates, with their covariance.
         commands: As for `simulate`.
-        draws: Vehicles drawn.
-        seed: Of the draws.
+        draws: Number of drawn vehicles.
+        seed: Seed of the draws.
         progress: Called with a few words and the share of the work done.
 
     Returns:
-        The bands table: `session`, `t`, the motion that the vehicle itself makes (pose in NED [m, rad],
-        velocity in the body frame [m/s, rad/s]), and the ends of the band of each, `x_low` ... `r_high`.
+        The bands table: `session`, `t`, the motion of the vehicle itself (pose in NED [m, rad], velocity in
+            the body frame [m/s, rad/s]), and the limits of each band, `x_low` ... `r_high`.
 
     Raises:
         DataError: The commands do not fit the vehicle, its motion diverges, or that of most draws does.
@@ -72,14 +72,15 @@ def spread(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Array, Array]:
-    """Lower and upper end of the band about what a vehicle does, (N, 12) each.
+    """Return the lower and upper limit of the band about a vehicle's motion, (N, 12) each.
 
     Args:
         vehicle: The vehicle.
         estimates: Its estimated numbers.
-        predicted: Pose and velocity that a vehicle makes, (N, 12); NaN, or an error, where it diverges.
-        draws: Vehicles drawn.
-        seed: Of the draws.
+        predicted: Function from a vehicle to its pose and velocity, (N, 12); NaN, or an error, if it
+            diverges.
+        draws: Number of drawn vehicles.
+        seed: Seed of the draws.
         progress: Called with a few words and the share of the work done.
 
     Raises:
@@ -91,7 +92,7 @@ def spread(
             progress("draws", number / draws)
         try:
             strayed.append(_off(predicted(one), middle))
-        except DataError:  # a draw that no vehicle can be
+        except DataError:  # a draw that is not a valid vehicle
             continue
     if len(strayed) < LEAST * draws:
         raise DataError(
@@ -103,7 +104,7 @@ def spread(
 
 
 def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.DataFrame:
-    """The bands table of motions (N, 12), behind the columns `session` and `t` of `rows`."""
+    """Return the bands table of motions (N, 12), after the columns `session` and `t` of `rows`."""
     ends = [
         pl.Series(f"{name}_{side}", values[:, i])
         for i, name in enumerate(MOTION)
@@ -113,7 +114,7 @@ def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.Data
 
 
 def _off(motion: Array, middle: Array) -> Array:
-    """How far a motion is off another, (N, 12), angles the short way round."""
+    """Return the difference of two motions, (N, 12), with angles wrapped."""
     off: Array = motion - middle
     off[:, ANGLES] = (off[:, ANGLES] + np.pi) % (2.0 * np.pi) - np.pi
     return off

@@ -1,16 +1,16 @@
-"""The balance of a vehicle in water, solved for its acceleration.
+"""Equation of motion of a vehicle in water, solved for its acceleration.
 
     M nu_r_dot + C(nu_r) nu_r = tau_prop + tau_restoring + sum of effect wrenches,  M = M_RB + M_A
 
-In a steady, uniform current v_c the dry body may be written with nu_r as well, since Newton's law holds in
-the frame that drifts with the water (Fossen 2011, property 8.1).  The current is at rest in the world and
-turns in the body:
+In a steady, uniform current v_c the rigid-body terms may use nu_r as well, since Newton's law holds in the
+frame that drifts with the water (Fossen 2011, property 8.1).  The current is constant in the world and
+rotates in the body:
 
     nu_r = nu - [R^T v_c; 0],  nu_r_dot = nu_dot + [omega x R^T v_c; 0]
 
 The kernels take a program's flat vector (`core.effects.program`) and the state of motion `s` of
-`core.effects.layout`.  The state y that is integrated is position (3), unit quaternion (4), nu (6) and the
-internal states of the effects.
+`core.effects.layout`.  The integrated state y is position (3), unit quaternion (4), nu (6) and the internal
+states of the effects.
 """
 
 from __future__ import annotations
@@ -50,19 +50,19 @@ from hydro.core.vehicle.thrusters import COLUMNS, INFLOW, inflow_speed, state_to
 BODY = 13
 """Length of the state of the body itself, before the effects' internal states."""
 NO_HULL: Array = np.zeros((8, 0))
-"""Facets of a vehicle whose file alone says what the water does."""
+"""Facets of a vehicle without the panel method."""
 
 
 class Motion(NamedTuple):
-    """A vehicle on its way.
+    """State of a moving vehicle.
 
     Attributes:
         flat: Its program.
         facets: (8, F) hull of the panel method, or `NO_HULL`.
         y: State, (13 + internal states,).
-        s: State of motion of `core.effects.layout`, that of wherever the vehicle was looked at last; a wrench
-            that is held may stand behind it (`simulation.held`).
-        work: (4, y.size) room for three states and a wrench.
+        s: State of motion of `core.effects.layout` at the last evaluation, optionally followed by a held
+            wrench (`simulation.held`).
+        work: (4, y.size) workspace for three states and a wrench.
     """
 
     flat: Array
@@ -74,7 +74,7 @@ class Motion(NamedTuple):
 
 @jit
 def afloat(flat: Array, facets: Array) -> Motion:
-    """A vehicle that is nowhere yet."""
+    """Return a vehicle without an initial state."""
     size = BODY + int(flat[STATE_COUNT])
     return Motion(flat, facets, np.zeros(size), np.zeros(MOTION), np.zeros((4, size)))
 
@@ -92,27 +92,27 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 @kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
-    """The same of a state y."""
+    """Write the state of motion `s` of a state y."""
     observe(flat, y[:3], y[3:7], y[7:BODY], s)
 
 
 @kernel
 def settle(motion: Motion) -> None:
-    """Begin the effects' internal states, at the time in `s`, as if the body had always moved as it does."""
+    """Initialise the effects' internal states at the time in `s`, in steady state with the present motion."""
     observe_state(motion.flat, motion.y, motion.s)
     start(motion.flat, motion.s, motion.y[BODY:])
 
 
 @kernel
 def thrust_of(row: Array, rotor: float, s: Array) -> float:
-    """Thrust [N] of a thruster (a row of the thruster table) from its lag state, in the water's flow."""
+    """Return the thrust [N] of a thruster (a row of the thruster table) from its lag state and inflow."""
     inflow = inflow_speed(row, s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]) if row[INFLOW] != 0.0 else 0.0
     return state_to_thrust(row, rotor, inflow)
 
 
 @kernel
 def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
-    """Add tau_prop = B f to `tau`, f the thrusts of the lag states `rotors` (n,) in the water's flow."""
+    """Add tau_prop = B f to `tau`, f the thrusts from lag states `rotors` (n,) and inflow."""
     begin = int(flat[THRUSTER_TABLE])
     for i in range(int(flat[THRUSTER_COUNT])):
         row = flat[begin + i * COLUMNS : begin + (i + 1) * COLUMNS]
@@ -123,15 +123,15 @@ def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
 
 @kernel
 def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: Array) -> None:
-    """Acceleration of CO over ground in the body frame, under tau_prop, restoring forces and all effects.
+    """Write the acceleration of CO over ground in the body frame, from thrust, restoring forces and effects.
 
     Args:
         flat: The program.
         s: State of motion.
         x: Internal states of the effects.
-        dx: Written: their rates.
-        tau: The thrusters' wrench about CO [N, N m] on entry; overwritten by all that M accelerates.
-        nu_dot: Written: (6,) [m/s^2, rad/s^2].
+        dx: Output: their rates.
+        tau: The thrusters' wrench about CO [N, N m] on entry; overwritten by the total wrench on M.
+        nu_dot: Output: (6,) [m/s^2, rad/s^2].
     """
     c, nu_r = flat[HEADER : HEADER + CONSTANTS], s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
     restoring_kernel(c[BALANCE : BALANCE + 4], s[ROTATION + 6 : ROTATION + 9], tau)
@@ -150,7 +150,7 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
 
 @kernel
 def _turn_with_body(s: Array, nu_dot: Array) -> None:
-    """From nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0]; R^T v_c is v - v_r."""
+    """Convert nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0]; R^T v_c is v - v_r."""
     x = s[VELOCITY] - s[RELATIVE_VELOCITY]
     y = s[VELOCITY + 1] - s[RELATIVE_VELOCITY + 1]
     z = s[VELOCITY + 2] - s[RELATIVE_VELOCITY + 2]
@@ -164,7 +164,7 @@ def _turn_with_body(s: Array, nu_dot: Array) -> None:
 def rates_kernel(
     flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array
 ) -> None:
-    """Rates of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), and the balance.
+    """Write the rates of the state: quaternion kinematics (Fossen 2011, section 2.2.2) and the dynamics.
 
     Args:
         flat: The vehicle's program.
@@ -173,7 +173,7 @@ def rates_kernel(
         s: State of motion, overwritten.
         rotors: (n,) lag states.
         tau: (6,) overwritten.
-        rates: (y.size,) written; nu_dot of CO stands in 7 to 12.
+        rates: Output: (y.size,); entries 7 to 12 are nu_dot of CO.
     """
     observe(flat, y[0:3], y[3:7], y[7:BODY], s)
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]

@@ -1,7 +1,7 @@
-"""Estimated numbers of a vehicle file with their covariance: as a table, for a part of them, and drawn.
+"""Estimated parameters of a vehicle file with their covariance: tables, subsets and random draws.
 
-A draw is one vehicle that the recording would have allowed: its entries are normal about their values with
-their covariance.  What lies beyond the plausible range of a parameter is moved to its end.
+A draw is one vehicle that agrees with the recording.  Its entries are normally distributed about their values
+with their covariance.  Values beyond the plausible range of a parameter are clipped to it.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.vehicle.description import Vehicle
 
 AGREES = 0.02
-"""Standard errors by which a value in a file may differ from the estimate that it was rounded from."""
+"""Standard errors by which a rounded value in a file may differ from its estimate."""
 
 
 class Place(Protocol):
-    """Where a number stands in a vehicle file."""
+    """Place of a number in a vehicle file."""
 
     @property
     def effect(self) -> str:
@@ -35,19 +35,19 @@ class Place(Protocol):
 
     @property
     def index(self) -> tuple[int, ...]:
-        """Place in it; () of a number."""
+        """Index in the parameter; () for a scalar."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One estimated number of a vehicle file.
+    """Estimated number of a vehicle file.
 
     Attributes:
         effect: Name of the effect.
         parameter: Name of the parameter.
-        index: Place in it; () of a number.
+        index: Index in the parameter; () for a scalar.
         unit: Its unit.
-        value: The number as it stands in the file.
+        value: The number in the file.
     """
 
     effect: str
@@ -58,7 +58,7 @@ class Estimate:
 
     @property
     def name(self) -> str:
-        """As it is written: `linear_damping.diagonal[0]`."""
+        """Name as written: `linear_damping.diagonal[0]`."""
         return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
 
 
@@ -67,8 +67,8 @@ class Estimates:
     """Estimated numbers of a vehicle file.
 
     Attributes:
-        entries: They, (P,).
-        covariance: (P, P), in their units.
+        entries: The numbers, (P,).
+        covariance: Their covariance, (P, P), in their units.
     """
 
     entries: tuple[Estimate, ...]
@@ -76,7 +76,7 @@ class Estimates:
 
     @property
     def values(self) -> Array:
-        """(P,)."""
+        """Values, (P,)."""
         return np.array([entry.value for entry in self.entries])
 
     @property
@@ -85,7 +85,7 @@ class Estimates:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def frame(self) -> pl.DataFrame:
-        """The covariance table: a row per entry, with its correlation with every entry."""
+        """Return the covariance table: a row per entry, with its correlation with every entry."""
         errors = np.maximum(self.errors, np.finfo(float).tiny)
         correlation = np.clip(self.covariance / np.outer(errors, errors), -1.0, 1.0)
         return pl.DataFrame(
@@ -102,7 +102,7 @@ class Estimates:
 
     @classmethod
     def of(cls, frame: pl.DataFrame) -> Estimates:
-        """From a covariance table."""
+        """Read estimates from a covariance table."""
         entries = tuple(
             Estimate(row["effect"], row["parameter"], tuple(row["index"]), row["unit"], row["value"])
             for row in frame.iter_rows(named=True)
@@ -111,12 +111,12 @@ class Estimates:
         return cls(entries, np.array(frame["correlation"].to_list(), float) * np.outer(errors, errors))
 
     def of_effects(self, names: Sequence[str]) -> Estimates:
-        """Those of some effects, whatever the others are."""
+        """Return the estimates of some effects, marginalised over the others."""
         kept = [i for i, entry in enumerate(self.entries) if entry.effect in names]
         return Estimates(tuple(self.entries[i] for i in kept), self.covariance[np.ix_(kept, kept)])
 
     def after(self, earlier: Estimates | None) -> Estimates:
-        """These, and earlier ones of other effects, which are independent of them."""
+        """Return these estimates and earlier ones of other effects, assumed independent."""
         if earlier is None:
             return self
         own = {entry.effect for entry in self.entries}
@@ -127,7 +127,7 @@ class Estimates:
         return Estimates((*kept.entries, *self.entries), both)
 
     def disagreement(self, vehicle: Vehicle) -> str:
-        """The first number in which a vehicle file says something else, in words; empty where none does."""
+        """Describe the first number of a vehicle file that differs from the estimates; empty if none does."""
         for entry, error in zip(self.entries, self.errors, strict=True):
             there = number(vehicle, entry)
             if there is None or abs(there - entry.value) > AGREES * error + 1e-9 * abs(entry.value):
@@ -136,12 +136,12 @@ class Estimates:
         return ""
 
     def drawn(self, vehicle: Vehicle, draws: int, seed: int) -> Iterator[Vehicle]:
-        """Vehicles with numbers drawn from these estimates.
+        """Draw vehicles from these estimates.
 
         Args:
-            vehicle: The vehicle that has them.
-            draws: How many.
-            seed: Of the draws.
+            vehicle: The vehicle of the estimates.
+            draws: Number of vehicles.
+            seed: Seed of the draws.
         """
         rng, low, high = np.random.default_rng(seed), *self._plausible(vehicle)
         errors = np.maximum(self.errors, np.finfo(float).tiny)
@@ -152,7 +152,7 @@ class Estimates:
             yield with_numbers(vehicle, self.entries, np.clip(values, low, high))
 
     def _plausible(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Ends of the plausible ranges within the admissible ones, (P,) each; a value beyond moves them."""
+        """Return the plausible ranges within the admissible ones, (P,) each, widened to contain the values."""
         ends = []
         for entry in self.entries:
             record = CATALOGUE[entry.effect].parameter(entry.parameter)
@@ -163,7 +163,7 @@ class Estimates:
 
 
 def number(vehicle: Vehicle, place: Place) -> float | None:
-    """A number of a vehicle file; None where the file has none."""
+    """Return a number of a vehicle file; None if the file does not contain it."""
     table = next(iter(vehicle.effects(place.effect)), {})
     values = np.asarray(table.get(place.parameter, np.nan), float)
     there = len(place.index) == values.ndim and all(np.array(place.index) < values.shape)
@@ -172,7 +172,7 @@ def number(vehicle: Vehicle, place: Place) -> float | None:
 
 
 def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Vehicle:
-    """The vehicle with these values (P,) of its effects; a symmetric matrix changes on both sides."""
+    """Return the vehicle with these values (P,) of its effects; a symmetric matrix changes on both sides."""
     tables = {place.effect: {} for place in places}  # type: dict[str, dict[str, Any]]
     for place, value in zip(places, values, strict=True):
         table = tables[place.effect]

@@ -1,11 +1,11 @@
-"""What to make a vehicle do so that a recording shows its physics (paper IV-A).
+"""Excitation: demanded motions of a vehicle whose recording shows its physics (paper IV-A).
 
 A collection is a list of sessions, each of one kind: single-axis sine sweeps in surge, sway, heave and yaw;
 coupled manoeuvres (circles, corkscrews, drift turns); Ornstein-Uhlenbeck walks on all axes; and the
-nine-segment, 90 s sequence of the paper's replay.  A demand is a share of what the thrusters can give on that
-axis alone, so it fits any vehicle; `vehicle.control_allocation` turns it into commands.
+nine-segment, 90 s sequence of the paper's replay.  A demand is a share of the maximum wrench of the thrusters
+on that axis alone, so it fits any vehicle; `vehicle.control_allocation` converts it to commands.
 
-Everything random comes from the seed and the session's number, never from the order of the work.
+All random numbers depend on the seed and the session's number only, not on the order of the work.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from hydro.core.errors import DataError
 SURGE, SWAY, HEAVE, ROLL, PITCH, YAW = range(6)
 SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep_yaw": YAW}
 LOG_RATE = 50.0
-"""Rows, and thus commands, per second [Hz]."""
+"""Rate of rows and commands [Hz]."""
 REPLAY = "replay90"
 REPLAY_SECONDS = 90.0
 DECKS: dict[str, tuple[str, ...]] = {
@@ -33,17 +33,17 @@ DECKS: dict[str, tuple[str, ...]] = {
     "walks": ("walk",),
     REPLAY: (REPLAY,),
 }
-"""Kinds of session that each excitation deals from, a deck shuffled anew whenever it is used up."""
+"""Kinds of session of each excitation; they are drawn from a deck that is shuffled again when empty."""
 
 SHORTEST, LONGEST = 6_000, 29_000
-"""Rows of a session in a large collection."""
+"""Minimum and maximum rows of a session in a large collection."""
 LEAST_ROWS = 250
-"""Rows of the shortest session of a small collection, which deals its deck about once."""
+"""Minimum rows of a session in a small collection, which uses its deck about once."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """One recording: name, kind of excitation, rows, and the number that with the seed makes it."""
+    """Session of a collection: name, kind of excitation, rows, and the number that seeds it."""
 
     name: str
     kind: str
@@ -54,17 +54,16 @@ class Session:
 def plan(
     rows: int, seed: int, axes: Sequence[int] = range(6), *, excitation: str = "hybrid"
 ) -> tuple[Session, ...]:
-    """Sessions of an excitation whose lengths add up to exactly `rows`.
+    """Plan sessions of an excitation whose lengths sum to exactly `rows`.
 
     Args:
         rows: Total number of rows.
         seed: Seed of the order of kinds and of the lengths.
-        axes: Axes that the vehicle's thrusters can produce; sweeps of others are left out.
+        axes: Axes that the vehicle's thrusters can actuate; sweeps of others are omitted.
         excitation: One of `DECKS`.
 
     Returns:
-        Sessions of 6,000 to 29,000 rows where there are rows enough for a full deck of them, else in
-        proportion.
+        Sessions of 6,000 to 29,000 rows if `rows` suffices for a full deck, else shorter ones in proportion.
 
     Raises:
         DataError: An unknown excitation, fewer than one row, or no axis to excite.
@@ -92,17 +91,17 @@ def plan(
 
 
 def demands(session: Session, seed: int, dt: float) -> Array:
-    """Demanded wrench of a session, row by row, as shares of the authority of each axis.
+    """Return the demanded wrench of a session by rows, as shares of the authority of each axis.
 
     Args:
-        session: From `plan`.
+        session: A session from `plan`.
         seed: Seed of the collection.
         dt: Time between rows [s].
 
     Returns:
         (rows, 6) in [-1, 1]; row k is held on [t_k, t_k+1).
     """
-    # From 1 on: a trailing 0 would repeat the stream that `plan` draws from.
+    # Numbers start at 1: a trailing 0 would repeat the random stream of `plan`.
     rng = np.random.default_rng([seed, session.number + 1])
     if session.kind in SWEEPS:
         out = np.zeros((session.rows, 6))
@@ -115,25 +114,25 @@ def demands(session: Session, seed: int, dt: float) -> Array:
 
 
 def holds_heading(kind: str) -> bool:
-    """Whether a kind of session holds its heading: the single-axis sweeps of anything but yaw."""
+    """Return whether a kind of session holds its heading: single-axis sweeps except in yaw."""
     return kind in SWEEPS and kind != "sweep_yaw"
 
 
 def _lengths(rows: int, deck: int, rng: np.random.Generator) -> list[int]:
-    """Random lengths that add up to `rows`, within the bounds wherever a sum within them exists."""
+    """Return random lengths that sum to `rows`, within the bounds if such a sum exists."""
     shrink = min(1.0, rows / (deck * 0.5 * (SHORTEST + LONGEST)))
     low, high = max(LEAST_ROWS, int(SHORTEST * shrink)), max(4 * LEAST_ROWS, int(LONGEST * shrink))
     lengths: list[int] = []
     left = rows
     while left > high:
-        # Never leave a rest shorter than the shortest session.
+        # The remainder must not be shorter than the shortest session.
         lengths.append(int(rng.integers(low, min(high, left - low) + 1)))
         left -= lengths[-1]
     return [*lengths, left]
 
 
 def _sweep(rows: int, dt: float, rng: np.random.Generator) -> Array:
-    """Logarithmic sine sweeps end to end, 40 to 80 s each, from about 0.03 to 0.5 Hz, of random amplitude."""
+    """Return contiguous logarithmic sine sweeps, 40 to 80 s, about 0.03 to 0.5 Hz, of random amplitude."""
     parts: list[Array] = []
     count = 0
     while count < rows:
@@ -148,7 +147,7 @@ def _sweep(rows: int, dt: float, rng: np.random.Generator) -> Array:
 
 
 def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
-    """Ornstein-Uhlenbeck walks, dx = -x/T dt + sigma sqrt(2/T) dW, from their stationary distribution."""
+    """Return Ornstein-Uhlenbeck walks, dx = -x/T dt + sigma sqrt(2/T) dW, from stationary initial values."""
     constant = rng.uniform(1.0, 6.0, size=6)
     sigma = rng.uniform([0.3, 0.3, 0.3, 0.1, 0.1, 0.15], [0.7, 0.7, 0.7, 0.3, 0.3, 0.4])
     keep = np.exp(-dt / constant)
@@ -166,7 +165,7 @@ def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True)
 class _Segment:
-    """Some seconds of steady demand plus a sine: (6,) each, and the sine's frequency [Hz]."""
+    """Segment of a constant demand plus a sine: (6,) each, and the sine's frequency [Hz]."""
 
     seconds: float
     steady: Array
@@ -175,13 +174,13 @@ class _Segment:
 
 
 def _demand(**axes: float) -> Array:
-    """Six shares by name: `_demand(surge=0.5, yaw=0.2)`."""
+    """Return six shares by name: `_demand(surge=0.5, yaw=0.2)`."""
     names = ("surge", "sway", "heave", "roll", "pitch", "yaw")
     return np.array([axes.get(name, 0.0) for name in names])
 
 
 def _coupled_segments(seconds: float, rng: np.random.Generator) -> list[_Segment]:
-    """Circles, corkscrews and drift turns in random order, 15 to 45 s each."""
+    """Return circles, corkscrews and drift turns in random order, 15 to 45 s each."""
     segments: list[_Segment] = []
     while seconds > 0.0:
         length = rng.uniform(15.0, 45.0)
@@ -202,7 +201,7 @@ def _coupled_segments(seconds: float, rng: np.random.Generator) -> list[_Segment
 
 
 def _replay_segments() -> list[_Segment]:
-    """Nine segments of 10 s: sines in surge, heave and yaw, then circles and drift turns (paper V-B)."""
+    """Return nine segments of 10 s: sines in surge, heave, yaw, then circles and drift turns (paper V-B)."""
     rest = np.zeros(6)
     each = REPLAY_SECONDS / 9.0
     return [
@@ -219,7 +218,7 @@ def _replay_segments() -> list[_Segment]:
 
 
 def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
-    """Demands (rows, 6) of segments end to end, the list repeated where it is too short."""
+    """Return demands (rows, 6) of contiguous segments; the list repeats if it is too short."""
     out = np.zeros((rows, 6))
     start, index = 0.0, 0
     while round(start / dt) < rows:
@@ -232,7 +231,7 @@ def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
 
 
 def _smooth(demand: Array, dt: float, constant: float = 0.25) -> Array:
-    """First-order low-pass from rest, so that no demand jumps."""
+    """Apply a first-order low-pass from rest, so that no demand jumps."""
     keep = math.exp(-dt / constant)
     smooth: Array = scipy.signal.lfilter([1.0 - keep], [1.0, -keep], demand, axis=0)
     return smooth

@@ -1,13 +1,13 @@
-"""A wrench beside the effects that is held over a control step: a residual network's.
+"""Wrench of a residual network, held over a control step.
 
-The state of motion `s` of a vehicle that has one is longer than `effects.layout.MOTION`.  What stands behind
-it adds to the right-hand side of the balance
+The state of motion `s` of a vehicle with a network is longer than `effects.layout.MOTION`.  The additional
+entries add to the right-hand side of the equation of motion
 
     C_K(nu) nu - D nu - h
 
-with the wrench h, which stands on the left as a label does, the inertia K whose Coriolis and centripetal
-forces the network brings itself or has no use for, and the damping D of a passive network, which goes on with
-the present velocity.  nu is the velocity that the network is asked about, over ground or through the water.
+The wrench h is on the left-hand side, as a label is.  K is the inertia whose Coriolis and centripetal forces
+the network already contains or does not need.  D is the damping of a passive network; it acts on the present
+velocity.  nu is the input velocity of the network, over ground or through the water.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hydro.core.compiled import kernel
 from hydro.core.effects.layout import MOTION
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
-FELT = MOTION  # where in `s` the velocity nu begins: RELATIVE_VELOCITY or VELOCITY
+FELT = MOTION  # index in `s` of the velocity nu: RELATIVE_VELOCITY or VELOCITY
 WRENCH = MOTION + 1  # h, 6 [N, N m]
 CANCELLED = MOTION + 7  # K, 36
 DAMPING = MOTION + 43  # D, 36

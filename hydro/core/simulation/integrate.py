@@ -1,11 +1,11 @@
-"""The motion of a vehicle in water under its commands, integrated by the classical method of order 4.
+"""Integration of a vehicle's motion under its commands by the classical Runge-Kutta method of order 4.
 
-One loop serves whoever follows a motion: the forward simulation, the teacher, a plant of vehicles, the shots
-of a fit.  They differ in what they begin from, in whether a pilot makes the commands on the way, and in
-whether small deviations are carried along (`simulation.variational_equation`).
+One loop serves the forward simulation, the reference simulator, fleets of vehicles, and the shots of a fit.
+They differ in the initial state, in whether a pilot computes the commands, and in whether small deviations
+are carried along (`simulation.variational_equation`).
 
-The thrusters' lags depend on the commands alone and are advanced exactly, to the beginning, middle and end of
-a step; a step ends where a command takes effect, so that delays of any length keep the order.
+The thrusters' lags depend on the commands alone.  They are advanced exactly to the start, middle and end of a
+step.  A step ends where a command takes effect, so that delays of any length keep the order.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
 
 
 class Thrusters(NamedTuple):
-    """What the thrusters of a vehicle are at.
+    """State of a vehicle's thrusters.
 
     Attributes:
         table: Thruster table (n, columns).
-        target: (n,) lag states that the commands lead to.
-        upcoming: (n,) next row of the commands that each will feel.
-        decay: (n,) what half a step leaves of the distance to `target`; 0 without lag.
-        rotors: (3, n) lag states at the beginning, middle and end of a step.
-        due: (2,) when the next command takes effect, and the step that `decay` is of [s].
+        target: (n,) steady lag states of the present commands.
+        upcoming: (n,) next row of the commands that each thruster will follow.
+        decay: (n,) factor of the distance to `target` over half a step; 0 without lag.
+        rotors: (3, n) lag states at the start, middle and end of a step.
+        due: (2,) time of the next command, and the step to which `decay` applies [s].
     """
 
     table: Array
@@ -47,13 +47,13 @@ class Thrusters(NamedTuple):
 
 
 class Course(NamedTuple):
-    """The commands of a motion, and how it is stepped through.
+    """Commands of a motion, and its time steps.
 
     Attributes:
         commands: (N, n); row k acts on [t_k, t_k+1), later by each thruster's delay.
         t: Times of the rows (N,) [s].
-        steps: Integration steps of a row.
-        length: Of a step [s]; 0: the row's own length divided by their number.
+        steps: Integration steps per row.
+        length: Length of a step [s]; 0 divides each row into equal steps.
     """
 
     commands: Array
@@ -64,7 +64,7 @@ class Course(NamedTuple):
 
 @jit
 def at_rest(flat: Array) -> Thrusters:
-    """The thrusters of a vehicle, at rest."""
+    """Return the thrusters of a vehicle, at rest."""
     table = thrusters_of(flat)
     n = table.shape[0]
     upcoming = np.zeros(n, np.int64)
@@ -73,9 +73,10 @@ def at_rest(flat: Array) -> Thrusters:
 
 @kernel
 def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None:
-    """Take a motion up at row `at` of a segment: late commands from before it are still to be felt.
+    """Resume a motion at row `at` of a segment, with delayed commands from before it still pending.
 
-    `settled` says whether the rotors had settled on the first command when the segment began, as after a gap.
+    `settled` tells whether the rotors were in the steady state of the first command at the segment's start,
+    as after a gap.
     """
     t = course.t
     for i in range(thrusters.target.size):
@@ -90,7 +91,7 @@ def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None
 
 @kernel
 def obey(thrusters: Thrusters, course: Course, now: float) -> float:
-    """Take up the commands felt at `now` [s]; rows later than `now` are not read.
+    """Apply the commands that take effect at `now` [s]; rows later than `now` are not read.
 
     Returns:
         Time of the next change [s], infinite after the last.
@@ -108,7 +109,7 @@ def obey(thrusters: Thrusters, course: Course, now: float) -> float:
 
 @kernel
 def spin(target: Array, decay: Array, rotors: Array) -> None:
-    """Lag states at the beginning, middle and end of a step, from those at the end of the last."""
+    """Compute the lag states at the start, middle and end of a step from those at the end of the last."""
     for i in range(target.size):
         away = rotors[2, i] - target[i] if decay[i] > 0.0 else 0.0
         rotors[0, i] = target[i] + away
@@ -118,12 +119,12 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
 
 @kernel
 def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: float) -> float:
-    """Turn the rotors on from `now`, to `end` or to where the next command takes effect before it.
+    """Advance the rotors from `now` to `end`, or to the next command if it takes effect before.
 
-    Times nearer than `close` are one moment [s].
+    Times closer than `close` [s] count as equal.
 
     Returns:
-        Time to which they were turned [s].
+        Time to which they were advanced [s].
     """
     due, target, decay = thrusters.due, thrusters.target, thrusters.decay
     if due[0] <= now + close:
@@ -151,9 +152,9 @@ def step(
 ) -> None:
     """Advance the state of a motion by one step h [s] from the time in `s`; its quaternion is normalised.
 
-    It takes the arrays of `Motion` one by one: taking them out of the block would cost up to a tenth of it.
-    `rotors` (3, n) are the lag states at the beginning, middle and end of the step.  Deviations, where there
-    are any, are carried along.
+    It takes the arrays of `Motion` one by one, since unpacking them costs up to a tenth of the time.
+    `rotors` (3, n) are the lag states at the start, middle and end of the step.  Deviations, if any, are
+    carried along.
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     now = s[TIME]
@@ -188,8 +189,8 @@ def advance(
 ) -> None:
     """Advance the state from `begin` by the steps of one row, each of `length` [s].
 
-    A step is broken where a command takes effect within it; times nearer than a billionth of it are one
-    moment.  Deviations, where there are any, are carried along.
+    A step is split where a command takes effect within it.  Times closer than a billionth of it count as
+    equal.  Deviations, if any, are carried along.
     """
     flat, facets, y, s, work = motion
     rotors = thrusters.rotors
@@ -213,19 +214,19 @@ def march(
     pilot: Pilot | None,
     deviations: Deviations | None,
 ) -> int:
-    """Follow a motion from row `at` of its course on.
+    """Integrate a motion from row `at` of its course.
 
     Args:
-        motion: The vehicle, at its beginning.
-        thrusters: Its thrusters, taken up there (`resume`).
-        course: Of the whole segment.
-        at: Row.
-        out: (K, 13) written: state of the body at every row; NaN behind the first that is not finite.
-        pilot: Writes the commands of every row when it comes; None where they are known.
-        deviations: Carried along and recorded; or None.
+        motion: The vehicle, in its initial state.
+        thrusters: Its thrusters, resumed there (`resume`).
+        course: Commands of the whole segment.
+        at: First row.
+        out: Output: (K, 13) state of the body at every row; NaN after the first that is not finite.
+        pilot: Computes the commands row by row; None if they are known.
+        deviations: Deviations to carry along and record; or None.
 
     Returns:
-        Rows that stayed finite.
+        Number of rows that stayed finite.
     """
     y, t, last = motion.y, course.t, out.shape[0] - 1
     for k in range(last + 1):

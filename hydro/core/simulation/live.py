@@ -1,4 +1,4 @@
-"""A vehicle moved step by step under commands as they come, for whoever asks while it moves."""
+"""Live simulation of a vehicle, step by step under incoming commands."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from hydro.core.vehicle.thrusters import DELAY
 
 
 class Reading(NamedTuple):
-    """What a vehicle does at a moment.
+    """State of a vehicle at one time.
 
     Attributes:
-        time: Since `Live.reset` [s].
+        time: Time since `Live.reset` [s].
         eta: x y z [m, NED] and phi theta psi [rad, ZYX], (6,).
         quaternion: Body to NED (w, x, y, z).
         nu: Velocity of CO over ground, body axes, (6,) [m/s, rad/s].
-        velocity: The same of u v w in NED, (3,) [m/s].
-        specific_force: What an accelerometer at CO feels, v_dot + omega x v - R^T g, body axes, (3,) [m/s^2].
+        velocity: Linear velocity of CO in NED, (3,) [m/s].
+        specific_force: Reading of an accelerometer at CO, v_dot + omega x v - R^T g, body axes, (3,) [m/s^2].
     """
 
     time: float
@@ -42,17 +42,17 @@ class Reading(NamedTuple):
 
 
 class Live:
-    """A vehicle on its way, as `simulate` moves it.
+    """Moving vehicle, with the dynamics of `simulate`.
 
     Attributes:
-        time: Since `reset` [s].
+        time: Time since `reset` [s].
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Put a vehicle at rest at the origin.
 
         Raises:
-            DataError: An effect or a thruster of the vehicle is at fault.
+            DataError: An effect or a thruster of the vehicle is invalid.
         """
         program = assemble(vehicle)
         self._gravity = vehicle.environment.gravity
@@ -62,7 +62,7 @@ class Live:
         self.reset()
 
     def reset(self, eta: ArrayLike = (0.0,) * 6, nu: ArrayLike = (0.0,) * 6) -> None:
-        """Put it somewhere at the time 0, thrusters at rest: a pose (6,), NED, and a velocity (6,), body."""
+        """Set the state at time 0 with thrusters at rest: a pose (6,), NED, and a velocity (6,), body."""
         pose, count, y = np.asarray(eta, float), len(self._thrusters.target), self._motion.y
         self.time = 0.0
         y[:] = 0.0
@@ -72,10 +72,10 @@ class Live:
         self._lags, self._given, self._since = np.zeros(count), np.zeros((0, count)), np.zeros(0)
 
     def step(self, commands: ArrayLike, length: float) -> None:
-        """Move on under effective commands (n,) (`recording.supply`), held for a time [s].
+        """Advance by `length` [s] under constant effective commands (n,) (`recording.supply`).
 
         Raises:
-            DataError: They do not fit the thrusters, or the motion diverges.
+            DataError: The commands do not fit the thrusters, or the motion diverges.
         """
         row = np.asarray(commands, float)
         if row.shape != self._lags.shape:
@@ -93,7 +93,7 @@ class Live:
             raise DataError(f"the motion diverges by t = {self.time:g} s; check the vehicle's damping")
 
     def read(self) -> Reading:
-        """What it does now."""
+        """Return the present state."""
         y, turned, force = self._motion.y, np.zeros(9), np.zeros(3)
         _feel(self._motion, self._lags, self.time, self._gravity, turned, force)
         angles = euler_from_quaternion(y[3:7])
@@ -105,7 +105,7 @@ class Live:
 
 @jit
 def _move(motion: Motion, thrusters: Thrusters, course: Course, lags: Array, length: float) -> None:
-    """Advance a motion from the last row of its course on; `lags` (n,) are read and written."""
+    """Advance a motion from the last row of its course; `lags` (n,) are read and written."""
     last = course.t.size - 1
     resume(thrusters, course, last, False)
     thrusters.rotors[2] = lags
@@ -116,7 +116,7 @@ def _move(motion: Motion, thrusters: Thrusters, course: Course, lags: Array, len
 
 @jit
 def _feel(motion: Motion, lags: Array, time: float, gravity: float, turned: Array, force: Array) -> None:
-    """Write the rotation (9,) and the specific force (3,) of a moment."""
+    """Write the rotation (9,) and the specific force (3,) at a time."""
     flat, facets, y, s, work = motion
     s[TIME] = time
     rates_kernel(flat, facets, y, s, lags, work[3, :6], work[0])

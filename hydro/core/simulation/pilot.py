@@ -1,4 +1,4 @@
-"""A pilot: commands made row by row from the true state, by a demanded wrench and light holds."""
+"""Pilot: commands computed row by row from the true state, for a demanded wrench with weak holds."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from hydro.core.vehicle.control_allocation import Mixing, hold_kernel, mixing_ke
 
 
 class Pilot(NamedTuple):
-    """What a pilot wants and what it knows of the vehicle.
+    """Demands of a pilot and its knowledge of the vehicle.
 
     Attributes:
-        gains: (4, 2) of the holds, as in `vehicle.control_allocation.Mixing`.
+        gains: (4, 2) gains of the holds, as in `vehicle.control_allocation.Mixing`.
         allocation: Pseudo-inverse of B (n, 6).
-        table: Thruster table (n, columns) that it knows; the vehicle's own may hold hidden faults.
+        table: Thruster table (n, columns) known to the pilot; that of the vehicle may contain hidden faults.
         wrenches: (N, 6) demanded [N, N m].
-        depth: To hold [m].
+        depth: Depth to hold [m].
         heading: (cos, sin) of the heading to hold; (0, 0) for none.
     """
 
@@ -33,13 +33,13 @@ class Pilot(NamedTuple):
 
     @classmethod
     def of(cls, crew: Mixing, demand: Array, depth: float, heading: float | None) -> Pilot:
-        """The pilot of a session.
+        """Create the pilot of a session.
 
         Args:
-            crew: How demands become commands.
+            crew: Conversion of demands to commands.
             demand: (N, 6) shares of each axis's authority.
-            depth: To hold [m].
-            heading: To hold [rad]; None for none.
+            depth: Depth to hold [m].
+            heading: Heading to hold [rad]; None for none.
         """
         aim = np.zeros(2) if heading is None else np.array([np.cos(heading), np.sin(heading)])
         wrenches = np.ascontiguousarray(demand) * crew.authority
@@ -48,7 +48,7 @@ class Pilot(NamedTuple):
 
 @kernel
 def steer(pilot: Pilot, row: int, s: Array, tau: Array, commands: Array) -> None:
-    """Write the commands (n,) of a row at the state of motion `s`; `tau` (6,) is room for a wrench."""
+    """Write the commands (n,) of a row at the state of motion `s`; `tau` (6,) is workspace."""
     copy_kernel(pilot.wrenches[row], tau)
     R, nu = s[ROTATION : ROTATION + 9], s[VELOCITY : VELOCITY + 6]
     hold_kernel(pilot.gains, R, s[POSITION + 2], nu, pilot.depth, pilot.heading, tau)

@@ -13,13 +13,13 @@ from hydro.core.vehicle.frames import wrapped
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations (1 sigma) of what is logged.
+    """Standard deviations (1 sigma) of the logged quantities.
 
     Attributes:
-        velocity: Of u, v, w [m/s].
-        rate: Of p, q, r [rad/s].
-        position: Of x, y, z [m].
-        attitude: Of phi, theta, psi [rad].
+        velocity: Standard deviation of u, v, w [m/s].
+        rate: Standard deviation of p, q, r [rad/s].
+        position: Standard deviation of x, y, z [m].
+        attitude: Standard deviation of phi, theta, psi [rad].
 
     Raises:
         DataError: One of them is negative or not finite.
@@ -31,7 +31,7 @@ class Noise:
     attitude: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no standard deviation."""
+        """Refuse invalid standard deviations."""
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < np.inf:
@@ -39,7 +39,7 @@ class Noise:
 
     @property
     def deviations(self) -> Array:
-        """Of x y z, phi theta psi, u v w, p q r, (12,) [m, rad, m/s, rad/s]."""
+        """Standard deviations of x y z, phi theta psi, u v w, p q r, (12,) [m, rad, m/s, rad/s]."""
         return np.repeat([self.position, self.attitude, self.velocity, self.rate], 3)
 
 
@@ -48,7 +48,7 @@ PROFILES = {
     "ordinary": Noise(velocity=0.01, rate=0.002, position=0.02, attitude=0.001),
     "dvl": Noise(velocity=0.05, rate=0.01, position=0.02, attitude=0.002),
 }
-"""Noise by name: none at all, an ordinary navigation suite, and the paper's Doppler log (III-D)."""
+"""Noise profiles by name: none, an ordinary navigation suite, and the paper's DVL (III-D)."""
 
 
 def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:

@@ -1,4 +1,4 @@
-"""Forward simulation: commands and a vehicle in, its motion out, by the classical Runge-Kutta method.
+"""Forward simulation: the motion of a vehicle under commands, by the classical Runge-Kutta method.
 
 The state is position, unit quaternion, nu and the effects' internal states.  The thrusters' lags depend on
 the commands alone and are advanced exactly.  A step ends wherever a command takes effect, so that delays of
@@ -26,27 +26,26 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 
 INTEGRATION_RATE = 500.0
-"""Integration steps per second, at least [Hz]."""
+"""Minimum rate of integration steps [Hz]."""
 
 
 def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
-    """Move a vehicle by recorded or designed commands.
+    """Simulate a vehicle under recorded or designed commands.
 
     Args:
-        vehicle: The vehicle with all its effects; those of its sensors act on the velocity that is returned.
-        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`, and `voltage` [V] where it is known; the
-            command of a row is held until the next.
-            Where all columns of pose and velocity are there too (a raw table), the first row of every
-            session, and the first after a gap, gives the initial state; else every session starts at rest
-            at the origin.
-        sea: Seed of the waves of the file, drawn for every session anew; by default there are none, as in
-            every prediction.
+        vehicle: The vehicle with all its effects; effects of its sensors act on the returned velocity.
+        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`, and `voltage` [V] if known; the command of a
+            row is held until the next. With all columns of pose and velocity (a raw table), the first row of
+            every session, and the first after a gap, gives the initial state; else every session starts at
+            rest at the origin.
+        sea: Seed of the waves of the file, drawn again for every session; by default there are no waves, as
+            in every prediction.
 
     Returns:
-        The raw table of what would have been logged, without noise, row for row.
+        The raw table of the logged motion without noise, row for row.
 
     Raises:
-        DataError: Missing columns, a gap in time without a state after it, or a motion without bounds.
+        DataError: Columns are missing, a gap in time has no state after it, or the motion diverges.
     """
     names = checked_commands(commands.columns, len(vehicle.thruster), vehicle.name)
     missing = [name for name in ("session", "t") if name not in commands.columns]
@@ -65,14 +64,14 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
     if after_gap.any() and not known:
         at = int(bounds[int(after_gap.argmax()), 0])
         raise DataError(
-            f"commands: a gap in t before row {at}, and no pose and velocity to go on from; fill the gap"
+            f"commands: a gap in t before row {at}, and no pose and velocity to continue from; fill the gap"
         )
     program, log, steps = assemble(vehicle), velocity_log(vehicle), steps_of_row(dt)
     t = commands["t"].to_numpy().astype(np.float64)
     demand = recorded_commands(vehicle, commands)
     given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
     motion = np.empty((len(t), 12))
-    number = np.cumsum(~after_gap)  # of the session that a segment lies in
+    number = np.cumsum(~after_gap)  # session of each segment
     for (begin, end), resumed, session in zip(bounds, after_gap, number, strict=True):
         rows = slice(begin, end)
         if sea is not None:
@@ -91,7 +90,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
 
 
 def steps_of_row(dt: float, rate: float = INTEGRATION_RATE) -> int:
-    """Integration steps of a row of `dt` [s] that make at least `rate` of them a second [Hz]."""
+    """Return the integration steps per row of `dt` [s] for at least `rate` steps a second [Hz]."""
     return max(1, math.ceil(dt * rate * (1.0 - 1e-9)))
 
 
@@ -105,23 +104,22 @@ def trajectory(
     settled: bool = False,
     steps: int | None = None,
 ) -> Array:
-    """True motion of one unbroken segment.
+    """Return the true motion of one segment.
 
     Args:
         program: The compiled vehicle.
         commands: Shape (N, n); row k is held on [t_k, t_k+1).
-        t: Times [s], shape (N,), rising.
+        t: Times [s], shape (N,), ascending.
         eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
         nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
-        settled: Thrusters start settled on the first command; by default at rest.
-        steps: Integration steps of a row; by default at least `INTEGRATION_RATE` in a second.
+        settled: Whether thrusters start in the steady state of the first command; by default at rest.
+        steps: Integration steps per row; by default at least `INTEGRATION_RATE` a second.
 
     Returns:
         Pose and velocity (x ... psi, u ... r), shape (N, 12).
 
     Raises:
-        DataError: The commands do not fit the thrusters or the times, or the motion has grown beyond all
-        bounds.
+        DataError: The commands do not fit the thrusters or the times, or the motion diverges.
     """
     # writable: numba would compile the kernels once more for a read-only array
     clock, demand = (np.require(given, np.float64, ["C", "W"]) for given in (t, commands))
@@ -142,7 +140,7 @@ def trajectory(
 
 @jit
 def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
-    """Integrate one segment from `first` (13,); the number of rows of `out` (N, 13) that stayed finite."""
+    """Integrate one segment from `first` (13,); return the number of finite rows of `out` (N, 13)."""
     motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
     motion.y[:BODY], motion.s[TIME] = first, course.t[0]
     settle(motion)

@@ -1,8 +1,8 @@
-"""How hard a vehicle may be driven before the water overturns it.
+"""Limits of the wrench at which hydrodynamic moments overturn a vehicle.
 
-Moving straight, a hull meets moments that grow with the square of its speed and turn it broadside (Munk;
-Fossen 2011, section 6.3.1), against weight, buoyancy and what holds its attitude.  Above some speed it
-tumbles, and a recording shows what nobody would fly.  The limits here keep excitation below that.
+A hull in straight motion has moments that grow with the square of its speed and turn it broadside (Munk;
+Fossen 2011, section 6.3.1).  Weight and buoyancy, and any attitude control, resist them.  Above some speed
+the vehicle tumbles, and the recording is of no use.  The limits here keep excitation below that speed.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 MARGIN = 0.9
-"""Share of the speed of overturning that excitation may reach."""
+"""Maximum speed of excitation relative to the speed of overturning."""
 TURN_RATE = 2.0
-"""Greatest steady yaw rate [rad/s]."""
+"""Maximum steady yaw rate [rad/s]."""
 MOST_TILT = 0.5
-"""Greatest steady roll and pitch [rad] that excitation holds against what rights the vehicle."""
+"""Maximum steady roll and pitch of excitation against the righting moment [rad]."""
 
 
 def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
-    """Greatest wrench on each axis that keeps a vehicle upright.
+    """Return the maximum wrench on each axis that keeps a vehicle upright.
 
     Args:
         program: The vehicle.
@@ -33,8 +33,7 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
         righting: Stiffness (2,) in roll and pitch [N m/rad].
 
     Returns:
-        (6,) [N, N m], infinite where there is no limit.  In translation and yaw it is the drag at the
-        greatest speed.
+        (6,) [N, N m], infinite without a limit.  In translation and yaw it is the drag at the maximum speed.
     """
     limits = np.full(6, np.inf)
     for axis in range(3):
@@ -47,7 +46,7 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
 
 
 def _upright_speed(program: Program, facets: Array, righting: Array, axis: int) -> float:
-    """Speed along a translational axis [m/s] at which roll or pitch loses its stiffness; infinite if none."""
+    """Return the speed along a translational axis [m/s] at which roll or pitch becomes unstable, or inf."""
     tilt = 1e-4
     speeds = [np.inf]
     for turn in (0, 1):
@@ -55,7 +54,7 @@ def _upright_speed(program: Program, facets: Array, righting: Array, axis: int) 
             continue
         for direction in (1.0, -1.0):
             motion = direction * np.eye(3)[axis]
-            # Tilted by a small angle about e, a body that keeps its course meets the flow at v - tilt e x v.
+            # A body tilted by a small angle about e, on the same course, has the inflow v - tilt e x v.
             tilted = motion - tilt * np.cross(np.eye(3)[turn], motion)
             moments = [
                 fluid_wrench(program, facets, np.concatenate([v, np.zeros(3)]))[3 + turn]
@@ -68,9 +67,9 @@ def _upright_speed(program: Program, facets: Array, righting: Array, axis: int) 
 
 
 def fluid_wrench(program: Program, facets: Array, nu_r: Array) -> Array:
-    """What steady motion through still water adds to the wrench on a level vehicle (6,) [N, N m].
+    """Return the wrench (6,) [N, N m] of steady motion through still water on a level vehicle.
 
-    Panels, the effects of its program and -C_A(nu_r) nu_r, less what they give at rest.
+    It contains panels, the effects of its program and -C_A(nu_r) nu_r, minus their values at rest.
     """
     moving, resting = np.zeros(6), np.zeros(6)
     _add_fluid_wrench(program.flat, facets, np.ascontiguousarray(nu_r), moving)

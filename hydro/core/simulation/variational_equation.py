@@ -1,12 +1,12 @@
-"""How a motion answers to its beginning and to changes of its forces: the variational equation along it.
+"""Variational equation: responses of a motion to its initial state and to changes of its forces.
 
-Along a predicted motion x(t) of x' = f(x, p) small deviations obey delta' = J delta + df/dp, J = df/dx.  J
-is found once for each step, whatever the number of parameters, and df/dp of an effect costs the effect
-alone, not a whole vehicle: a hundred parameters cost a few predictions and not a hundred (Hairer, Norsett
-and Wanner 1993, section I.14).
+Along a predicted motion x(t) of x' = f(x, p), small deviations obey delta' = J delta + df/dp, J = df/dx.  J
+is computed once per step for any number of parameters.  df/dp of an effect costs only the effect, not a whole
+vehicle.  So a hundred parameters cost a few predictions instead of a hundred (Hairer, Norsett and Wanner
+1993, section I.14).
 
-A deviation has position in NED, small rotation about the body's axes, nu, and the internal states of the
-effects: 12 + states numbers.  `simulation.integrate` carries deviations along with a motion.
+A deviation consists of position in NED, small rotation about body axes, nu, and the internal states of the
+effects: 12 + states values.  `simulation.integrate` carries deviations along with a motion.
 """
 
 from __future__ import annotations
@@ -39,26 +39,26 @@ from hydro.core.vehicle.thrusters import COLUMNS, INFLOW
 Rows = NDArray[np.int64]
 
 DEVIATION = 12
-"""Numbers of a deviation of the body itself."""
-LITTLE = 1e-3  # of the state, for J [m, rad, m/s, rad/s]
+"""Number of components of a deviation of the body."""
+LITTLE = 1e-3  # step of the state for J [m, rad, m/s, rad/s]
 STIFF = 1.0
-"""Decay of a velocity within a step, h |J_ii|, from which deviations take all four terms of the motion's
-method: the midpoint rule's two grow from 2 on, where that still is stable."""
+"""Decay of a velocity within a step, h |J_ii|, above which deviations use all four terms of the motion's
+method.  The midpoint rule with two terms grows above 2, where the full method is still stable."""
 FORCES, THRUST, WHOLE = 0, 1, 2
-"""What a parameter changes: wrenches of effects, thrusts of the same lag states, or any of a program."""
+"""Kinds of parameter changes: wrenches of effects, thrusts for the same lag states, or any part of a program.
+"""
 
 
 class Changes(NamedTuple):
-    """How P parameters change a vehicle.
+    """Changes of a vehicle by P parameters.
 
     Attributes:
-        kinds: Of each parameter, (P,): FORCES, THRUST or WHOLE.
-        programs: Programs in a row, each once.  Of FORCES, one with the effects that the changed vehicle has
-            and this one has not, and one with those that it has not any more; of the others, the changed
-            vehicle's.
-        where: Beginning and end of both in `programs`, (P, 4).
-        own: Beginning and end of the internal states that the former of both has, among those of all, (P, 2).
-        shares: Units of each parameter by which it is changed, (P,).
+        kinds: Kind of each parameter, (P,): FORCES, THRUST or WHOLE.
+        programs: Concatenated programs, each once.  For FORCES, one with the added effects of the changed
+            vehicle and one with its removed effects; for other kinds, the changed vehicle's.
+        where: Start and end of both in `programs`, (P, 4).
+        own: Start and end of the internal states of the added effects among those of all, (P, 2).
+        shares: Size of each change in units of the parameter, (P,).
     """
 
     kinds: Rows
@@ -74,19 +74,18 @@ NO_CHANGES = Changes(
 
 
 class Deviations(NamedTuple):
-    """Small deviations on their way: for a unit of the beginning, and of each of P parameters.
+    """Small deviations under integration, per unit of the initial state and of each of P parameters.
 
     Attributes:
         changes: The parameters.
         delta: (12 + states, 12 + P).
-        own: Internal states that parameters have of their own, now and in the middle of a step, and their
-            rates, (3, all).
-        middle: Room for deviations within a step, (2, 12 + states, 12 + P).
-        slope: Room for J, (12 + states, 12 + states).
-        push: Room for df/dp without its rows of the pose, (6 + states, P).
-        changed: Room for the rates of a changed state, (13 + states,).
-        gone: Room for the wrench of the effects that a changed vehicle has not any more, (6,).
-        out: (K, 12, 12 + P) written, row by row, without internal states.
+        own: Internal states of added effects, now and in the middle of a step, and their rates, (3, all).
+        middle: Workspace for deviations within a step, (2, 12 + states, 12 + P).
+        slope: Workspace for J, (12 + states, 12 + states).
+        push: Workspace for df/dp without its rows of the pose, (6 + states, P).
+        changed: Workspace for the rates of a changed state, (13 + states,).
+        gone: Workspace for the wrench of removed effects, (6,).
+        out: Output: (K, 12, 12 + P), row by row, without internal states.
     """
 
     changes: Changes
@@ -101,7 +100,7 @@ class Deviations(NamedTuple):
 
 
 class Middle(NamedTuple):
-    """A motion in the middle of a step.
+    """Motion in the middle of a step.
 
     Attributes:
         flat: The vehicle's program.
@@ -109,9 +108,9 @@ class Middle(NamedTuple):
         rotors: Lag states of the thrusters, (n,).
         y: State, (13 + states,).
         rates: Its rates.
-        tau: Room for a wrench, (6,).
+        tau: Workspace for a wrench, (6,).
         thrust: tau_prop, (6,).
-        changed: Room for other rates.
+        changed: Workspace for other rates.
     """
 
     flat: Array
@@ -126,13 +125,13 @@ class Middle(NamedTuple):
 
 @jit
 def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Deviations:
-    """Deviations at a beginning.
+    """Initialise deviations.
 
     Args:
         changes: The parameters.
-        ahead: What a unit of each changes internal states by, (states, P).
-        own: Internal states that they have of their own, (all,).
-        out: As `Deviations` has it.
+        ahead: Change of the internal states per unit of each parameter, (states, P).
+        own: Internal states of added effects, (all,).
+        out: As in `Deviations`.
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
@@ -150,10 +149,10 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
 
 @kernel
 def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
-    """Carry deviations through a step h [s], J and df/dp as in its middle, by the midpoint rule.
+    """Advance deviations by a step h [s] by the midpoint rule, with J and df/dp of its middle.
 
-    Of a motion (`dynamics.Motion`, without facets) it takes the arrays one by one, as `integrate.step` has
-    them there: `s` and work[2] are of the middle, `rotors` (n,) too, work[0] are the rates.
+    It takes the arrays of a motion (`dynamics.Motion`, without facets) one by one, in the state that
+    `integrate.step` leaves them: `s`, `rotors` (n,) and work[2] are those of the middle, work[0] the rates.
     """
     delta, middle, slope, push = deviations.delta, deviations.middle, deviations.slope, deviations.push
     here = Middle(flat, s, rotors, work[2], work[0], work[3, :6], work[3, 6:12], deviations.changed)
@@ -174,7 +173,7 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
 
 @kernel
 def _is_stiff(slope: Array, h: float) -> bool:
-    """Whether a velocity decays so fast that two terms are too few."""
+    """Return whether a velocity decays so fast that two terms are not sufficient."""
     most = 0.0
     for i in range(6, DEVIATION):
         most = max(most, abs(slope[i, i]))
@@ -183,7 +182,7 @@ def _is_stiff(slope: Array, h: float) -> bool:
 
 @kernel
 def _onward(slope: Array, push: Array, h: float, delta: Array, at: Array, out: Array) -> None:
-    """Deviations h [s] on from `delta`, with their rates at `at`."""
+    """Write the deviations h [s] after `delta`, with their rates at `at`."""
     for i in range(delta.shape[0]):
         copy_kernel(delta[i], out[i])
     _add(slope, push, h, at, out)
@@ -191,7 +190,7 @@ def _onward(slope: Array, push: Array, h: float, delta: Array, at: Array, out: A
 
 @kernel
 def _balance_slopes(here: Middle, slope: Array) -> None:
-    """Rows of nu and of the internal states: differences of their rates."""
+    """Fill the rows of nu and of the internal states of J by finite differences of their rates."""
     flat, s, rotors, middle, rates, tau, thrust, changed = here
     inflow, still = _feels_inflow(flat), not _feels_place(here)
     for column in range(slope.shape[0]):
@@ -211,9 +210,9 @@ def _balance_slopes(here: Middle, slope: Array) -> None:
 
 @kernel
 def _feels_place(here: Middle) -> bool:
-    """Whether any rate changes with the position; three columns less where none does.
+    """Return whether any rate depends on the position; if not, three columns are skipped.
 
-    Each coordinate is displaced by its own amount, so that what they do cannot cancel.
+    Each coordinate is displaced by a different amount, so that their effects cannot cancel.
     """
     flat, s, _, middle, rates, tau, thrust, changed = here
     x, y, z = s[POSITION], s[POSITION + 1], s[POSITION + 2]
@@ -231,7 +230,7 @@ def _feels_place(here: Middle) -> bool:
 
 @kernel
 def _feels_inflow(flat: Array) -> bool:
-    """Whether the thrust of any thruster depends on the motion."""
+    """Return whether the thrust of any thruster depends on the motion."""
     begin, feels = int(flat[THRUSTER_TABLE]), False
     for i in range(int(flat[THRUSTER_COUNT])):
         feels = feels or flat[begin + i * COLUMNS + INFLOW] != 0.0
@@ -240,7 +239,7 @@ def _feels_inflow(flat: Array) -> bool:
 
 @kernel
 def _displace(here: Middle, column: int, little: float) -> None:
-    """Displace the state a little, and by its negative put it back."""
+    """Displace the state by a small step; the negative step reverts it."""
     flat, s, middle, turned = here.flat, here.s, here.y, here.changed[:4]
     if column < 3:
         s[POSITION + column] += little
@@ -260,7 +259,7 @@ def _displace(here: Middle, column: int, little: float) -> None:
 
 @kernel
 def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
-    """The quaternion of a state turned a little about an axis of the body; of any length."""
+    """Write the quaternion of a state rotated slightly about a body axis; it is not normalised."""
     half = 0.5 * angle
     a = half if axis == 0 else 0.0
     b = half if axis == 1 else 0.0
@@ -270,7 +269,7 @@ def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
 
 @kernel
 def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None:
-    """df/dp, parameter by parameter; internal states of their own go on to the end of the step h [s]."""
+    """Write df/dp, parameter by parameter; internal states of added effects advance by the step h [s]."""
     flat, s, rotors, y, rates, tau, thrust, changed = here
     changes, own, gone = deviations.changes, deviations.own, deviations.gone
     x, lost = y[BODY:], -1
@@ -292,7 +291,7 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
             for i in range(6):
                 tau[i] -= thrust[i]
         else:
-            if at[2] != lost:  # the parameters of an effect all lose the same
+            if at[2] != lost:  # all parameters of an effect remove the same effects
                 lost = at[2]
                 gone[:] = 0.0
                 wrench(changes.programs[at[2] : at[3]], s, x, changed, gone)
@@ -311,7 +310,7 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
 def _remembering(
     program: Array, s: Array, h: float, now: Array, middle: Array, rates: Array, unused: Array, tau: Array
 ) -> None:
-    """Add the wrench of effects with internal states (`Deviations.own`), and carry these through the step."""
+    """Add the wrench of effects with internal states (`Deviations.own`), and advance these by the step."""
     wrench(program, s, now, rates, unused)
     for i in range(now.size):
         middle[i] = now[i] + 0.5 * h * rates[i]
@@ -322,7 +321,7 @@ def _remembering(
 
 @kernel
 def _accelerated(flat: Array, tau: Array, share: float, out: Array) -> None:
-    """What a wrench changes of nu_dot, for a unit of what it is a share of; internal states feel nothing."""
+    """Write the change of nu_dot by a wrench per unit of its share; internal states are not affected."""
     out[:] = 0.0
     for i in range(6):
         row, total = HEADER + INVERSE_MASS_MATRIX + 6 * i, 0.0
@@ -333,7 +332,7 @@ def _accelerated(flat: Array, tau: Array, share: float, out: Array) -> None:
 
 @kernel
 def _pose_slopes(s: Array, slope: Array) -> None:
-    """Rows of the pose: p' = R v turns with the body, and of a small rotation."""
+    """Fill the pose rows of J: p' = R v, which rotates with the body, and those of the small rotation."""
     u, v, w = s[VELOCITY], s[VELOCITY + 1], s[VELOCITY + 2]
     p, q, r = s[VELOCITY + 3], s[VELOCITY + 4], s[VELOCITY + 5]
     for i in range(6):

@@ -1,8 +1,8 @@
-"""Effects whose force is a sum of products of velocities, or constant along the vertical: by trial.
+"""Conversion of effects to polynomials of velocity or constant vertical forces, by numerical trial.
 
-Gazebo knows drag by coefficients of nu_j, |nu_k| nu_j and nu_k nu_j.  Whether an effect of a vehicle is of
-that kind its kernel says: its wrench is evaluated in many states of motion and fitted, and it is one if
-nothing is left, whatever pose, time and commands are.
+Gazebo supports drag with coefficients of nu_j, |nu_k| nu_j and nu_k nu_j.  The wrench of an effect's kernel
+is evaluated in many states of motion and fitted by such a law.  The effect has this form if no residual
+remains for any pose, time and commands.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from hydro.core.vehicle.frames import rotation, skew
 
 SAMPLES = 300
 FASTEST = 1.5
-"""Velocities that are tried, either way [m/s, rad/s]."""
+"""Maximum velocities of the trial states, in both directions [m/s, rad/s]."""
 CLOSE = 1e-9
-"""Of the greatest force, that rounding leaves."""
+"""Tolerance of rounding errors relative to the largest force."""
 PAIRS = tuple(itertools.product(range(6), repeat=2))
 PRODUCTS = tuple((j, k) for j, k in PAIRS if j <= k)
 
 
 @dataclass(frozen=True)
 class Law:
-    """The wrench on a vehicle as a polynomial of its velocity through the water, body axes (FRD) about CO.
+    """Wrench on a vehicle as a polynomial of its velocity through the water, body axes (FRD) about CO.
 
     Attributes:
         linear: (6, 6): tau_i += linear[i, j] nu_j.
@@ -46,7 +46,7 @@ class Law:
 
     @classmethod
     def none(cls) -> Law:
-        """No force at all."""
+        """Return a law without force."""
         return cls(np.zeros((6, 6)), np.zeros((6, 6, 6)), np.zeros((6, 6, 6)), 0.0, np.zeros(3))
 
     def __add__(self, other: Law) -> Law:
@@ -60,11 +60,11 @@ class Law:
 
 
 def law(entry: Entry, constants: Array) -> Law | None:
-    """The law of an effect; None where it is of another kind.
+    """Return the law of an effect; None if it has another form.
 
     Args:
         entry: An effect with a kernel.
-        constants: Of the vehicle (`core.effects.layout`).
+        constants: Constants of the vehicle (`core.effects.layout`).
     """
     effect, parameters, _ = entry
     if effect.states is not None or effect.kernel is None:
@@ -86,7 +86,7 @@ def law(entry: Entry, constants: Array) -> Law | None:
 
 
 def _motions() -> tuple[Array, Array, Array]:
-    """States of motion (N, length), and of these the velocities (N, 6) and the down directions (N, 3)."""
+    """Return states of motion (N, length), with their velocities (N, 6) and down directions (N, 3)."""
     rng = np.random.default_rng(0)
     nu = rng.uniform(-FASTEST, FASTEST, (SAMPLES, 6))
     turned = rotation(*rng.uniform(-1.2, 1.2, (3, SAMPLES)))
@@ -101,14 +101,14 @@ def _motions() -> tuple[Array, Array, Array]:
 
 
 def _columns(nu: Array, down: Array) -> Array:
-    """What a law is a sum of, (N, 6 + 36 + 21 + 3)."""
+    """Return the regressors of a law, (N, 6 + 36 + 21 + 3)."""
     sized = np.stack([np.abs(nu[:, k]) * nu[:, j] for j, k in PAIRS], axis=1)
     plain = np.stack([nu[:, k] * nu[:, j] for j, k in PRODUCTS], axis=1)
     return np.hstack([nu, sized, plain, down])
 
 
 def _law(found: Array, close: float) -> Law | None:
-    """Coefficients (66, 6) as a law; None where the constant part is no force along the vertical."""
+    """Return coefficients (66, 6) as a law; None if the constant part is not a vertical force."""
     linear, sized, plain, still = np.split(found, np.cumsum([6, len(PAIRS), len(PRODUCTS)]))
     force, turning = still.T[:3], still.T[3:]
     moment = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])

@@ -1,1 +1,1 @@
-"""Thrust against command and supply voltage, as points of a table, and the published tables that ship."""
+"""Thrust curves over command and supply voltage as tables, with published tables."""

@@ -1,4 +1,4 @@
-"""What a vehicle file says of a thrust curve that is a table, and the table that it makes."""
+"""Thrust curve of a vehicle file as a table, and its conversion."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Volts = Annotated[float, msgspec.Meta(gt=0)]
 
 
 class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A thrust curve as a table: `thrust` [N] at pulse widths `pwm` [us], or at `command` in [-1, 1].
+    """Thrust curve as a table: `thrust` [N] at pulse widths `pwm` [us], or at `command` in [-1, 1].
 
     1100, 1500 and 1900 us are the commands -1, 0 and 1.  With `voltage` [V], `thrust` has a row for each
-    supply voltage.  Thrust is linear between the points, and the ends hold beyond them.
+    supply voltage.  Thrust is linear between the points and constant beyond the ends.
     """
 
     thrust: tuple[float | tuple[float, ...], ...]
@@ -29,13 +29,13 @@ class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 @lru_cache(maxsize=64)
 def curve_table(curve: str | Curve) -> ThrustTable | None:
-    """The table of a curve; None of a plain one.
+    """Return the table of a curve; None for a simple curve.
 
     Args:
         curve: As in the vehicle file: numbers, or a name.
 
     Raises:
-        DataError: The numbers are no table.
+        DataError: The numbers are not a valid table.
     """
     if isinstance(curve, str):
         return t200() if curve == "t200" else None

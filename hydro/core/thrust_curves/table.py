@@ -1,7 +1,7 @@
-"""A thrust curve as a table: thrust [N] at points of command and supply voltage, and straight lines between.
+"""Thrust table: thrust [N] at points of command and supply voltage, interpolated linearly.
 
-This is the one place where a command and a voltage become a thrust.  Everything after it (lags, effects of
-the thrusters, MuJoCo) sees the thrust alone: see `recording.supply`.
+This is the only place that converts a command and a voltage to a thrust.  All later steps (lags, effects of
+the thrusters, MuJoCo) use the thrust alone: see `recording.supply`.
 """
 
 from __future__ import annotations
@@ -16,19 +16,20 @@ from hydro.core.columns import Array
 from hydro.core.errors import DataError
 
 NEUTRAL, SPAN = 1500.0, 400.0
-"""Pulse width [us] of rest, and of full command beside it."""
+"""Pulse width at rest, and its change to full command [us]."""
 SCATTER = 0.01
-"""Of the greatest thrust, by which a table's thrust may fall where the command rises: readings scatter."""
+"""Share of the maximum thrust by which a table's thrust may fall while the command rises: measurements
+scatter."""
 
 
 @dataclass(frozen=True)
 class ThrustTable:
-    """Thrust at points.
+    """Thrust at points of command and voltage.
 
     Attributes:
-        command: Commands, rising, (K,).
-        voltage: Supply voltages [V], rising, (V,); one entry, of any value, where thrust knows no voltage.
-        thrust: [N], (V, K).
+        command: Commands, ascending, (K,).
+        voltage: Supply voltages [V], ascending, (V,); one entry of any value if thrust does not depend on it.
+        thrust: Thrust [N], (V, K).
     """
 
     command: Array
@@ -41,9 +42,9 @@ class ThrustTable:
         return len(self.voltage) > 1
 
     def at(self, command: ArrayLike, voltage: ArrayLike) -> Array:
-        """Thrust [N] at commands and voltages [V] (shapes that broadcast); the ends hold beyond them.
+        """Return the thrust [N] at commands and voltages [V] (broadcast); constant beyond the ends.
 
-        Linear in the command between two points, and linear in the voltage between two curves.
+        It is linear in the command between two points, and linear in the voltage between two curves.
         """
         u, volts = np.broadcast_arrays(np.asarray(command, float), np.asarray(voltage, float))
         curves = [np.interp(u, self.command, curve) for curve in self.thrust]
@@ -58,23 +59,23 @@ class ThrustTable:
         return found
 
     def limits(self, voltage: float) -> tuple[float, float]:
-        """Thrust [N] of full command ahead and astern at a voltage [V], as positive numbers.
+        """Return the thrust [N] of full command ahead and astern at a voltage [V], as positive numbers.
 
-        A thruster without thrust astern gets that ahead, of which it never has any.
+        A thruster without thrust astern gets the value ahead, which it never uses.
         """
         curve = self.at(self.command, voltage)
         ahead, astern = float(curve.max()), float(-curve.min())
         return ahead, astern if astern > 0.0 else ahead
 
     def most(self, voltage: float) -> float:
-        """Greatest thrust of the table at any voltage, in shares of that of full command at one [V]."""
+        """Return the maximum thrust of the table at any voltage, relative to full command at one [V]."""
         ahead, astern = self.limits(voltage)
         return max(float(self.thrust.max()) / ahead, float(-self.thrust.min()) / astern, 1.0)
 
     def command_for(self, thrust: ArrayLike, voltage: float) -> Array:
-        """The command nearest to rest that gives a thrust [N] at a voltage [V]; full where none does.
+        """Return the command closest to rest for a thrust [N] at a voltage [V]; full command if unreachable.
 
-        No thrust is the command 0.
+        Zero thrust is the command 0.
         """
         wanted = np.asarray(thrust, float)
         curve = self.at(self.command, voltage)
@@ -88,15 +89,15 @@ class ThrustTable:
 def thrust_table(
     command: Sequence[float], thrust: Sequence[float | Sequence[float]], voltage: Sequence[float] = ()
 ) -> ThrustTable:
-    """A table from the numbers of a file.
+    """Build a table from the numbers of a file.
 
     Args:
-        command: Commands in [-1, 1], rising, K of them.
+        command: K commands in [-1, 1], ascending.
         thrust: K thrusts [N]; with `voltage` a row of K for each voltage.
-        voltage: Supply voltages [V], rising.
+        voltage: Supply voltages [V], ascending.
 
     Raises:
-        DataError: the numbers are no table; the line names the key.
+        DataError: The numbers are not a valid table; the message names the key.
     """
     _check_rising("voltage", voltage, 0)
     _check_rising("command", command, 2)
@@ -128,7 +129,7 @@ def thrust_table(
 
 
 def commands_of_pulses(pwm: Sequence[float]) -> list[float]:
-    """Commands of pulse widths [us]: 1100, 1500 and 1900 us are -1, 0 and 1."""
+    """Return the commands of pulse widths [us]: 1100, 1500 and 1900 us are -1, 0 and 1."""
     return [(width - NEUTRAL) / SPAN for width in pwm]
 
 
@@ -138,7 +139,7 @@ def _check_rising(key: str, numbers: Sequence[float], least: int) -> None:
 
 
 def _side(command: Array, thrust: Array) -> tuple[Array, Array]:
-    """Commands and thrusts of one side from the last without thrust on, thrusts strictly rising."""
+    """Return commands and thrusts of one side, from the last without thrust, strictly ascending."""
     first = max(int(np.count_nonzero(np.maximum.accumulate(thrust) <= 0.0)) - 1, 0)
     kept = np.r_[True, np.diff(np.maximum.accumulate(thrust[first:])) > 0.0]
     return command[first:][kept], np.maximum.accumulate(thrust[first:])[kept]

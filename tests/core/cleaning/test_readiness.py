@@ -36,7 +36,7 @@ def test_a_vehicle_that_does_nothing_is_told_in_one_sentence(kind):
     for seed in range(4):
         told = why(idle(kind, seed))
         assert WORDS[kind] in told
-        assert "nothing can be told of the vehicle" in told
+        assert "nothing can be concluded about the vehicle" in told
         assert "\n" not in told
 
 
