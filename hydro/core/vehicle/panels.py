@@ -187,7 +187,7 @@ def panel_wrench(hull: Panels, nu_r: ArrayLike, density: float) -> Array:
 
 
 def _power(value: Array, exponent: float) -> Array:
-    """Return a signed power with rounding residue at the axes set to zero, so that mirror images are exact."""
+    """Return a signed power with rounding residue at the axes set to 0, so that mirror images are exact."""
     clean = np.where(np.abs(value) < 1e-12, 0.0, value)
     power: Array = np.sign(clean) * np.abs(clean) ** exponent
     return power
