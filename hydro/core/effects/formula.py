@@ -1,11 +1,9 @@
 """Custom wrench: terms written in a vehicle file, evaluated by one kernel (no code is executed).
 
-A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`.  Its factors are
-
-* the velocity through the water `u v w p q r` [m/s, rad/s],
-* the direction of gravity in body axes, `g_x g_y g_z` (-sin theta, cos theta sin phi, cos theta cos phi),
-* the depth of CO, `z` [m],
-* the commands `c1 c2 ...` of the thrusters in the order of the file, as given, before any delay.
+A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`.  The factors are as follows.
+The velocity through the water is `u v w p q r` [m/s, rad/s].  The direction of gravity in body axes is `g_x
+g_y g_z` (-sin theta, cos theta sin phi, cos theta cos phi).  The depth of CO is `z` [m].  The commands of the
+thrusters are `c1 c2 ...`, in the order of the file, as given, before any delay.
 
 A factor is such a name `v`, with a whole exponent `v^2`, its size `|v|` with any exponent `|v|^0.5`, or its
 sign `sgn(v)`.  The exponent of `|v|^n` is a number of the file that a fit may change, the next of
