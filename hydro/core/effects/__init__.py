@@ -1,6 +1,6 @@
-"""The catalogue of physical effects: one family per file, one record and one kernel per effect.
+"""Catalogue of physical effects: one family per file, one record and one kernel per effect.
 
-What is named here is loaded when it is first asked for, so that `core.effects.examples` loads nothing.
+Names are loaded at their first use, so that `core.effects.examples` loads nothing.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _MODULES = ("record", "catalogue", "columns", "program", "sums")
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """The first of the modules that has it."""
+        """Load a name from the first module that defines it."""
         if name in __all__:
             for module in _MODULES:
                 found = import_module(f"{__name__}.{module}")

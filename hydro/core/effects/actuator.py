@@ -1,7 +1,7 @@
 """Deviations of the thrusters from the vehicle file: changes to the thruster table of `vehicle.thrusters`.
 
-Scalar parameters act on all thrusters alike.  The chain is: clip -> delay -> {dead band, curve, lag} ->
-gain -> asymmetry -> inflow -> reaction torque.
+Scalar parameters apply to all thrusters.  The chain is: clip -> delay -> {dead band, curve, lag} -> gain ->
+asymmetry -> inflow -> reaction torque.
 """
 
 from __future__ import annotations
@@ -48,19 +48,19 @@ from hydro.core.vehicle.thrusters import (
 )
 
 LEAST_POWER, MOST_POWER = 0.5, 4.0
-"""Bounds of the power of a thrust curve."""
-QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
-BANDS = (0.05, 0.1, 0.2)  # of the command, tried as half-widths
+"""Bounds of the exponent of a thrust curve."""
+QUICKER, HALF = 1.5, 0.75  # samples by which a smaller lag counts as equal, or as half
+BANDS = (0.05, 0.1, 0.2)  # shares of the command, tried as half-widths
 MORE_BANDS = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4)
 TIMES, MORE_TIMES = (0.05, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, tried as lags and delays
-POWERS, MORE_POWERS = (-0.5, 0.5), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # tried of the curve
-PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
+POWERS, MORE_POWERS = (-0.5, 0.5), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # changes of the exponent tried
+PLAIN = 0.05  # distance from a whole exponent within which a curve counts as the other named curve
 
 
 def thruster_gain(p: Array, table: Array) -> None:
     """Thrust f_i (1 + g_i): a worn or fouled propeller (g < 0), or another supply voltage for all thrusters.
 
-    A common factor leaves servos as they are, whose rows exert no wrench of their own.
+    A common factor does not affect servos, whose rows exert no wrench.
     """
     pushes = np.abs(table[:, UNIT_WRENCH]).max(axis=1) > 0.0
     table[:, GAIN] += p if len(p) == len(table) else p[0] * pushes
@@ -77,20 +77,21 @@ def thruster_lag(p: Array, table: Array) -> None:
 
 
 def command_delay(p: Array, table: Array) -> None:
-    """Command u(t - d): transport and computing time before a thruster obeys."""
+    """Command u(t - d): transport and computing time before a thruster responds."""
     table[:, DELAY] += p[0]
 
 
 def thruster_deadband(p: Array, table: Array) -> None:
-    """Dead band wider by d, in units of command or normalised speed; with a table of full thrust."""
+    """Dead band wider by d, in units of command or normalised speed; for a table, in units of full thrust."""
     table[:, DEADBAND] += p[0]
 
 
 def thruster_curve(p: Array, table: Array) -> None:
-    """Thrust |n|^(a + da) sign(n) of the greatest; a = 1 of a linear curve in the file, 2 of a quadratic one.
+    """Thrust |n|^(a + da) sign(n) of the maximum; in the file, a = 1 for a linear curve, 2 for a quadratic.
 
-    A propeller's thrust goes with the square of its speed, and what a command is a share of (voltage, speed,
-    thrust) only its driver knows: a curve taken for another is the commonest error of a thruster table.
+    A propeller's thrust is proportional to the square of its speed.  A command may be a share of voltage,
+    speed or thrust, which depends on the driver.  So a wrong curve is the most common error of a thruster
+    table.
     """
     table[:, POWER] += p[0]
 
@@ -98,60 +99,60 @@ def thruster_curve(p: Array, table: Array) -> None:
 def thruster_inflow(p: Array, table: Array) -> None:
     """Thrust f - c sqrt(|f| f_max) u_a, u_a = d_i . (v_r + omega x r_i) the water's speed into the propeller.
 
-    The linear part of the open-water curve K_T(J) = a_0 - a_1 J: with T ~ n^2 the loss goes with n u_a,
-    thus with sqrt(|T|) u_a.
+    This is the linear part of the open-water curve K_T(J) = a_0 - a_1 J.  With T ~ n^2 the loss is
+    proportional to n u_a, thus to sqrt(|T|) u_a.
     """
     table[:, INFLOW] += p[0]
 
 
 def propeller_torque(p: Array, table: Array) -> None:
-    """Moment Q_i = k_i f_i about the thrust axis beside the thrust f_i: the propeller's reaction on the hull.
+    """Moment Q_i = k_i f_i about the thrust axis, added to f_i: the propeller's reaction on the hull.
 
-    k = D K_Q/K_T of the open-water diagram, about a tenth of the diameter D.  It is above 0 of a propeller
-    whose reaction turns the hull as a right-handed screw goes, and below of one that turns the other way.
-    Of a thruster that the file gives by its wrench the axis is that of its force.
+    k = D K_Q/K_T of the open-water diagram, about a tenth of the diameter D.  It is positive for a propeller
+    whose reaction turns the hull like a right-handed screw, and negative for the opposite direction.  The
+    axis of a thruster given by its wrench is that of its force.
     """
     table[:, REACTION] += p
     table[:, UNIT_MOMENT] += p[:, None] * table[:, UNIT_FORCE]
 
 
 def common_gain(table: Mapping[str, Any], vehicle: Vehicle) -> list[dict[str, Any]]:
-    """Return the gains as one factor for all thrusters, their mean; none of a table that has one already."""
+    """Return the gains as one common factor, their mean; empty for a table that already has one."""
     if "g" not in table:
         return []
     return [{"name": "thruster_gain", "common": float(np.mean(table["g"]))}]
 
 
 def thrusters(vehicle: Vehicle) -> list[Thruster]:
-    """Those of its commands that are of thrusters."""
+    """Return the commands of a vehicle that drive thrusters."""
     return [thruster for thruster in vehicle.thruster if thruster.pushes]
 
 
 def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
-    """Down to no lag, or as near as the source's own steps come; up to 3 s."""
+    """Return the range of a change of lag: down to no lag, or to the source's integration step; up to 3 s."""
     shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in thrusters(vehicle)]
     return -max(min(shortest, default=0.0), 0.0), 3.0
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """Down to no delay, up to 2 s."""
+    """Return the range of a change of delay: down to no delay, up to 2 s."""
     return -min((t.delay for t in thrusters(vehicle)), default=0.0), 2.0
 
 
 def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
-    """From no dead band to nine tenths of the command."""
+    """Return the range of a change of dead band: from none to nine tenths of the command."""
     bands = [t.deadband for t in thrusters(vehicle)] or [0.0]
     return -min(bands), 0.9 - max(bands)
 
 
 def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
-    """Powers of the curve from the root to the fourth."""
+    """Return the range of a change of the curve's exponent: from the root to the fourth power."""
     powers = [curve_power(thruster) for thruster in thrusters(vehicle)] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
 def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str, source: str) -> Plausible:
-    """What every thruster's number may be in sum with what the file gives it already."""
+    """Return the plausible range of a thruster's number, given the value in the file."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         given = [of(thruster) for thruster in thrusters(vehicle)] or [0.0]
@@ -161,7 +162,7 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 
 
 def within(room: Room) -> Limits:
-    """The bounds of a fit."""
+    """Return the bounds of a fit."""
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return room(rest.vehicle)
@@ -170,7 +171,7 @@ def within(room: Room) -> Limits:
 
 
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """A lag that is less by up to a sample and a half is the log's doing."""
+    """Return a remark that a lag smaller by up to 1.5 samples is caused by the log."""
     quicker = -float(parameters["dT"])
     if 0.0 < quicker <= HALF * dt:
         return (
@@ -187,7 +188,7 @@ def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """A whole power is the other curve that a file can name."""
+    """Return a remark that a whole exponent is the other named curve of a file."""
     power = float(parameters["da"])
     if abs(abs(power) - 1.0) >= PLAIN:
         return None
@@ -199,7 +200,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def asymmetry_sentence(case: Case) -> str:
-    """State the share of reverse thrust that is left."""
+    """State the remaining share of reverse thrust."""
     loss = case.one("a").times(100.0)
     left = quantity(100.0 - loss.value, loss.error, "%")
     if not loss.clear:
@@ -209,7 +210,7 @@ def asymmetry_sentence(case: Case) -> str:
 
 
 def curve_sentence(case: Case) -> str:
-    """State the power of the thrust curve and the file's."""
+    """State the exponent of the thrust curve and that of the file."""
     powers = {curve_power(thruster) for thruster in thrusters(case.vehicle)}
     power = case.one("da")
     if not power.clear:
@@ -223,7 +224,7 @@ def curve_sentence(case: Case) -> str:
 
 
 def inflow_sentence(case: Case) -> str:
-    """State how much thrust is lost per speed of the water into the propellers."""
+    """State the thrust loss per speed of the water into the propellers."""
     loss = case.one("c").times(100.0)
     if not loss.clear:
         return undetermined(case, "the loss of thrust with speed", f"{loss.text('%')} per m/s")
@@ -235,7 +236,7 @@ def inflow_sentence(case: Case) -> str:
 
 
 def torque_sentence(case: Case) -> str:
-    """State the reaction torque of the propellers with the clearest values."""
+    """State the reaction torque of the propellers with the most significant values."""
     given = case.values.get("k", ())
     ratios = case.many("k", (len(given) if isinstance(given, list | tuple | np.ndarray) else 0,))
     order = sorted(
@@ -273,7 +274,7 @@ def _effect(
     roles: frozenset[Role] = frozenset(),
     instead: tuple[Parameter, ...] = (),
 ) -> Effect:
-    """Return an actuator effect: all have one parameter, or others `instead` of it, and one function."""
+    """Return an actuator effect: each has one parameter, or others `instead` of it, and one function."""
     return Effect(
         name=name,
         family="actuator",

@@ -1,4 +1,4 @@
-"""Fitted values of one effect together with the vehicle file: the input of its sentence."""
+"""Fitted values of one effect with the vehicle file: input of its sentence."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ CLEAR = 2.0
 LARGEST = 1e15
 """Absolute value above which a number is treated as not finite: the fit diverged."""
 ONE_SAMPLE = 1.05
-"""Samples of the log up to which a delay is called no more than one sample."""
+"""Samples of the log up to which a delay counts as one sample."""
 
 
 class Quantity(NamedTuple):
-    """One number of an effect.
+    """Number of an effect.
 
     Attributes:
         value: The value.
-        error: Its standard error; NaN where it is unknown or was held, infinite without a value.
-        before: The file's value, 0 where it has none.
+        error: Its standard error; NaN if unknown or held, infinite without a value.
+        before: The file's value, 0 if it has none.
     """
 
     value: float
@@ -48,11 +48,11 @@ class Quantity(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether it differs clearly from the file's value."""
+        """Whether it differs significantly from the file's value."""
         return self.deviations > CLEAR
 
     def times(self, factor: float) -> Quantity:
-        """Return it in another unit."""
+        """Return the quantity in another unit."""
         return Quantity(self.value * factor, self.error * abs(factor), self.before * factor)
 
     def text(self, unit: str = "") -> str:
@@ -74,11 +74,11 @@ class Case:
 
     Attributes:
         vehicle: The file.
-        name: The effect, with its label where it has one.
-        values: Its table, or the part of it that was fitted.
-        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 of what was held.
+        name: The effect, with its label if it has one.
+        values: Its table, or the fitted part of it.
+        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
         dt: Sample time of the log [s].
-        before: The file's table of the effect; None where it has none.
+        before: The file's table of the effect; None if it has none.
     """
 
     vehicle: Vehicle
@@ -99,11 +99,11 @@ class Case:
         return all((np.abs(_numbers(value)) < LARGEST).all() for value in self.values.values())
 
     def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
-        """Return the file's entry of a parameter, zeros where it has none."""
+        """Return the file's entry of a parameter, zeros if it has none."""
         return _shaped((self.before or {}).get(key, 0.0), shape, 0.0)
 
     def one(self, key: str) -> Quantity:
-        """Return a parameter that is one number; of one that is not given, the file's value or 0."""
+        """Return a parameter that is one number; if not given, the file's value or 0."""
         return self.many(key, ())[0]
 
     def many(self, key: str, shape: tuple[int, ...]) -> list[Quantity]:
@@ -120,12 +120,12 @@ class Case:
         ]
 
     def error_of(self, key: str, shape: tuple[int, ...]) -> list[float]:
-        """Return the standard errors of a parameter as given, row by row; NaN where they are missing."""
+        """Return the standard errors of a parameter as given, row by row; NaN if missing."""
         errors: list[float] = _shaped(self.errors.get(key, math.nan), shape, math.nan).ravel().tolist()
         return errors
 
     def sampled(self, time: float) -> str:
-        """Return a remark on a time [s] that is no longer than one sample of the log, or nothing."""
+        """Return a remark on a time [s] of at most one sample of the log; else empty."""
         short = 0.0 < abs(time) <= ONE_SAMPLE * self.dt
         return ", no more than one sample of the log" if short else ""
 

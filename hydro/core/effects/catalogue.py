@@ -1,4 +1,4 @@
-"""The catalogue: all effects by name, and what a vehicle's list of them amounts to."""
+"""Catalogue of all effects by name, and sums over a vehicle's list of effects."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ FAMILIES = (
 
 
 DOUBT = 3.0
-"""Standard errors within which a value may be plausible though its estimate is not."""
+"""Standard errors within which a value counts as plausible although its estimate is not."""
 
 
 class Catalogue(dict[str, Effect]):
-    """Effects by name; one of several of a vehicle, `payload:camera`, by the name before its label."""
+    """Effects by name; labelled ones, such as `payload:camera`, by the name before the label."""
 
     def __missing__(self, name: str) -> Effect:
         plain = catalogue_name(name)
@@ -67,18 +67,18 @@ class Catalogue(dict[str, Effect]):
 CATALOGUE = Catalogue({effect.name: effect for family in FAMILIES for effect in family.EFFECTS})
 
 REMEMBERED = 4096
-"""Tables of effects whose packed parameters are kept."""
+"""Maximum number of tables whose packed parameters are cached."""
 ROUNDING = 1e-6
-"""Of half a plausible range: an end that was rounded is within it."""
+"""Rounding tolerance of the ends of a plausible range, relative to half of it."""
 
 
 def with_role(role: Role) -> tuple[str, ...]:
-    """Names of the effects that have a role."""
+    """Return the names of the effects with a role."""
     return tuple(name for name, effect in CATALOGUE.items() if role in effect.roles)
 
 
 class Entry(NamedTuple):
-    """One `[[effect]]` of a vehicle: its record, packed parameters and path in the file."""
+    """Effect of a vehicle: its record, packed parameters and path in the file."""
 
     effect: Effect
     parameters: Array
@@ -86,10 +86,10 @@ class Entry(NamedTuple):
 
 
 def entries(vehicle: Vehicle) -> list[Entry]:
-    """The vehicle's effects with their parameters, in the order of the file.
+    """Return the vehicle's effects with their parameters, in the order of the file.
 
     Raises:
-        DataError: An unknown effect, or parameters that its record does not admit.
+        DataError: An unknown effect, or parameters that its record does not allow.
     """
     found = []
     for index, table in enumerate(vehicle.effect):
@@ -103,10 +103,10 @@ def entries(vehicle: Vehicle) -> list[Entry]:
 
 
 def _packed(effect: Effect, table: Mapping[str, Any], thrusters: int, where: str) -> Array:
-    """`Effect.pack`, remembered: a fit tries thousands of vehicles that differ in one table."""
+    """Pack a table by `Effect.pack` with a cache: a fit tries many vehicles that differ in one table."""
     try:
         return _remembered(effect.name, msgspec.json.encode(table), thrusters).copy()
-    except (DataError, TypeError):  # not to be packed, or not of plain numbers: what it is, in its place
+    except (DataError, TypeError):  # not packable, or not numbers: report the error with its place
         return effect.pack(table, thrusters=thrusters, where=where)
 
 
@@ -116,17 +116,17 @@ def _remembered(name: str, text: bytes, thrusters: int) -> Array:
 
 
 def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """What the effects add to the mass matrix: added mass, its couplings and the dry mass of payloads.
+    """Return the contribution of the effects to the mass matrix: added mass, couplings, dry mass of payloads.
 
     Args:
         vehicle: The vehicle.
-        listed: Its `entries`, where they are at hand; so below.
+        listed: Its `entries`, if available; as in the functions below.
 
     Returns:
         (6, 6) symmetric matrix about CO [kg, kg m, kg m^2].
 
     Raises:
-        DataError: Parameters that the catalogue does not admit.
+        DataError: A parameter is not valid in the catalogue.
     """
     total = np.zeros((6, 6))
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -136,7 +136,7 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """M_A, the inertia of the water alone: `inertia_matrix` without payloads. (6, 6)."""
+    """Return M_A, the inertia of the water alone: `inertia_matrix` without payloads. (6, 6)."""
     total = np.zeros((6, 6))
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.kind == "inertia" and effect.inertia is not None:
@@ -145,10 +145,10 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 
 
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Motion of the water, NED, shape (7,): the sum of the vehicle's `flow` effects.
+    """Return the motion of the water, NED, (7,): the sum of the vehicle's `flow` effects.
 
-    Velocity at z = 0 and t = 0 [m/s], and the growth of its horizontal components with depth [1/s] and with
-    time [m/s^2].
+    It is the velocity at z = 0 and t = 0 [m/s], and the gradients of its horizontal components with depth
+    [1/s] and with time [m/s^2].
     """
     flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -158,13 +158,13 @@ def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
 
 
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """The (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects applied.
+    """Return the (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects.
 
-    These act on thrusters alone, and leave servos as they are.
+    These act on thrusters only, not on servos.
 
     Raises:
-        DataError: A thruster is misplaced, or the effects in sum leave a time constant, delay or dead band
-            that no thruster can have.
+        DataError: A thruster is misplaced, or the effects in sum give an impossible time constant, delay or
+            dead band.
     """
     plain = thrusters.thruster_table(vehicle)
     table = plain.copy()
@@ -179,7 +179,7 @@ def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """The velocity log as a row of numbers, shape (13,), with the vehicle's `sensor` effects applied."""
+    """Return the DVL errors as a row of numbers, (13,), from the vehicle's `sensor` effects."""
     log = np.zeros(sensor.LOG)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.sensor is not None:
@@ -188,12 +188,12 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
 
 
 def wholly_known(vehicle: Vehicle, name: str) -> bool:
-    """Whether a vehicle has an effect and holds all of it as known."""
+    """Return whether a vehicle has an effect and holds all of it as known."""
     return any(CATALOGUE[name].wholly_known(table) for table in vehicle.effects(name))
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Effects of the file that are fitted anew first: all but inertia, known and random ones."""
+    """Return the effects of the file that are refitted first: all but inertia, known and random ones."""
     names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
     return tuple(
         name
@@ -205,14 +205,14 @@ def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
-    """What to put into the tables of a vehicle to hold effects, or some parameters of them, as known.
+    """Return the table entries that hold effects, or some of their parameters, as known.
 
     Args:
         vehicle: The vehicle.
         names: `effect` or `effect.parameter`.
 
     Returns:
-        For each effect that is named, `name` and `known`.
+        `name` and `known` for each named effect.
 
     Raises:
         DataError: The vehicle has no effect, or the effect no parameter, of a name.
@@ -240,14 +240,14 @@ def implausible(
     errors: Mapping[str, Any] | None = None,
     least: float = 1.0,
 ) -> list[str]:
-    """Values of a vehicle's effects that lie beyond their plausible ranges, a sentence for each parameter.
+    """Return a sentence for each parameter of a vehicle's effects beyond its plausible range.
 
     Args:
         vehicle: The vehicle.
-        names: Effects that are looked at; by default all.
-        errors: Standard errors by parameter: what lies within DOUBT of them counts as plausible, and what
-            has none that is finite.
-        least: Distance from the middle of its range, in half widths of it, beyond which a value is told.
+        names: Effects to check; by default all.
+        errors: Standard errors by parameter: values within DOUBT of them count as plausible, as do values
+            without a finite one.
+        least: Distance from the middle of the range, in half widths, above which a value is reported.
     """
     found = []
     for table in vehicle.effect:
@@ -263,7 +263,7 @@ def implausible(
 def _beyond(
     table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle, doubt: Array, least: float
 ) -> str:
-    """That an entry of a parameter lies beyond what is plausible by more than a doubt, or nothing."""
+    """Return a sentence if an entry of a parameter is clearly beyond its plausible range; else empty."""
     if parameter.plausible is None:
         return ""
     values, farthest, words = np.asarray(table[parameter.name], float), least + ROUNDING, ""
@@ -284,7 +284,7 @@ def _beyond(
 
 
 def _require_possible(table: Array) -> None:
-    """Raise DataError where a thruster table has left the range in which its kernels mean anything."""
+    """Raise DataError if a thruster table is outside the valid range of its kernels."""
     constant, step = table[:, thrusters.TIME_CONSTANT], table[:, thrusters.LAG_STEP]
     band = table[:, thrusters.DEADBAND]
     if (constant < 0.0).any() or ((constant > 0.0) & (constant < step)).any():

@@ -1,6 +1,6 @@
-"""What may befall a vehicle that its file does not tell of: a current, a payload, a weak thruster.
+"""Changes of a vehicle that its file does not include: a current, a payload, a weak thruster.
 
-Each is one more table of the catalogue's effects, which act in sum.
+Each change adds one table of the catalogue's effects.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from hydro.core.vehicle.thrusters import GAIN
 
 
 def in_current(vehicle: Vehicle, velocity: Array) -> Vehicle:
-    """The vehicle in water that moves, besides what its file says, with a velocity (3,), NED [m/s]."""
+    """Return the vehicle in water with an additional velocity (3,), NED [m/s]."""
     north, east, down = map(float, velocity)
     return _with(vehicle, {"name": "ocean_current", "v_N": north, "v_E": east, "v_D": down})
 
 
 def with_payload(vehicle: Vehicle, mass: float, weight: float, place: Sequence[float]) -> Vehicle:
-    """The vehicle with a payload on board.
+    """Return the vehicle with a payload.
 
     Args:
         vehicle: The vehicle.
@@ -38,7 +38,7 @@ def with_payload(vehicle: Vehicle, mass: float, weight: float, place: Sequence[f
 
 
 def weakened(vehicle: Vehicle, thruster: int, loss: float) -> Vehicle:
-    """The vehicle with a share of the thrust of one of its thrusters lost; 1: it is dead."""
+    """Return the vehicle with a share of the thrust of one of its thrusters lost; 1 for a dead thruster."""
     gains = [0.0] * len(vehicle.thruster)
     gains[thruster] = -loss * (1.0 + float(thruster_table(vehicle)[thruster, GAIN]))
     return _with(vehicle, {"name": "thruster_gain", "g": gains})

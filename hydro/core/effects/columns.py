@@ -1,4 +1,4 @@
-"""The wrench of a vehicle's effects along a recorded motion: the same kernels, looped over columns."""
+"""Wrench of a vehicle's effects along a recorded motion: the same kernels, applied to columns."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ def effect_wrenches(
     t: ArrayLike,
     commands: ArrayLike | None = None,
 ) -> Array:
-    """Wrench ON the vehicle of all its effects of kind `wrench`, at every row of a recorded motion.
+    """Return the wrench ON the vehicle of all its effects of kind `wrench`, at every row of a motion.
 
-    Added mass is not among them (it is in M and C), nor is the thrust; a current is felt through nu_r.
+    It excludes added mass, which is in M and C, and thrust; a current acts through nu_r.
 
     Args:
         vehicle: The vehicle.
         eta: Pose x y z phi theta psi, NED, shape (N, 6).
         nu: Velocity of CO over ground, body frame, shape (N, 6).
-        segments: Unbroken runs of rows [start, stop), shape (S, 2); internal states begin each as if its
-            first velocity had always been.
+        segments: Uninterrupted runs of rows [start, stop), shape (S, 2); internal states start in the steady
+            state of the first velocity.
         t: Times of the rows, shape (N,) [s].
-        commands: Commands of the thrusters, shape (N, n), of which a `formula` may have terms; 0 if None.
+        commands: Commands of the thrusters, shape (N, n), for terms of a `formula`; 0 if None.
 
     Returns:
         Wrenches about CO, body frame, shape (N, 6) [N, N m]; 0 in rows outside all segments.
 
     Raises:
-        DataError: An effect that the catalogue does not admit.
+        DataError: An effect is not valid in the catalogue.
     """
     program = assemble(vehicle)
     out = np.zeros(np.shape(nu))
@@ -49,7 +49,7 @@ def effect_wrenches(
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
-        np.require(t, np.float64, ["C", "W"]),  # read-only, it would be compiled for again
+        np.require(t, np.float64, ["C", "W"]),  # a read-only array would compile the kernel again
         np.ascontiguousarray(given, np.float64),
         np.zeros((6, program.states)),
         out,
@@ -65,12 +65,11 @@ def effect_forces(
     t: ArrayLike,
     commands: ArrayLike | None = None,
 ) -> Array:
-    """Wrench ON the vehicle of all its effects but for -I nu_dot, I what they add to the mass matrix.
+    """Return the wrench ON the vehicle of all its effects except -I nu_dot, I their part of the mass matrix.
 
-    With `effect_wrenches` tau_e these are tau_e - C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms
-    that an inertia brings (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot that a current brings; what
-    else it brings where it grows with depth or time is in tau_e.
-    Nothing of M_RB is among them, nor the thrust.
+    With `effect_wrenches` tau_e it is tau_e - C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms of
+    the inertia (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot by a current.  The other part, of a
+    current that varies with depth or time, is in tau_e.  M_RB and thrust are excluded.
 
     Arguments, result and errors are those of `effect_wrenches`.
     """
@@ -80,14 +79,14 @@ def effect_forces(
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
-        np.require(t, np.float64, ["C", "W"]),  # read-only, it would be compiled for again
+        np.require(t, np.float64, ["C", "W"]),  # a read-only array would compile the kernel again
         out,
     )
     return out
 
 
 def through_water(flow: Array, eta: Array, nu: Array, t: ArrayLike) -> Array:
-    """Velocity of CO through the water, nu_r in body axes, (N, 6).
+    """Return the velocity of CO through the water, nu_r in body axes, (N, 6).
 
     Args:
         flow: Motion of the water, (7,) of `catalogue.current`.
@@ -106,7 +105,7 @@ def through_water(flow: Array, eta: Array, nu: Array, t: ArrayLike) -> Array:
 def _inertia_along(
     flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], t: Array, out: Array
 ) -> None:
-    """Take C_I(nu_r) nu_r + I [omega x R^T v_c; 0] from every row."""
+    """Subtract C_I(nu_r) nu_r + I [omega x R^T v_c; 0] from every row."""
     inertia = constants_of(flat)[INERTIA : INERTIA + 36]
     s, taken, carried = np.zeros(MOTION), np.zeros(6), np.zeros(3)
     nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
@@ -135,7 +134,7 @@ def _along(
     states: Array,
     out: Array,
 ) -> None:
-    """Internal states go from row to row by Runge-Kutta, along a straight line of the motion between."""
+    """Integrate internal states from row to row by Runge-Kutta, along a linearly interpolated motion."""
     here, middle, there, unused = np.zeros(MOTION), np.zeros(MOTION), np.zeros(MOTION), np.zeros(6)
     x, trial, a, b, c, d = states[0], states[1], states[2], states[3], states[4], states[5]
     for begin, end in segments:
@@ -164,7 +163,7 @@ def _along(
 
 @jit
 def _motion(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
-    """The state of motion `s` of one row."""
+    """Write the state of motion `s` of one row."""
     s[TIME] = t
     s[POSITION : POSITION + 3] = eta[:3]
     s[VELOCITY : VELOCITY + 6] = nu

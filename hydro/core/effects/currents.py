@@ -1,4 +1,4 @@
-"""Water that moves: a steady current, one that grows with depth, one that changes with time.
+"""Water currents: steady, growing with depth, and changing with time.
 
 Every force of the water depends on the velocity through it, nu_r = nu - [R^T v_c; 0], and on its rate.
 """
@@ -28,8 +28,8 @@ SHEARED = between(
 )
 DEEPEST_SEA = 11_000.0
 BRISK = 0.4
-"""Current [m/s], between what most vehicles hold their own against and what they do not, from which a search
-begins in each of four directions where the file's vehicle goes elsewhere altogether."""
+"""Initial current of a search in each of four directions, used where the file is far from the recording
+[m/s].  Most vehicles can hold their position against less, and not against more."""
 TURNING = between(
     -0.02, 0.02, "m/s^2", "internal waves and eddies over a minute; a tide has a thousandth of it"
 )
@@ -39,8 +39,8 @@ def ocean_current(p: Array, flow: Array) -> None:
     """Velocity v_c of the water [m/s], NED: steady, irrotational, uniform.
 
     Every force of the water then depends on nu_r = nu - [R^T v_c; 0] and nu_r_dot = nu_dot + [omega x R^T
-    v_c; 0] (the current is at rest in the world and thus turns in the body frame).  A vehicle left alone
-    drifts with it.
+    v_c; 0] (the current is constant in the world and thus rotates in the body frame). A vehicle without
+    thrust drifts with it.
     """
     flow[:3] += p
 
@@ -48,9 +48,9 @@ def ocean_current(p: Array, flow: Array) -> None:
 def current_shear(p: Array, flow: Array) -> None:
     """Velocity v_c + (g_N, g_E) (z - z_0) of the water [m/s], NED: it grows with depth z and is steady.
 
-    z_0 is a depth that the file states and no fit moves: about it the shear says nothing of the mean current,
-    which `ocean_current` stands for.  Counted from the surface it would be one itself wherever a recording
-    keeps to one depth.
+    z_0 is a depth stated in the file that no fit changes.  About z_0 the shear is independent of the mean
+    current, which `ocean_current` represents.  With z_0 at the surface, the shear would act as a mean current
+    in a recording at one depth.
     """
     flow[:2] -= p[:2] * p[2]
     flow[3:5] += p[:2]
@@ -60,9 +60,9 @@ def current_shear(p: Array, flow: Array) -> None:
 def quickened(
     north: float, east: float, down: float, c: Array, s: Array, tau: Array
 ) -> tuple[float, float, float]:
-    """Add the wrench M_A [R^T v_c_dot; 0] of water that quickens by (north, east, down) [m/s^2], NED.
+    """Add the wrench M_A [R^T v_c_dot; 0] of water that accelerates by (north, east, down) [m/s^2], NED.
 
-    Of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0] it is the last term.  It acts through the
+    It is the last term of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0].  It acts through the
     added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
     + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.
 
@@ -82,8 +82,8 @@ def quickened(
 def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench M_A [R^T v_c_dot; 0] with v_c_dot = (g_N, g_E, 0) z_dot, the water's rate as the vehicle dives.
 
-    Left out are the lift of a body in a flow with vorticity, the gradient over the hull, and the pressure of
-    accelerating water, rho V (v_c grad) v_c, which a horizontal current does not have.
+    The lift of a body in a flow with vorticity and the gradient over the hull are neglected.  The pressure of
+    accelerating water, rho V (v_c grad) v_c, is zero for a horizontal current.
     """
     down = ROTATION + 6
     sinking = s[down] * s[VELOCITY] + s[down + 1] * s[VELOCITY + 1] + s[down + 2] * s[VELOCITY + 2]
@@ -93,8 +93,8 @@ def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: A
 def current_trend(p: Array, flow: Array) -> None:
     """Velocity v_c + (a_N, a_E) (t - t_0) of the water [m/s], NED: it changes with the time t of the session.
 
-    A tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time that the file states
-    and no fit moves, as the depth z_0 of `current_shear`.
+    It represents a tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time stated
+    in the file that no fit changes, like the depth z_0 of `current_shear`.
     """
     flow[:2] -= p[:2] * p[2]
     flow[5:] += p[:2]
@@ -104,10 +104,10 @@ def current_trend(p: Array, flow: Array) -> None:
 def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench (M_A + rho V) [R^T v_c_dot; 0] with v_c_dot = (a_N, a_E, 0), rho V at the centre of buoyancy.
 
-    rho V is B/g.  The added mass feels the water's rate as under `current_shear`, and the pressure by which
-    the water is accelerated acts on the hull in the place of the water's own (Newman 1977, chapter 4; the
-    inertia coefficient 1 + C_A of Morison et al. 1950).  So a neutral vehicle at rest in the water stays at
-    rest in it.
+    rho V is B/g.  The added mass responds to the water's rate as under `current_shear`.  The pressure that
+    accelerates the water acts on the hull as on the displaced water (Newman 1977, chapter 4; the inertia
+    coefficient 1 + C_A of Morison et al. 1950).  So a neutral vehicle at rest in the water stays at rest in
+    it.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
     fx, fy, fz = quickened(p[0], p[1], 0.0, c, s, tau)
@@ -115,7 +115,7 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
 
 
 def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table]]:
-    """No growth, about the depth (column 2) or the time (column 3) that a recording is about."""
+    """Return tables without a gradient, about the mean depth (column 2) or time (column 3) of a recording."""
 
     def start(vehicle: Vehicle, reach: Array | None) -> list[Table]:
         return [{name: 0.0 if reach is None else round(float(np.median(reach[:, column])), 1)}]
@@ -124,7 +124,7 @@ def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table
 
 
 def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible) -> tuple[Parameter, ...]:
-    """Rates at which the northward and the eastward current grow with depth or with time."""
+    """Return parameters for the gradients of the northward and eastward current with depth or time."""
     return tuple(
         Parameter(
             f"{names}_{axis[0].upper()}",
@@ -138,7 +138,7 @@ def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible)
 
 
 def current_sentence(case: Case) -> str:
-    """State the speed of the current and the heading that it flows toward."""
+    """State the speed of the current and the heading toward which it flows."""
     down = case.one("v_D")
     now, old, clear = horizontal_change(case.one("v_N"), case.one("v_E"), "m/s")
     vertical = f"{'downward' if down.value > 0.0 else 'upward'} at {down.size('m/s')}" if down.clear else ""

@@ -59,21 +59,21 @@ from hydro.core.vehicle.plausible import (
 
 LINEAR = ("N s/m", "N s", "N m s")
 COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))
-FRICTION = (of_mass(0.3), of_moment(0.5))  # plain in a linear damping
+FRICTION = (of_mass(0.3), of_moment(0.5))  # significant sizes of linear damping
 FRICTION_MATRIX = (FRICTION[0], None, FRICTION[1])
 ACROSS = tuple((i, j) for i in range(6) for j in range(3) if i != j)
 LEAST_POWER, MOST_POWER = 1.0, 3.5
 COARSE_POWERS, POWERS = (1.5, 2.7), (1.15, 1.3, 1.6, 1.8, 2.2, 2.5, 3.0, 3.3)
-NEARER = 1.5  # between linear and quadratic
-LITTLE = 0.01  # of a plain drag, in a column
+NEARER = 1.5  # exponent between linear and quadratic
+LITTLE = 0.01  # share of a significant drag in a column
 
 
 @kernel
 def linear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Wrench -D_L nu_r: laminar skin friction and potential damping, what is left of damping at low speed.
+    """Wrench -D_L nu_r: laminar skin friction and potential damping, which dominate at low speed.
 
-    D_L is given by its diagonal or whole; it does no positive work where its symmetric part is positive
-    semi-definite.
+    D_L is given by its diagonal or as a full matrix.  It does no positive work if its symmetric part is
+    positive semi-definite.
     """
     if p.size == 6:
         for i in range(6):
@@ -113,11 +113,11 @@ def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 
 @kernel
 def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Wrench -D[i,j] |nu_r[j]| nu_r[i]: drag along or about one axis that speed along another one raises.
+    """Wrench -D[i,j] |nu_r[j]| nu_r[i]: drag along or about one axis, increased by speed along another one.
 
-    The flow separates from a blunt hull or an open frame at its whole speed, so that a vehicle which heaves
-    meets more drag in surge: a cylinder across the flow has Y = -1/2 rho C_d A sqrt(v^2 + w^2) v, and these
-    are the products nearest to it.  With every D[i,j] >= 0, as here, it never does positive work.
+    The flow separates from a blunt hull or an open frame at the total speed, so that a vehicle in heave has
+    more drag in surge.  A cylinder across the flow has Y = -1/2 rho C_d A sqrt(v^2 + w^2) v, and these
+    products approximate it.  With every D[i,j] >= 0, as here, it never does positive work.
     """
     k = 0
     for i in range(6):
@@ -131,8 +131,8 @@ def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 def power(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -D_i |nu_r,i|^(n-1) nu_r,i: drag whose coefficient changes with the Reynolds number.
 
-    Friction of a laminar boundary layer has a power of 1.5, of a turbulent one 1.8; what flutters or makes
-    waves 2.5 and more.  D is the drag at 1 m/s and 1 rad/s, so that its unit does not depend on n.
+    Friction of a laminar boundary layer has an exponent of 1.5, of a turbulent one 1.8.  Flutter and wave
+    making have 2.5 and more.  D is the drag at 1 m/s and 1 rad/s, so that its unit does not depend on n.
     """
     n = p[6]
     for i in range(6):
@@ -145,8 +145,8 @@ def power(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
 def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Force f_i = -d_i |v_p,i| v_p,i at a point r off CO, v_p = v_r + omega x r, and its moment r x f.
 
-    The drag of a frame, a skid or a sonar makes a vehicle pitch and yaw that moves straight: N per |v| v is
-    -x d_y, M per |u| u is -z d_x and per |w| w is x d_z.  It does no positive work, as f . v_p <= 0.
+    The drag of a frame, a skid or a sonar causes pitch and yaw moments in straight motion: N per |v| v is -x
+    d_y, M per |u| u is -z d_x and per |w| w is x d_z.  It does no positive work, as f . v_p <= 0.
     """
     rx, ry, rz = p[3], p[4], p[5]
     u, v, w = moved_at(s, rx, ry, rz)
@@ -154,19 +154,19 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 
 
 def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
-    """Nothing on the diagonal that would leave it below 0 in sum with the rest of the file."""
+    """Return bounds that keep the diagonal of total linear damping at least 0."""
     if len(set(index)) > 1:
         return -math.inf, math.inf
     return -float(rest.linear[index[0], index[0]]), math.inf
 
 
 def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
-    """Likewise of quadratic damping."""
+    """Return bounds that keep the diagonal of total quadratic damping at least 0."""
     return -float(rest.quadratic[index[0]]), math.inf
 
 
 def raised_across(i: int) -> Plausible:
-    """Drag along or about an axis, of all the speed that meets the hull's box there."""
+    """Return the range of drag along or about an axis, for the total speed at the hull's box."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         return 0.0, float(most_cross_drag(vehicle)[i])
@@ -175,29 +175,29 @@ def raised_across(i: int) -> Plausible:
 
 
 def at_powers(powers: Sequence[float]) -> Shapes:
-    """Six drags for each of some powers."""
+    """Return shapes with six drags for each of some exponents."""
     return lambda vehicle, reach: (along(POWER_DRAG, "diagonal", without_drag(n), vehicle) for n in powers)
 
 
 def without_drag(n: float) -> Table:
-    """A drag of some power and no strength."""
+    """Return a drag with an exponent and zero coefficients."""
     return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
 
 
 def nearest_plain(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Linear or quadratic damping, whichever its power is nearer to."""
+    """Return linear or quadratic damping, whichever is closer to the exponent."""
     plain = LINEAR_DAMPING if table["n"] < NEARER else QUADRATIC_DAMPING
     return [{"name": plain.name, "diagonal": list(table["diagonal"])}]
 
 
 def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """A little drag ahead, astern, above and below: about no drag at all, its point would mean nothing."""
+    """Return small drags ahead, astern, above and below: with zero drag, its point has no influence."""
     little, lever = np.full(3, 0.05 * vehicle.rigid_body.mass), LEVER * vehicle.hull.length
     return [_part(little, sign * lever * np.eye(3)[axis]) for axis in (0, 2) for sign in (-1.0, 1.0)]
 
 
 def drags_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Three drags, and their moments about the two axes across each: nearly linear where turns are slow."""
+    """Yield three drags, and their moments about the two other axes: nearly linear in slow turns."""
     drag, length, axes = 0.5 * vehicle.rigid_body.mass, vehicle.hull.length, np.eye(3)
     levers = [(i, j) for i in range(3) for j in range(3) if j != i]
 
@@ -221,7 +221,7 @@ def _part(drag: Array, position: Array) -> Table:
 
 
 def power_sentence(case: Case) -> str:
-    """State the drag of each axis at 1 m/s and 1 rad/s, and the power of the speed."""
+    """State the drag of each axis at 1 m/s and 1 rad/s, and the exponent of the speed."""
     entries = []
     for i, (axis, one) in enumerate(zip(AXES, case.many("diagonal", (6,)), strict=True)):
         speed, unit = ("1 rad/s", "N m") if i >= 3 else ("1 m/s", "N")

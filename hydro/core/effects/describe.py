@@ -1,4 +1,4 @@
-"""An effect of the catalogue in words: for the command line, the documentation and a vehicle file."""
+"""Description of an effect in words for the command line, the documentation and a vehicle file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AXES = ("X Y Z", "K M N")
 
 
 def describe(effect: Effect) -> dict[str, Any]:
-    """Everything that the record says, as plain text and numbers; bounds that are not there are None."""
+    """Return the whole record as plain text and numbers; missing bounds are None."""
     return {
         "name": effect.name,
         "kind": effect.kind,
@@ -42,7 +42,7 @@ def describe(effect: Effect) -> dict[str, Any]:
 
 
 def unit(parameter: Parameter) -> str:
-    """Unit of a parameter, with the axes each holds for where there are several."""
+    """Return the unit of a parameter, with the axes of each if there are several."""
     units = parameter.unit
     if len(units) == 1:
         return units[0]
@@ -51,14 +51,14 @@ def unit(parameter: Parameter) -> str:
 
 
 def size(parameter: Parameter) -> str:
-    """How many numbers a parameter is: `1`, `6 x 6`, `one per thruster`, `6 per rate`."""
+    """Return the size of a parameter: `1`, `6 x 6`, `one per thruster`, `6 per rate`."""
     counts = [str(n) for n in parameter.shape if isinstance(n, int)]
     each = [f"per {n.removesuffix('s')}" for n in parameter.shape if isinstance(n, str)]
     return " ".join([" x ".join(counts) or ("one" if each else "1"), *each])
 
 
 def bounds(parameter: Parameter) -> str:
-    """Admissible values: `any`, `>= 0`, `<= 1` or `-1 to 1`."""
+    """Return the admissible values: `any`, `>= 0`, `<= 1` or `-1 to 1`."""
     low, high = parameter.low, parameter.high
     if math.isfinite(low) and math.isfinite(high):
         return f"{low:g} to {high:g}"
@@ -68,12 +68,12 @@ def bounds(parameter: Parameter) -> str:
 
 
 def plausible(parameter: Parameter) -> str:
-    """What physics leaves to it, in words; `not said` where the record does not."""
+    """Return the plausible range in words; `not said` if the record has none."""
     return parameter.plausible.words if parameter.plausible else "not said"
 
 
 def when_left_out(effect: Effect, parameter: Parameter) -> str:
-    """What a vehicle file without the parameter means."""
+    """Return the meaning of a missing parameter in a vehicle file."""
     if parameter.name in effect.one_of:
         others = [name for name in effect.one_of if name != parameter.name]
         return f"give {' or '.join(others)} instead"
@@ -81,11 +81,11 @@ def when_left_out(effect: Effect, parameter: Parameter) -> str:
 
 
 def toml(effect: Effect, thrusters: int = 2) -> str:
-    """An `[[effect]]` table for a vehicle file, without effect: every value is 0, or 1 where 0 is no value.
+    """Return a neutral `[[effect]]` table for a vehicle file: every value is 0, or 1 if 0 is not allowed.
 
     Args:
         effect: The effect.
-        thrusters: Number of thrusters of the vehicle it is for.
+        thrusters: Number of thrusters of the vehicle.
     """
     lines = ["[[effect]]", f'name = "{effect.name}"']
     lines += [f"{one.name} = {json.dumps(one.example)}  # {one.meaning}" for one in effect.words]
@@ -107,7 +107,7 @@ def toml(effect: Effect, thrusters: int = 2) -> str:
 
 
 def _value(parameter: Parameter, counts: dict[str, int]) -> Any:
-    """The neutral value of a parameter, nested as in a vehicle file."""
+    """Return the neutral value of a parameter, nested as in a vehicle file."""
     value: Any = 1.0 if parameter.low > 0.0 else 0.0
     for n in reversed(parameter.shape):
         value = [value] * (counts[n] if isinstance(n, str) else n)

@@ -1,4 +1,4 @@
-"""Effects as they are written on the command line: examples for help that loads nothing heavy."""
+"""Examples of effects on the command line, for help that loads nothing heavy."""
 
 from __future__ import annotations
 

@@ -1,12 +1,13 @@
-"""A wrench of one's own: terms that a vehicle file writes out, run by one kernel (no code is evaluated).
+"""Custom wrench: terms written in a vehicle file, evaluated by one kernel (no code is executed).
 
-A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`, of the velocity through the
-water `u v w p q r` [m/s, rad/s], of where down is in body axes, `g_x g_y g_z` (-sin theta, cos theta sin phi,
-cos theta cos phi), of the depth of CO, `z` [m], and of the commands `c1 c2 ...` of the thrusters in the
-order of the file, as given, before any delay.
+A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`.  The factors are as follows.
+The velocity through the water is `u v w p q r` [m/s, rad/s].  The direction of gravity in body axes is `g_x
+g_y g_z` (-sin theta, cos theta sin phi, cos theta cos phi).  The depth of CO is `z` [m].  The commands of the
+thrusters are `c1 c2 ...`, in the order of the file, as given, before any delay.
 
-A factor is such a name `v`, with a whole power `v^2`, its size `|v|` with any power `|v|^0.5`, or its sign
-`sgn(v)`.  The power `|v|^n` is a number of the file's that a fit may move, the next of `exponents`.
+A factor is such a name `v`, with a whole exponent `v^2`, its size `|v|` with any exponent `|v|^0.5`, or its
+sign `sgn(v)`.  The exponent of `|v|^n` is a number of the file that a fit may change, the next of
+`exponents`.
 """
 
 from __future__ import annotations
@@ -38,16 +39,16 @@ PLACES = (
     POSITION + 2,
     *range(COMMANDS, COMMANDS + len(COMMAND_NAMES)),
 )
-"""Where each of them stands in the state of motion."""
+"""Index of each factor in the state of motion."""
 AXES = WRENCH
 GROUPS = (("forces", "force"), ("moments", "moment"))
 """Keys of the terms and of their coefficients."""
 FACTORS = 3
-"""Of a term, at most."""
+"""Maximum number of factors in a term."""
 ROW = 1 + 3 * FACTORS
-"""Numbers of a term: its axis, and of each factor its place in the state, power and whether it has a sign."""
+"""Numbers per term: its axis, and for each factor its index in the state, exponent and sign flag."""
 NOWHERE = -1.0
-"""Place of a factor that is not there."""
+"""Index of a missing factor."""
 LEAST_POWER, MOST_POWER = 0.0, 4.0
 FACTOR = re.compile(r"(?:\|(?P<size>\w+)\||sgn\((?P<sign>\w+)\)|(?P<plain>[A-Za-z]\w*))(?:\^(?P<power>\S+))?")
 GRAMMAR = (
@@ -61,7 +62,7 @@ GRAMMAR = (
 def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench c_k prod |x|^a sgn(x)^s for every term k, on its axis.
 
-    A coefficient is the force or moment where every factor is 1: at 1 m/s or 1 rad/s, 1 m deep.
+    A coefficient is the force or moment with every factor equal to 1: at 1 m/s or 1 rad/s, 1 m deep.
     """
     terms = int(p[0])
     amounts = 1 + ROW * terms
@@ -92,10 +93,10 @@ def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 
 
 def parsed(term: Any, where: str = "formula") -> tuple[Array, int]:
-    """A term as the kernel's row (ROW,), its exponents numbered -1, -2, ...; and how many it has.
+    """Parse a term to the kernel's row (ROW,), its exponents numbered -1, -2, ...; also return their number.
 
     Raises:
-        DataError: It is no term.
+        DataError: The term is invalid.
     """
     row, exponents = np.full(ROW, NOWHERE), 0
     words = term.split() if isinstance(term, str) else []
@@ -116,7 +117,7 @@ def parsed(term: Any, where: str = "formula") -> tuple[Array, int]:
 
 
 def _power(found: re.Match[str], where: str, term: str) -> tuple[float | None, float]:
-    """Power of the size and power of the sign; the first is None where it is one of the file's exponents."""
+    """Return the exponents of the size and of the sign; the first is None for one of the file's exponents."""
     if found["sign"]:
         return 0.0, 1.0
     text = found["power"] or "1"
@@ -136,12 +137,12 @@ def _power(found: re.Match[str], where: str, term: str) -> tuple[float | None, f
 
 
 def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
-    """All terms of a table as the kernel reads them, behind their number; and how many numbers they have.
+    """Return all terms of a table in the kernel's form, after their number, and the lengths of parameters.
 
-    Among these `last_command` is the number of the last thruster whose command they read, 0 of none.
+    The lengths include `last_command`, the number of the last command in a term, 0 for none.
 
     Raises:
-        DataError: A term is none, or a force stands among the moments.
+        DataError: A term is invalid, or a force is listed with the moments.
     """
     rows, exponents, commands = [], 0, 0
     for key, axes in (("forces", AXES[:3]), ("moments", AXES[3:])):
@@ -173,13 +174,13 @@ def _other(key: str) -> str:
 
 
 def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[str, Any]:
-    """The table of a formula with one term."""
+    """Return the table of a formula with one term."""
     key, value = ("force", "forces") if term[0] in AXES[:3] else ("moment", "moments")
     return {"name": FORMULA.name, value: [term], key: [amount], "exponents": list(exponents)}
 
 
 def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Terms of a formula with their coefficients, zero where it gives none, and free powers, forces first."""
+    """Return terms of a formula with coefficients, zero if missing, and free exponents, forces first."""
     powers, found = iter(table.get("exponents", ())), []
     for group, values in GROUPS:
         terms = table.get(group, ())
@@ -190,9 +191,9 @@ def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...
 
 
 def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Formulas as one, their terms in order: first all forces, then all moments.
+    """Join formulas to one, with all forces first and then all moments.
 
-    The exponents go along with their terms.
+    The exponents keep the order of their terms.
     """
     every = [term for table in tables for term in amounts(table)]
     forces, moments = ([one for one in every if (one[0][0] in AXES[:3]) is force] for force in (True, False))
@@ -203,7 +204,7 @@ def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def as_drag(force: bool) -> Plausible:
-    """Up to the drag of the hull's box at 1 m/s or 1 rad/s, or the vehicle's weight where that is more."""
+    """Return the range up to the drag of the hull's box at 1 m/s or 1 rad/s, or to the weight if larger."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         weight = vehicle.rigid_body.mass * vehicle.environment.gravity

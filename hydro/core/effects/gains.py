@@ -1,4 +1,4 @@
-"""Sentences on the thrust of thrusters: weak, dead and reversed ones, and a factor that they share."""
+"""Sentences on the thrust of thrusters: weak, dead and reversed ones, and a common factor."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ LARGEST_SHARE = 10.0
 LARGEST_ERROR = 0.25
 """Standard error of a gain above which it is not determined: an eighth of the range from reversed to full."""
 NEAREST, CLOSE = 0.01, 0.15
-"""Shares of thrust within which a thruster is called dead or reversed whatever its error, and with twice its
-error added."""
+"""Distances in shares of thrust within which a thruster is called dead or reversed: whatever its error, and
+with twice its error added."""
 ALIKE = 0.03
-"""Share of thrust within which thrusters count as alike: about what bollard tests repeat to."""
+"""Share of thrust within which thrusters count as equal: about the repeatability of bollard tests."""
 MOST = 3
-"""Weak or strong thrusters that a sentence names."""
+"""Maximum number of weak or strong thrusters in a sentence."""
 SHARED = 2.0 / 3.0
-"""Share of the thrusters that have one factor, from which it is called common."""
+"""Share of the thrusters with one factor above which it is called common."""
 
 
 class Thrust(NamedTuple):
-    """Thrust of one thruster as a share of what the file gives it, with standard error; `number` from 1."""
+    """Thrust of one thruster relative to the file, with standard error; `number` from 1."""
 
     number: int
     share: float
@@ -40,11 +40,11 @@ class Thrust(NamedTuple):
         return quantity(100.0 * self.share, error, "%")
 
     def differs(self, share: float) -> bool:
-        """Whether it plainly and clearly differs from a share."""
+        """Return whether it differs significantly from a share."""
         return abs(self.share - share) > max(ALIKE, CLEAR * self.error)
 
     def at(self, share: float) -> bool:
-        """Whether it is so near to a share that it is called that."""
+        """Return whether it is close enough to a share to be called that."""
         off = abs(self.share - share)
         return off <= NEAREST or off + CLEAR * self.error <= CLOSE
 
@@ -79,7 +79,7 @@ def not_determined(numbers: Sequence[int]) -> str:
 
 
 def common_sentence(case: Case) -> str:
-    """State a factor that all thrusters share."""
+    """State a factor common to all thrusters."""
     gain = case.one("common")
     before = mean([was for _, was in file_gains(case)])
     one = against(1, gain.value, gain.error, before)
@@ -91,18 +91,18 @@ def common_sentence(case: Case) -> str:
 
 
 def mean(numbers: Sequence[float]) -> float:
-    """Return the mean, 0 of none."""
+    """Return the mean; 0 without numbers."""
     return sum(numbers) / len(numbers) if numbers else 0.0
 
 
 def against(number_: int, gain: float, error: float, before: float) -> Thrust:
-    """Return thrust as a share of the file's thrust, or of the nominal thrust where the file has none."""
+    """Return thrust relative to the file's thrust, or to the nominal thrust if the file has none."""
     modelled = 1.0 + before if 1.0 + before > NEAREST else 1.0
     return Thrust(number_, (1.0 + gain) / modelled, error / modelled)
 
 
 def file_gains(case: Case) -> list[tuple[int, float]]:
-    """Return the indices of the thrusters that push, and the gains that the file gives them."""
+    """Return the indices of the thrusters, and their gains in the file."""
     count = len(case.vehicle.thruster)
     key = "common" if "common" in (case.before or {}) else "g"
     gains = case.of_file(key, (count,)).tolist()
@@ -112,7 +112,7 @@ def file_gains(case: Case) -> list[tuple[int, float]]:
 def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
     """Return the thrust of the thrusters that a log determines, and the numbers of the others.
 
-    An error of 0 is that of a gain that was held at its value: it is known.
+    An error of 0 belongs to a held gain, which is known.
     """
     gains = case.many("g", (len(case.vehicle.thruster),))
     errors = case.error_of("g", (len(gains),))
@@ -180,7 +180,7 @@ def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: 
 
 
 def besides(one: Thrust, middle: float) -> str:
-    """Compare a thruster with the factor that the others share."""
+    """Compare a thruster with the factor of the others."""
     percent = round(100.0 * (one.share / middle - 1.0))
     return f"thruster {one.number} another {abs(percent)} % {'less' if percent < 0 else 'more'}"
 

@@ -66,30 +66,31 @@ from hydro.core.vehicle.plausible import (
 SECTIONS = 32
 COEFFICIENT = between(0.0, MOST_DRAG, "", DRAG_SOURCE)
 LIFT = ((1, 1), (1, 5), (5, 1), (5, 5), (2, 2), (2, 4), (4, 2), (4, 4))
-LITTLE = 0.01  # of a plain fin, in a column
+LITTLE = 0.01  # share of a significant fin in a column
 SLOPE = math.pi
-"""Lift slope of a fin as long as twice its chord, 2 pi/(1 + 2/2) of thin-wing theory; REMUS has 3.12."""
+"""Lift slope of a fin with a span of twice its chord, 2 pi/(1 + 2/2) of thin-wing theory; REMUS has 3.12."""
 PROFILE_DRAG = 0.01
 """Drag coefficient of a fin along the flow."""
 FLATTENING = 0.05
-"""Angle over which lift goes from that of the attached flow to that of a plate [rad]."""
+"""Angle of the transition of lift from attached flow to a flat plate [rad]."""
 STALL = 0.35
-"""Angle [rad] at which short fins stall, from which a fit begins."""
+"""Initial stall angle of short fins [rad]."""
 LEAST_STALL, MOST_STALL = 0.05, 1.0
 LEAST_ROLL, MOST_ROLL = -0.375 * math.pi, 0.625 * math.pi
-"""Half a turn about elevators, rudders and the X between them: the other half is the same fins once more."""
-ROLLS = tuple((k - 0.2) * 0.25 * math.pi for k in range(-1, 3))  # rad, that are tried
-AFT, TURNED = -0.4, 0.1  # of the hull's length, and rad: where a fin is tried, and how far deflected
+"""Range of the roll of fins: a half-turn contains elevators, rudders and the X between; the rest is
+equivalent."""
+ROLLS = tuple((k - 0.2) * 0.25 * math.pi for k in range(-1, 3))  # rad, rolls that are tried
+AFT, TURNED = -0.4, 0.1  # station in hull lengths and deflection in rad of a trial fin
 
 
 @kernel
 def crossflow_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Drag of every section of the hull in the flow across it, each as if it were alone.
+    """Drag of every section of the hull in the cross-flow, each independent of the others.
 
-    At the station x the water comes sideways with s_H = v_r + x r and from below with s_W = w_r - x q, so
-    that Y = -1/2 rho Cd_y int H |s_H| s_H dx and Z = -1/2 rho Cd_z int W |s_W| s_W dx, N = int x dY and
-    M = -int x dZ.  Midpoint rule over 32 stations of a box of the hull's length L, width W and height H about
-    its centre.
+    The cross-flow at the station x is s_H = v_r + x r sideways and s_W = w_r - x q vertically.  The forces
+    are Y = -1/2 rho Cd_y int H |s_H| s_H dx and Z = -1/2 rho Cd_z int W |s_W| s_W dx.  The moments are N =
+    int x dY and M = -int x dZ.  The integrals use the midpoint rule over 32 stations of a box of the hull's
+    length L, width W and height H about its centre.
     """
     length, width, height = c[HULL], c[HULL + 1], c[HULL + 2]
     step = length / SECTIONS
@@ -116,9 +117,9 @@ def crossflow_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
 def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -|u_r| L nu_r with L in sway and yaw (11, 15, 51, 55) and heave and pitch (22, 24, 42, 44).
 
-    A fin of lift slope c_L and area A at the station x meets drift at the angle (v_r + x r)/|u_r|, ahead or
-    astern, and answers with Y = -1/2 rho c_L A |u_r| (v_r + x r) and N = x Y: L = 1/2 rho c_L A [1, x; x,
-    x^2].  In heave and pitch the sign of x turns: L = 1/2 rho c_L A [1, -x; -x, x^2].
+    A fin of lift slope c_L and area A at the station x has the drift angle (v_r + x r)/|u_r|, ahead or
+    astern.  Its force is Y = -1/2 rho c_L A |u_r| (v_r + x r), its moment N = x Y: L = 1/2 rho c_L A [1, x;
+    x, x^2].  In heave and pitch the sign of x changes: L = 1/2 rho c_L A [1, -x; -x, x^2].
     """
     speed = abs(s[RELATIVE_VELOCITY])
     v, w = s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
@@ -131,10 +132,11 @@ def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
 
 @kernel
 def plate(along: float, across: float, stall: float) -> tuple[float, float]:
-    """Force per 1/2 rho A along the chord and the normal of a fin that moves so through the water [m^2/s^2].
+    """Return the force per 1/2 rho A along the chord and the normal of a fin from its velocity [m^2/s^2].
 
-    At the angle of attack a = atan2(across, along) the lift coefficient is SLOPE a up to the stall and goes
-    over to that of a flat plate, sin(2 a), whichever edge leads; drag is PROFILE_DRAG + 2 sin^2(a).
+    The angle of attack is a = atan2(across, along).  The lift coefficient is SLOPE a up to the stall.  Then
+    it changes to that of a flat plate, sin(2 a), for either leading edge. The drag coefficient is
+    PROFILE_DRAG + 2 sin^2(a).
     """
     speed = math.sqrt(along * along + across * across)
     if speed == 0.0:
@@ -151,10 +153,11 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     """Lift and drag of a fin at r whose span is rolled about the body's x axis, with stall.
 
     Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2; half a
-    turn more with the other deflection is the same fin.  To a fixed deflection each of its `commands` adds in
-    proportion, at once; above 0 it turns the trailing edge toward n, and pushes the fin toward -n when the
-    vehicle goes ahead.  Flow along the span does nothing.  The area counts for a lift slope of pi: one of
-    another slope a appears a/pi times as large.  A fixed fin does no positive work, as its lift does none.
+    turn more with the opposite deflection is the same fin. Each of its `commands` adds to a fixed deflection
+    in proportion, without delay.  A positive deflection turns the trailing edge toward n, and pushes the fin
+    toward -n in motion ahead.  Flow along the span has no effect.  The area assumes a lift slope of pi: a fin
+    of another slope a appears a/pi times as large.  A fixed fin does no positive work, since its lift does
+    none.
     """
     driven = int(p[0])
     at = 1 + driven
@@ -173,12 +176,12 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
-    """Where in the state of motion the commands that turn a fin are, behind their number; and how many.
+    """Return the indices of a fin's commands in the state of motion, after their number; and lengths.
 
-    Among the lengths `last_command` is the number of the last of them, 0 of none.
+    The lengths include `last_command`, the number of the last of them, 0 for none.
 
     Raises:
-        DataError: A command is none of `c1 c2 ...`, or stands twice.
+        DataError: A command is not one of `c1 c2 ...`, or is listed twice.
     """
     names = table.get("commands", [])
     if not isinstance(names, list | tuple) or not all(one in COMMAND_NAMES for one in names):
@@ -194,7 +197,7 @@ def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict
 
 
 def keeps_crossflow(which: int) -> Limits:
-    """Nothing that would leave a coefficient below 0 in sum with the rest of the file."""
+    """Return bounds that keep a total coefficient at least 0."""
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return -float(rest.crossflow[which]), math.inf
@@ -203,7 +206,7 @@ def keeps_crossflow(which: int) -> Limits:
 
 
 def as_a_wing(i: int, j: int) -> Plausible:
-    """An entry of L, of a wing as large as the hull's side or bottom, at most half a length from CO."""
+    """Return the range of an entry of L: a wing of the hull's side or bottom area, near CO."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         arms = (i >= 3) + (j >= 3)
@@ -216,25 +219,25 @@ def as_a_wing(i: int, j: int) -> Plausible:
 
 
 def plain_area(vehicle: Vehicle) -> float:
-    """A fin's area that is plain to see: a hundredth of the hull's length squared [m^2]."""
+    """Return the significant area of a fin: a hundredth of the hull's length squared [m^2]."""
     return 0.01 * vehicle.hull.length**2
 
 
 def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Areas up to that of the hull's side or bottom [m^2]."""
+    """Return the range of areas up to that of the hull's side or bottom [m^2]."""
     return 0.0, vehicle.hull.length * max(vehicle.hull.width, vehicle.hull.height)
 
 
 def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """A small elevator and a small rudder astern: about no area at all, its place would mean nothing."""
+    """Return a small elevator and a small rudder astern: with zero area, its place has no influence."""
     aft = np.array([AFT * vehicle.hull.length, 0.0, 0.0])
     return [_fin(0.2 * plain_area(vehicle), aft, roll) for roll in (0.0, 0.5 * math.pi)]
 
 
 def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
-    """For some rolls and stations along the hull, a fin's area, its moment along the span, its deflection.
+    """Return shapes for some rolls and stations: a fin's area, its moment along the span, its deflection.
 
-    A fin at CO is none of them: it explains by a negative area what fins ahead and astern do not.
+    A fin at CO is excluded: its negative area would explain errors of fins ahead and astern.
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
@@ -247,7 +250,7 @@ def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
 
 
 def idle_servos(vehicle: Vehicle) -> list[str]:
-    """Commands of servos that no effect of the file obeys."""
+    """Return commands of servos that no effect of the file uses."""
     written = (table.get(key, ()) for table in vehicle.effect for key in ("commands", "forces", "moments"))
     obeyed = set(re.findall(r"\bc\d+\b", " ".join(itertools.chain.from_iterable(written))))
     commands = zip(COMMAND_NAMES, vehicle.thruster, strict=False)
@@ -255,7 +258,7 @@ def idle_servos(vehicle: Vehicle) -> list[str]:
 
 
 def _at(roll: float, x: float, vehicle: Vehicle) -> Shape:
-    """Columns of a fin of this roll at the station x [m]."""
+    """Return columns of a fin of this roll at the station x [m]."""
     length, area = vehicle.hull.length, plain_area(vehicle)
     root, tip = np.array([x, 0.0, 0.0]), LEVER * length * np.array([0.0, math.cos(roll), math.sin(roll)])
 
@@ -271,7 +274,7 @@ def _at(roll: float, x: float, vehicle: Vehicle) -> Shape:
 
 
 def _turned_by(command: str, roll: float, x: float, vehicle: Vehicle) -> Shape:
-    """Columns of a fin that a command turns: its area, and the area that is turned."""
+    """Return columns of a fin deflected by a command: its area, and the deflected area."""
     area, place = plain_area(vehicle), np.array([x, 0.0, 0.0])
 
     def fin(size: float, turn: float) -> Table:
@@ -296,7 +299,7 @@ def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> 
 
 
 def fin_sentence(case: Case) -> str:
-    """State area, attitude and place of a fin, and what turns it."""
+    """State area, attitude and place of a fin, and its commands."""
     area, point = case.one("area"), case.many("position", (3,))
     roll, deflection, stall = (case.one(key).times(DEGREES) for key in ("roll", "deflection", "stall"))
     commands = [str(one) for one in case.values.get("commands", (case.before or {}).get("commands", ()))]
@@ -323,11 +326,11 @@ def fin_sentence(case: Case) -> str:
 
 DEGREES = 180.0 / math.pi
 UPRIGHT = 15.0
-"""Roll [deg] up to which a fin is called an elevator or a rudder."""
+"""Maximum roll at which a fin is called an elevator or a rudder [deg]."""
 
 
 def fin_of(roll: float) -> str:
-    """Name a fin by the roll of its span [deg]: 0 of an elevator, 90 of a rudder."""
+    """Name a fin by the roll of its span [deg]: 0 for an elevator, 90 for a rudder."""
     roll = (roll + 90.0) % 180.0 - 90.0  # half a turn more is the same fin
     if abs(roll) <= UPRIGHT:
         return "A horizontal fin"

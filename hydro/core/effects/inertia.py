@@ -1,4 +1,4 @@
-"""Added mass: the inertia of the water that a body must accelerate with itself (Fossen 2011, section 6.3).
+"""Added mass: the inertia of the water that accelerates with a body (Fossen 2011, section 6.3).
 
 Parameters are entries of M_A, the negatives of the SNAME derivatives: M_A[0,0] = -X_udot, M_A[1,5] = -Y_rdot.
 An `inertia` effect enters M, and with it C_A built from M_A by the skew parametrisation (theorem 3.2), so
@@ -34,12 +34,12 @@ from hydro.core.effects.words import CHIRP, DRIFT
 from hydro.core.vehicle.plausible import ADDED_INERTIA, between, of_entry
 
 UNITS = ("kg", "kg m", "kg m^2")
-BETWEEN = of_mixed(0.1)  # plain between a force and an angular acceleration
+BETWEEN = of_mixed(0.1)  # significant size between a force and an angular acceleration
 COUPLED = ((1, 5), (2, 4), (0, 4), (1, 3), (0, 2))
 
 
 def symmetric_or_diagonal(p: Array, matrix: Array) -> None:
-    """Wrench -M_A nu_r_dot - C_A(nu_r) nu_r, with M_A given by its diagonal or whole.
+    """Wrench -M_A nu_r_dot - C_A(nu_r) nu_r, with M_A given by its diagonal or as a full matrix.
 
     A body with three planes of symmetry has a diagonal M_A; a full one must be symmetric, as it is in
     potential flow (Newman 1977, section 4.14).
@@ -50,8 +50,8 @@ def symmetric_or_diagonal(p: Array, matrix: Array) -> None:
 def couplings(p: Array, matrix: Array) -> None:
     """Off-diagonal entries of M_A, each on both sides of the diagonal.
 
-    Sway-yaw (1,5) and heave-pitch (2,4) belong to a hull that differs fore and aft, surge-pitch (0,4) and
-    sway-roll (1,3) to one that differs above and below, surge-heave (0,2) to one that does both.
+    Sway-yaw (1,5) and heave-pitch (2,4) occur for a hull without fore-aft symmetry.  Surge-pitch (0,4) and
+    sway-roll (1,3) occur without top-bottom symmetry, surge-heave (0,2) without both.
     """
     for value, (i, j) in zip(p, COUPLED, strict=True):
         matrix[i, j] += value
@@ -88,14 +88,14 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
-    """Nothing on the diagonal that would leave it below 0 in sum with the rest of the file."""
+    """Return bounds that keep the diagonal of the total added mass at least 0."""
     if len(set(index)) > 1:
         return -math.inf, math.inf
     return -float(rest.added_mass[index[0], index[0]]), math.inf
 
 
 def coriolis_sentence(case: Case) -> str:
-    """State how much stronger the Coriolis forces of the added mass are than M_A makes them."""
+    """State the factor of the added mass's Coriolis forces relative to those of M_A."""
     share = case.one("kappa").times(100.0)
     subject = "the Coriolis force of the added mass (Munk moment)"
     if not share.clear:

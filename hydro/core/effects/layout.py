@@ -1,11 +1,11 @@
-"""Where things stand in the flat vectors that every wrench kernel reads.
+"""Layout of the flat vectors of every wrench kernel.
 
 A kernel is called as `kernel(p, c, s, x, dx, tau)` with contiguous float64 vectors:
 
-* `p`: the effect's own parameters, packed in the order in which its record names them, matrices row by row;
+* `p`: the effect's own parameters, packed in the order of its record, matrices row by row;
 * `c`: constants of the vehicle (below);
 * `s`: the state of motion (below);
-* `x`, `dx`: the effect's internal states and, to be written, their time derivatives;
+* `x`, `dx`: the effect's internal states and, as output, their time derivatives;
 * `tau`: the wrench X Y Z K M N on the vehicle about CO, body frame; a kernel adds to it.
 """
 
@@ -22,11 +22,11 @@ CENTER_OF_BUOYANCY = 11  # 3 [m], with every `buoyancy_offset` applied
 HULL = 14  # length, width, height [m]
 HULL_CENTER = 17  # 3 [m]
 CURRENT = 20  # v_c at z = 0, 3 [m/s], NED
-CURRENT_GRADIENT = 23  # growth of v_N and v_E with depth, 2 [1/s]
-CURRENT_TREND = 25  # growth of v_N and v_E with time, 2 [m/s^2]
-FLOW = slice(CURRENT, CURRENT_TREND + 2)  # all three, as `catalogue.current` gives them
+CURRENT_GRADIENT = 23  # gradient of v_N and v_E with depth, 2 [1/s]
+CURRENT_TREND = 25  # rate of v_N and v_E with time, 2 [m/s^2]
+FLOW = slice(CURRENT, CURRENT_TREND + 2)  # all three, from `catalogue.current`
 ADDED_MASS = 27  # M_A of the water alone, 36, row by row
-INERTIA = 63  # what the effects add to M_RB: M_A and rigid payloads, 36
+INERTIA = 63  # contribution of the effects to M_RB: M_A and rigid payloads, 36
 MASS_MATRIX = 99  # M = M_RB + INERTIA, 36
 INVERSE_MASS_MATRIX = 135  # 36
 CONSTANTS = 171  # length of c
@@ -37,9 +37,9 @@ VELOCITY = 6  # nu over ground, 6
 ROTATION = 12  # R, body FRD -> NED, 9, row by row
 POSITION = 21  # x y z of CO, NED, 3
 TIME = 24  # t of the session [s]
-WATER_RATE = 25  # of waves: rate of the water's velocity at a place, 3 [m/s^2], NED; 0 without
-WATER_GROWTH = 28  # and its growth with depth, 3 [1/s]
+WATER_RATE = 25  # rate of the water's velocity in waves at a fixed place, 3 [m/s^2], NED; 0 without
+WATER_GROWTH = 28  # its gradient with depth, 3 [1/s]
 COMMANDS = 31  # as given in this row, before any delay, of the first MOST_COMMANDS thrusters
 MOST_COMMANDS = 16
-COMMAND_NAMES = tuple(f"c{i + 1}" for i in range(MOST_COMMANDS))  # as a vehicle file writes them
+COMMAND_NAMES = tuple(f"c{i + 1}" for i in range(MOST_COMMANDS))  # names in a vehicle file
 MOTION = COMMANDS + MOST_COMMANDS  # length of s

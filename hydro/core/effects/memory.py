@@ -30,7 +30,7 @@ from hydro.core.vehicle.plausible import ADDED_SOURCE, Plausible, between, most_
 
 RATES = (0.3, 1.0, 3.0, 8.0)
 COARSE_RATES = (0.5, 4.0)
-LEAST_RATE, QUICKEST = 1e-3, 25.0  # 1/s, of what the sample time of a log still shows
+LEAST_RATE, QUICKEST = 1e-3, 25.0  # 1/s, bounds of observable rates
 
 
 @kernel
@@ -39,7 +39,7 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
 
     It equals -int_{-inf}^t K exp(-a (t - t')) nu_r_dot(t') dt': the convolution of Cummins' equation with a
     sum of exponentials, in state-space form.  Steady motion has a x = nu_r and no force, so that damping
-    keeps the steady part.  For K >= 0 it is passive, with the storage 1/2 a K x^2.
+    contains the steady part.  For K >= 0 it is passive, with the storage 1/2 a K x^2.
     """
     rates = p.size // 7
     for k in range(rates):
@@ -52,7 +52,7 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
 
 @kernel
 def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
-    """x(0) = nu_r/a: as if the present motion had always been."""
+    """Set x(0) = nu_r/a, the steady state of the present motion."""
     rates = p.size // 7
     for k in range(rates):
         for i in range(6):
@@ -60,12 +60,12 @@ def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def states(p: Array) -> int:
-    """Six states per rate."""
+    """Return six states per rate."""
     return 6 * (p.size // 7)
 
 
 def at_rates(rates: Sequence[float]) -> Shapes:
-    """Six strengths for each of some rates."""
+    """Return shapes with six strengths for each of some rates."""
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         for rate in rates:
@@ -75,22 +75,22 @@ def at_rates(rates: Sequence[float]) -> Shapes:
 
 
 def absent(rate: float) -> Table:
-    """A memory of one rate and no strength."""
+    """Return a memory of one rate with zero strength."""
     return {"name": FLUID_MEMORY.name, "K": [[0.0] * 6], "rates": [rate]}
 
 
 def up_to_quickest(index: Index, rest: Rest) -> tuple[float, float]:
-    """Rates that a log can show."""
+    """Return the range of rates that a log can show."""
     return LEAST_RATE, QUICKEST
 
 
 def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """In slow motion a strength K acts as an added mass K/a."""
+    """Return the range of a strength K, which acts as an added mass K/a in slow motion."""
     return 0.0, float(most_added(vehicle)[index[-1]]) * RATES[-1]
 
 
 def memory_sentence(case: Case) -> str:
-    """State the strength of each axis and the time over which it decays."""
+    """State the strength of each axis and its decay time."""
     rates = case.many("rates", (rates_of(case),))
     strengths = case.many("K", (len(rates), 6))
     entries = []

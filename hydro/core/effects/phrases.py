@@ -1,4 +1,4 @@
-"""Sentences that alike effects share: entries that are missing, entries that changed, and displacements."""
+"""Sentences shared by similar effects: missing entries, changed entries, and displacements."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from hydro.core.effects.wording import (
 )
 
 LONGEST = 220
-"""Characters of a sentence at most: three lines of a terminal."""
+"""Maximum length of a sentence in characters: three lines of a terminal."""
 MOST_ENTRIES = 3
-"""Entries of an effect that its sentence names."""
+"""Maximum number of entries in a sentence."""
 PLAIN_RATIO = 100.0
 """Largest ratio to the file's value that is written as a ratio."""
 COORDINATES = frozenset({"m", "s", "rad", "°"})
-"""Units of places, times and angles, which are written by their values: their ratios mean nothing."""
+"""Units of places, times and angles, which are written as values: their ratios have no meaning."""
 
 Sentence = Callable[[Case], str]
 
@@ -38,7 +38,7 @@ UNCLEAR = ("is not determined by this log.", "does not differ clearly from the f
 
 
 class Entry(NamedTuple):
-    """One number of an effect with the words for it.
+    """Number of an effect with its words.
 
     Attributes:
         label: Its full name, as in `heave drag`.
@@ -54,11 +54,11 @@ class Entry(NamedTuple):
 
 
 def undetermined(case: Case, subject: str, value: str) -> str:
-    """Say that a log does not determine a value, or that it does not show a difference from the file's.
+    """Say that a log does not determine a value, or that it shows no difference from the file's.
 
     Args:
         case: The values.
-        subject: What is not determined.
+        subject: The undetermined quantity.
         value: The estimate in words.
     """
     if case.in_file:
@@ -73,7 +73,7 @@ def most_telling(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
-    """Return a sentence with as many entries as fit into `LONGEST` characters, one at least."""
+    """Return a sentence with as many entries as fit into `LONGEST` characters, at least one."""
     for count in range(most, 1, -1):
         if len(text := render(count)) <= LONGEST:
             return text
@@ -81,7 +81,7 @@ def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the entries of an effect: what is missing, or what changes against the file.
+    """State the entries of an effect: missing ones, or changes from the file.
 
     Args:
         case: The values.
@@ -92,7 +92,7 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State entries that the file lacks: "Quadratic damping of 284 N s²/m² (±6) in heave is missing."."""
+    """State entries missing in the file: "Quadratic damping of 284 N s²/m² (±6) in heave is missing."."""
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
@@ -136,11 +136,11 @@ def smaller(left: int, noun: str = "one") -> list[str]:
 
 
 def against_file(entry: Entry, first: bool) -> str:
-    """Compare an entry with the file's value: by their ratio where that is plain, else by both values.
+    """Compare an entry with the file's value: by their ratio if it is simple, else by both values.
 
     Args:
         entry: The entry.
-        first: Whether it is the first of its sentence, which says what is compared.
+        first: Whether it is the first of its sentence, which names the comparison.
     """
     value, error, before = entry.quantity
     is_, was = "is " if first else "", number(before)
@@ -167,14 +167,14 @@ def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
 def diagonal(
     noun: str, label: str, units: tuple[str, str, str], symmetric: bool = False, key: str = "diagonal"
 ) -> Sentence:
-    """Return the sentence of an effect that is given by its diagonal, or by a whole 6x6 matrix.
+    """Return the sentence of an effect given by its diagonal, or by a full 6x6 matrix.
 
     Args:
         noun: Name of the force or inertia, as in `quadratic damping`.
         label: Its name after that of an axis, as in `drag`.
         units: Of the force, mixed and moment blocks.
         symmetric: Whether entries below the diagonal repeat those above.
-        key: The parameter that is the diagonal.
+        key: The parameter of the diagonal.
     """
 
     def sentence(case: Case) -> str:
@@ -193,7 +193,7 @@ def diagonal(
 def of_matrix(
     case: Case, label: str, units: tuple[str, str, str], symmetric: bool, key: str = "diagonal"
 ) -> list[Entry]:
-    """Return the entries of a 6x6 matrix that the values or the file give by a matrix or its diagonal."""
+    """Return the entries of a 6x6 matrix, given by the values or the file as a matrix or its diagonal."""
     whole, line = case.many("matrix", (6, 6)), case.many(key, (6,))
     form, old = "matrix" in case.values or key not in case.values, "matrix" in (case.before or {})
     entries = []
@@ -224,18 +224,18 @@ def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sente
 
 
 def force_per_speed(i: int, j: int) -> str:
-    """Name the force or moment along axis i that a velocity along axis j makes."""
+    """Name the force or moment along axis i by a velocity along axis j."""
     force, speed = "moment" if i >= 3 else "force", "rate" if j >= 3 else "speed"
     return f"{AXES[i]} {force} per {AXES[j]} {speed}"
 
 
 def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str]:
-    """Write the components of a body vector that are clear: `0.020 m (±0.001) forward`, `0.010 m above`.
+    """Write the significant components of a body vector: `0.020 m (±0.001) forward`, `0.010 m above`.
 
-    An error that all of them share is written once.
+    A common error is written once.
 
     Args:
-        changes: Three quantities, FRD, whose differences from the file are meant.
+        changes: Three quantities, FRD; their differences from the file are written.
         unit: Their unit.
         least: Size below which a component without a standard error is negligible.
     """
@@ -255,13 +255,13 @@ def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str
 
 
 def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> Sentence:
-    """Return the sentence of a point that lies elsewhere than the file has it.
+    """Return the sentence of a point at another place than in the file.
 
     Args:
         point: Its name.
         verb: `lies` or `sits`.
         keys: Three parameters, or one of three numbers [m], FRD.
-        where: Where it was assumed to be.
+        where: Its assumed place.
     """
 
     def sentence(case: Case) -> str:
@@ -277,14 +277,14 @@ def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> S
 
 
 def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]) -> Sentence:
-    """Return a sentence on a number that is added to one of the vehicle's, and on the side to which it is.
+    """Return a sentence on a number added to one of the vehicle's, and on its sign.
 
     Args:
         key: The parameter.
         unit: Unit in which it is written; a share of 1 is written in percent.
-        subject: Its name where the log does not determine it.
+        subject: Its name if the log does not determine it.
         words: The sentence without its full stop, with `{change}` and `{side}`.
-        sides: Words for more and for less than the file has.
+        sides: Words for more and for less than in the file.
     """
 
     def sentence(case: Case) -> str:
@@ -298,7 +298,7 @@ def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]
 
 
 def horizontal(north: Quantity, east: Quantity) -> Quantity:
-    """Return the length of a horizontal vector, with the length that the file gives it."""
+    """Return the length of a horizontal vector, with that of the file."""
     length, before = math.hypot(north.value, east.value), math.hypot(north.before, east.before)
     if not length:
         return estimate(0.0, max(north.error, east.error), before)
@@ -315,7 +315,7 @@ def toward(size: str, north: float, east: float) -> str:
 def horizontal_change(
     north: Quantity, east: Quantity, unit: str, factor: float = 1.0
 ) -> tuple[str, str, bool]:
-    """Write a horizontal vector, the file's vector, and whether they differ clearly.
+    """Write a horizontal vector, the file's vector, and whether they differ significantly.
 
     Args:
         north: Component toward north.

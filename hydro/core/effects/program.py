@@ -1,9 +1,9 @@
-"""A vehicle compiled into one flat vector of numbers, and the dispatchers that run its effects from it.
+"""Program of a vehicle: one flat vector of numbers, and the dispatchers that run its effects from it.
 
-The vector holds, in order: a header, the constants `c`, one row per wrench effect (its place in the
-catalogue, where its parameters and states begin and end), all parameters, the thruster table, and the waves
-of a sea where one was drawn.  Being
-plain numbers, it can lie in any memory: a numpy array here, a numeric field of a MuJoCo model there.
+The vector contains a header, the constants `c`, one row per wrench effect, all parameters, the thruster
+table, and the waves of a sea if one was drawn.  A row has the effect's place in the catalogue and the ranges
+of its parameters and states.  As plain numbers, the vector can be in any memory: a numpy array or a numeric
+field of a MuJoCo model.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ from hydro.core.vehicle.thrusters import COLUMNS
 
 # The header.
 EFFECT_COUNT = 0
-EFFECT_TABLE = 1  # where it begins
+EFFECT_TABLE = 1  # its start
 STATE_COUNT = 2
 THRUSTER_COUNT = 3
-THRUSTER_TABLE = 4  # where it begins
-SEA = 5  # where the waves begin
-SEA_SIZE = 6  # numbers of them, 0 of a calm sea
+THRUSTER_TABLE = 4  # its start
+SEA = 5  # start of the waves
+SEA_SIZE = 6  # size of the waves, 0 for a calm sea
 HEADER = 7
 EFFECT_ROW = 5  # place in DISPATCHED, first and last parameter, first and last state
 
 DISPATCHED = tuple(effect for effect in CATALOGUE.values() if effect.kernel is not None)
-"""The effects that have a kernel, in the order by which a program refers to them."""
+"""Effects with a kernel, in the order used by a program."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """A vehicle in compiled form.
+    """Compiled vehicle.
 
     Attributes:
-        flat: All its numbers, a contiguous float64 vector; what the kernels take.
+        flat: All its numbers, a contiguous float64 vector, the input of the kernels.
         states: Number of internal states of its effects.
         thrusters: Number of thrusters.
-        effects: Names of the wrench effects, in the order in which they run.
+        effects: Names of the wrench effects, in the order of evaluation.
     """
 
     flat: Array
@@ -71,12 +71,12 @@ def assemble(
     """Compile a vehicle.
 
     Args:
-        vehicle: The vehicle; effects of kind `sensor` play no part.
-        listed: Its `entries`, where they are at hand.
-        sea: Seeds that its waves are drawn from; by default the sea is calm, as in every prediction.
+        vehicle: The vehicle; effects of kind `sensor` are ignored.
+        listed: Its `entries`, if available.
+        sea: Seeds of its waves; by default the sea is calm, as in every prediction.
 
     Raises:
-        DataError: An effect the catalogue does not admit, or a mass matrix that cannot be inverted.
+        DataError: An effect is not valid in the catalogue, or the mass matrix cannot be inverted.
     """
     listed = entries(vehicle) if listed is None else listed
     running = [entry for entry in listed if entry.effect.kernel is not None]
@@ -96,14 +96,14 @@ def assemble(
 
 
 def in_sea(program: Program, harmonics: Array) -> Program:
-    """A program of a calm sea with these waves, rows of `core.effects.waves`, (H, COMPONENT)."""
+    """Return a program of a calm sea with waves added, rows of `core.effects.waves`, (H, COMPONENT)."""
     flat = np.concatenate([program.flat, harmonics.ravel()])
     flat[[SEA, SEA_SIZE]] = program.flat.size, harmonics.size
     return replace(program, flat=flat)
 
 
 def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Array]]:
-    """What gives the harmonics of each of a vehicle's waves, by their places (`core.effects.waves`)."""
+    """Return the generators of the harmonics of a vehicle's waves (`core.effects.waves`)."""
     gravity = vehicle.environment.gravity
     return [
         partial(effect.harmonics, parameters, gravity)
@@ -113,13 +113,13 @@ def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Ar
 
 
 def waves(vehicle: Vehicle, listed: Sequence[Entry], seeds: Sequence[int]) -> Array:
-    """The waves of a sea that is drawn, (H, COMPONENT)."""
+    """Return the waves of a random sea, (H, COMPONENT)."""
     rng = np.random.default_rng(seeds)
     return np.concatenate([np.zeros((0, COMPONENT)), *(drawn(sea, rng) for sea in seas(vehicle, listed))])
 
 
 def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
-    """The constants `c` of a vehicle with these effects, laid out as `core.effects.layout` says."""
+    """Return the constants `c` of a vehicle with these effects, in the layout of `core.effects.layout`."""
     c = np.zeros(layout.CONSTANTS)
     body, inertia = vehicle.rigid_body, inertia_matrix(vehicle, listed)
     mass = rigid_body.mass_matrix(vehicle) + inertia
@@ -149,9 +149,10 @@ def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
 
 
 def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
-    """Programs of the effects that `other` has beyond `flat`, and of those that it has not any more.
+    """Return programs of the effects that `other` adds to `flat`, and of those that it removes.
 
-    The former may have internal states, those of `other` behind those of `flat`.  None where more differs.
+    Added effects may have internal states, which follow those of `flat` in `other`.  The result is None if
+    anything else differs.
     """
     if not np.array_equal(constants_of(flat), constants_of(other)):
         return None
@@ -166,12 +167,12 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
 
 
 def remembering(flat: Array) -> Array:
-    """The program of those effects alone that have internal states, which go on in it as in the whole."""
+    """Return the program of the effects with internal states alone, which evolve as in the whole program."""
     return _program(flat, [(row, p) for row, p in _effects(flat) if row[3] != row[4]], 0.0)
 
 
 def same_memories(flat: Array, other: Array) -> bool:
-    """Whether the same motion leads two programs to the same internal states, whatever their thrusters."""
+    """Return whether the same motion gives two programs the same internal states, for any thrusters."""
     mine, its = (
         [(row[0], row[3], row[4], p.tobytes()) for row, p in _effects(one) if row[3] != row[4]]
         for one in (flat, other)
@@ -180,14 +181,14 @@ def same_memories(flat: Array, other: Array) -> bool:
 
 
 def _effects(flat: Array) -> list[tuple[Array, Array]]:
-    """Rows and parameters of a program's effects."""
+    """Return rows and parameters of a program's effects."""
     begin = int(flat[EFFECT_TABLE])
     rows = flat[begin : begin + EFFECT_ROW * int(flat[EFFECT_COUNT])].reshape(-1, EFFECT_ROW)
     return [(row, flat[int(row[1]) : int(row[2])]) for row in rows]
 
 
 def _less(some: list[tuple[Array, Array]], others: list[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
-    """Effects that are not among the others with the same parameters and states."""
+    """Return the effects that are not in the others with the same parameters and states."""
     left = [(row[0], row[3], row[4], p.tobytes()) for row, p in others]
     kept = []
     for row, p in some:
@@ -200,7 +201,7 @@ def _less(some: list[tuple[Array, Array]], others: list[tuple[Array, Array]]) ->
 
 
 def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> Array:
-    """A program of some effects, their states alone, and no thrusters, in the water of another."""
+    """Return a program of some effects and their states, without thrusters, in another program's water."""
     table, packed = np.zeros((len(effects), EFFECT_ROW)), [p for _, p in effects]
     begin = HEADER + layout.CONSTANTS + table.size
     for row, (source, p) in zip(table, effects, strict=True):
@@ -216,13 +217,13 @@ def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> 
 
 @jit
 def constants_of(flat: Array) -> Array:
-    """The constants `c` within a program, as a view."""
+    """Return the constants `c` of a program, as a view."""
     return flat[HEADER : HEADER + layout.CONSTANTS]
 
 
 @jit
 def thrusters_of(flat: Array) -> Array:
-    """The thruster table within a program, as a view of shape (n, COLUMNS)."""
+    """Return the thruster table of a program, as a view of shape (n, COLUMNS)."""
     begin, count = int(flat[THRUSTER_TABLE]), int(flat[THRUSTER_COUNT])
     return flat[begin : begin + count * COLUMNS].reshape(count, COLUMNS)
 
@@ -231,7 +232,7 @@ def thrusters_of(flat: Array) -> Array:
 def relative_to_water(flat: Array, s: Array) -> None:
     """Write nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`.
 
-    In a sea that was drawn the water's growths go there too.
+    With waves it also writes the gradients of the water's velocity.
     """
     at, growth, trend = (
         HEADER + layout.CURRENT,
@@ -259,7 +260,7 @@ def relative_to_water(flat: Array, s: Array) -> None:
 
 @kernel
 def heed(commands: Array, s: Array) -> None:
-    """Write the commands of a row (n,) into `s`: of more than MOST_COMMANDS thrusters the first."""
+    """Write the commands of a row (n,) into `s`, at most the first MOST_COMMANDS."""
     for i in range(min(commands.size, layout.MOST_COMMANDS)):
         s[layout.COMMANDS + i] = commands[i]
 
@@ -279,8 +280,8 @@ def {name}({arguments}):
 def _dispatcher(name: str, arguments: str, attribute: str, call: str) -> Any:
     """Compile a loop over a program's effects whose branches are made from the catalogue.
 
-    Numba compiles no call through a table of functions that it could keep on disk, hence the generated
-    source; it carries this file's name, by which Numba finds the cache.
+    Numba cannot cache calls through a table of functions on disk, so the source is generated.  It has this
+    file's name, by which Numba finds the cache.
     """
     functions = {
         i: getattr(e, attribute) for i, e in enumerate(DISPATCHED) if getattr(e, attribute) is not None
@@ -306,4 +307,4 @@ wrench = _dispatcher("wrench", "flat, s, x, dx, tau", "kernel", "(p, c, s, x[beg
 (states,)."""
 
 start = _dispatcher("start", "flat, s, x", "start", "(p, c, s, x[begin:end])")
-"""`start(flat, s, x)`: set the internal states (states,) as if the motion s had always been."""
+"""`start(flat, s, x)`: set the internal states (states,) to the steady state of the motion s."""

@@ -1,4 +1,4 @@
-"""The record of one physical effect, and how its table in a vehicle file becomes numbers."""
+"""Record of a physical effect, and conversion of its table in a vehicle file to numbers."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ Index = tuple[int, ...]
 Table = dict[str, Any]
 
 BOOKKEEPING = frozenset({"name", "label", "standard_error", "fit", "known"})
-"""Keys of an `[[effect]]` table that are no parameters: what a fit leaves beside values, what is known."""
+"""Keys of an `[[effect]]` table that are not parameters: notes of a fit, and known values."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """What a vehicle file amounts to without the effects that are fitted: it bounds their increments.
+    """Sums over the effects of a vehicle file that are not fitted, which bound the fitted increments.
 
     Attributes:
         vehicle: The vehicle, its thrusters and hull.
-        added_mass: M_A in sum, (6, 6).
-        linear: Linear damping in sum, (6, 6).
-        quadratic: Diagonal of quadratic damping in sum, (6,).
-        crossflow: Cross-flow coefficients in sum, (2,).
+        added_mass: Total M_A, (6, 6).
+        linear: Total linear damping, (6, 6).
+        quadratic: Diagonal of total quadratic damping, (6,).
+        crossflow: Total cross-flow coefficients, (2,).
     """
 
     vehicle: Vehicle
@@ -53,24 +53,24 @@ Limits = Callable[[Index, Rest], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect, as it stands in a vehicle file.
+    """Parameter of an effect in a vehicle file.
 
     Attributes:
         name: Key in the `[[effect]]` table.
-        unit: One unit for all entries; or two, for the three forces and the three moments of a 6-vector;
-            or three, for the force-velocity, mixed and moment-rate blocks of a 6x6 matrix.
-        meaning: What it is, in a few words.
-        shape: Lengths; `"thrusters"` and `"rates"` stand for numbers that the vehicle file settles.
-        low: Least admissible value (inclusive).
-        high: Greatest admissible value (inclusive).
-        required: False where leaving it out means 0.
-        scale: A plainly visible size for each unit, a number or a rule; None, and all that are left out,
-            follow from the unit (`core.effects.units`).
+        unit: One unit for all entries; or two, for the three forces and the three moments of a 6-vector; or
+            three, for the force-velocity, mixed and moment-rate blocks of a 6x6 matrix.
+        meaning: Meaning in a few words.
+        shape: Lengths; `"thrusters"` and `"rates"` are numbers set by the vehicle file.
+        low: Minimum admissible value (inclusive).
+        high: Maximum admissible value (inclusive).
+        required: False if a missing value means 0.
+        scale: Significant size for each unit, a number or a rule; None and missing ones follow from the unit
+            (`core.effects.units`).
         limits: Bounds of an entry in a fit that depend on the vehicle; by default `low` and `high`.
-        symmetric: Whether a matrix has only the entries on and above its diagonal for free.
-        plausible: What physics leaves to it: a value beyond is not believed without being told.
-        held: Whether a fit leaves it as it is: it says from where another parameter counts.
-        power: Whether it is the power of a velocity, on which what it multiplies depends exponentially.
+        symmetric: Whether only the entries on and above the diagonal of a matrix are free.
+        plausible: Physically plausible range; a value beyond is reported.
+        held: Whether a fit keeps it fixed: it is the reference of another parameter.
+        power: Whether it is the exponent of a velocity, on which its coefficient depends exponentially.
     """
 
     name: str
@@ -88,16 +88,16 @@ class Parameter:
     power: bool = False
 
     def __post_init__(self) -> None:
-        """Find a unit that is none while the catalogue is made, not while a vehicle is fitted."""
+        """Check the units when the catalogue is built, not when a vehicle is fitted."""
         for unit in self.unit:
             dimension(unit)
 
     def unit_at(self, index: Index) -> str:
-        """Unit of one entry."""
+        """Return the unit of one entry."""
         return self.unit[self._part(index)]
 
     def scale_at(self, index: Index, vehicle: Vehicle) -> float:
-        """A plainly visible size of one entry on this vehicle."""
+        """Return the significant size of one entry on this vehicle."""
         part = self._part(index)
         size = self.scale[part] if self.scale else None
         if size is None:
@@ -105,14 +105,14 @@ class Parameter:
         return size(vehicle) if callable(size) else size
 
     def _part(self, index: Index) -> int:
-        """Which of the units an entry has."""
+        """Return the index of the unit of an entry."""
         if len(self.unit) == 3:
             return sum(i >= 3 for i in index)
         return int(index[-1] >= 3) if len(self.unit) == 2 else 0
 
 
 class Role(Enum):
-    """What other parts of the program see in an effect beside its equation."""
+    """Role of an effect for other parts of the program, in addition to its equation."""
 
     HULL_WATER = "force of the water on the hull, which the teacher's panels and ellipsoid stand in for"
     COMMANDED = "its force may depend on the commands, which jump at a row"
@@ -123,12 +123,12 @@ class Role(Enum):
 
 @dataclass(frozen=True)
 class Shape:
-    """An effect with the parameters in which it is not linear held at some values, as columns.
+    """Shape of an effect: its nonlinear parameters are held at some values, the others are columns.
 
     Attributes:
-        tables: The `[[effect]]` table with a little of each column.
-        steps: That little, in units in which 1 is plain to see.
-        begin: Amounts (columns,) to the table that a fit begins from.
+        tables: The `[[effect]]` table with a small amount of each column.
+        steps: These amounts, in units in which 1 is a significant size.
+        begin: Function from amounts (columns,) to the initial table of a fit.
     """
 
     tables: tuple[Table, ...]
@@ -137,33 +137,33 @@ class Shape:
 
 
 Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
-"""Shapes of an effect on a vehicle, with positions and times (N, 4) of the recording where they are known."""
+"""Shapes of an effect on a vehicle, with positions and times (N, 4) of the recording if known."""
 
 
 ABSORBED = 0.3
-"""What formulas of drag and lift absorb of a hull of panels: the median of ten bases."""
+"""Share of the error of a hull of panels that formulas of drag and lift absorb: the median of ten bases."""
 SLIGHTLY_ABSORBED = 0.1
-"""The same of effects of many entries, or slow ones, that no formula of drag or lift is."""
+"""Absorbed share of effects with many entries, or slow ones, that are not formulas of drag or lift."""
 
 
 @dataclass(frozen=True)
 class Identification:
-    """How an effect is looked for in a recording; as it is, one that is linear in all of its parameters.
+    """Search for an effect in a recording; by default, of an effect that is linear in all of its parameters.
 
     Attributes:
-        form: Which of `one_of` is tried on a vehicle without the effect; by default the first.
-        step: Share of the scale that derivatives are taken over: larger where the effect has kinks.
-        resolution: Share of the scale to which it is searched for, where it acts on a row of the log or
-            does not; 0 of others.
-        starts: Tables to begin from where one beginning is not as good as another.
-        coarse: A few shapes that tell whether an effect that is not linear is worth a closer look.
-        fine: More of them, which tell where to begin.
-        absorbs: Share of the error of data it was not fitted to that it removes of hulls no formula
-            describes, where nothing is missing but a formula.
-        far: Tables to begin from where the file is so far from the recording that no derivative about the
-            effect's absence leads to it.
-        plainer: The tables of effects with fewer parameters that it may nearly be on a vehicle, from its own:
-            they are tried as well wherever this one would be named.
+        form: The alternative of `one_of` tried on a vehicle without the effect; by default the first.
+        step: Step of derivatives relative to the scale: larger if the effect has kinks.
+        resolution: Resolution of the search relative to the scale, for an effect that acts on a row of the
+            log or does not; else 0.
+        starts: Initial tables of a fit that may have several local minima.
+        coarse: A few shapes that show whether a nonlinear effect deserves a closer look.
+        fine: More shapes, which supply initial values.
+        absorbs: Share of the held-out error that it removes for hulls that no formula describes, if nothing
+            else is missing.
+        far: Initial tables for a file so far from the recording that derivatives at zero do not lead to the
+            effect.
+        plainer: Function to tables of effects with fewer parameters that approximate it on a vehicle; these
+            are tried wherever this effect would be named.
     """
 
     form: str | None = None
@@ -178,18 +178,18 @@ class Identification:
 
     @property
     def linear(self) -> bool:
-        """Whether one column per parameter is all there is to it."""
+        """Whether one column per parameter suffices."""
         return self.coarse is None
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """How an error of the velocity log shows in pose against velocity.
+    """Kinematic signature of a DVL error in pose against velocity.
 
     Attributes:
         parameter: The parameter that is estimated.
-        place: Its numbers in the row of `core.effects.sensor`.
-        negligible: Size that nobody would put right; None is half a sample.
+        place: Its indices in the row of `core.effects.sensor`.
+        negligible: Size that needs no correction; None is half a sample.
     """
 
     parameter: str
@@ -199,11 +199,12 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class Advice:
-    """What to say about an effect that was found.
+    """Advice on an effect that was found.
 
     Attributes:
-        parted_by: Motions of `core.effects.parting` that part it from others.
-        saying: Fitted parameters and sample time [s] to what else they may mean; None where they mean it.
+        parted_by: Motions of `core.effects.parting` that separate it from others.
+        saying: Function from fitted parameters and sample time [s] to an alternative meaning; None if there
+            is none.
     """
 
     parted_by: tuple[str, ...] = ()
@@ -212,13 +213,13 @@ class Advice:
 
 @dataclass(frozen=True)
 class Words:
-    """What a vehicle file writes out of an effect that is no number, a list of texts.
+    """Textual part of an effect in a vehicle file, a list of texts.
 
     Attributes:
         name: Key in the `[[effect]]` table, and the name of its length in the shapes of parameters.
-        meaning: What it is, in a few words.
+        meaning: Meaning in a few words.
         example: For documentation.
-        optional: Whether there is an effect without it.
+        optional: Whether the effect exists without it.
     """
 
     name: str
@@ -228,47 +229,46 @@ class Words:
 
 
 Structure = Callable[[Mapping[str, Any], str], tuple[Array, dict[str, int]]]
-"""Numbers that stand for an effect's words in a table at a place, and the lengths that they give.
-
-Among these is LAST_COMMAND: the number of the last command that is read, 0 of none.
-"""
+"""Function from a table and its place to the numbers that represent an effect's words, and to their lengths.
+The lengths include LAST_COMMAND: the number of the last command in use, 0 for none."""
 LAST_COMMAND = "last_command"
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect of the catalogue: everything that any part of the program needs to know of it.
+    """Effect of the catalogue: all data on it that any part of the program needs.
 
-    Exactly the callables of its kind are set.  All take the effect's packed parameter vector first.
+    Exactly the callables of its kind are set.  The first argument of each is the effect's packed parameter
+    vector.
 
     Attributes:
         name: Name in a vehicle file.
-        family: The file of `core.effects` it stands in.
-        kind: What it acts on: `wrench` adds to tau, `inertia` to M (and brings its Coriolis terms), `flow` to
-            the current v_c (and may bring a wrench), `actuator` to the thruster table, `sensor` to the logged
+        family: Its file in `core.effects`.
+        kind: Target of the effect: `wrench` adds to tau, `inertia` to M (with its Coriolis terms), `flow` to
+            the current v_c (and possibly a wrench), `actuator` to the thruster table, `sensor` to the logged
             velocity.
         definition: Its equation on one line, the wrench being the one ON the vehicle.
         source: Where the equation comes from.
         excitation: The motion that a recording must contain for its parameters to be determined.
-        lookalikes: Effects that it is easily taken for.
+        lookalikes: Effects that it is easily mistaken for.
         parameters: In packing order.
-        one_of: Names of parameters of which exactly one is given, and the others are not packed.
+        one_of: Names of alternative parameters, of which exactly one is given; the others are not packed.
         kernel: Scalar compiled wrench, see `core.effects.layout`.
         inertia: `inertia(p, M)` adds to a 6x6 matrix.
         flow: `flow(p, flow)` adds to the current, (7,) of `catalogue.current`.
         actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
-        harmonics: `harmonics(p, gravity, places)` gives the rows of `core.effects.waves` that what acts by
-            chance is drawn from: in every prediction it is absent, and no fit of predictions finds it.
-        sensor: `sensor(p, log)` changes the row `core.effects.sensor` describes, in place.
+        harmonics: `harmonics(p, gravity, places)` returns the rows of `core.effects.waves` from which a
+            random effect is drawn: it is absent in every prediction, and no fit of predictions finds it.
+        sensor: `sensor(p, log)` changes the row of `core.effects.sensor`, in place.
         states: Number of internal states for a packed parameter vector.
-        start: `start(p, c, s, x)` sets them for a motion that has been steady until now.
-        identification: How it is looked for.
-        kinematics: How kinematics alone shows it; None of all that are no error of the velocity log.
-        advice: What is said of it.
-        roles: What else it is to other parts of the program.
-        repeatable: Whether a vehicle file may have several of it: things, each at a place of its own.
-        words: What a file writes out of it beside numbers.
-        structure: What these words amount to; packed before the parameters.
+        start: `start(p, c, s, x)` sets them to the steady state of a motion.
+        identification: Search for the effect.
+        kinematics: Kinematic signature; None if it is not a DVL error.
+        advice: Advice on it.
+        roles: Its roles for other parts of the program.
+        repeatable: Whether a vehicle file may have several of it: objects, each at its own place.
+        words: Its textual parts in a file.
+        structure: Conversion of these words to numbers, packed before the parameters.
         sentence: States its values in words, see `core.effects.sentences`; None for a generic sentence.
     """
 
@@ -299,44 +299,44 @@ class Effect:
     sentence: Callable[[Case], str] | None = None
 
     def parameter(self, name: str) -> Parameter:
-        """The parameter of that name."""
+        """Return the parameter of that name."""
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
     @property
     def is_written(self) -> bool:
-        """Whether only who writes the file can say what it is: no search can try it."""
+        """Whether its form is written in the file, so that no search can try it."""
         return any(not words.optional for words in self.words)
 
     @property
     def is_random(self) -> bool:
-        """Whether it acts by chance: it predicts nothing, and no fit of predictions can move it."""
+        """Whether it is random: it predicts nothing, and no fit of predictions can change it."""
         return self.harmonics is not None
 
     def known(self, table: Mapping[str, Any]) -> frozenset[str]:
-        """Names of the parameters that a table holds as known: `known = true`, or a list of some."""
+        """Return the names of the parameters that a table holds as known: `known = true`, or a list."""
         held = table.get("known", False)
         every = (parameter.name for parameter in self.parameters)
         return frozenset(every if held is True else held or ())
 
     def written(self, table: Mapping[str, Any]) -> Table:
-        """What a table holds in words."""
+        """Return the textual part of a table."""
         return {words.name: table[words.name] for words in self.words if words.name in table}
 
     def wholly_known(self, table: Mapping[str, Any]) -> bool:
-        """Whether a table holds all that it gives as known."""
+        """Return whether a table holds all of its parameters as known."""
         given = {one.name for one in self.parameters if one.name not in self.one_of or one.name in table}
         return given <= self.known(table)
 
     @property
     def description(self) -> str:
-        """The docstring of the function that defines it: what a naval engineer would check."""
+        """Docstring of its defining function: the facts that a naval engineer would check."""
         for function in (self.kernel, self.inertia, self.flow, self.actuator, self.sensor):
             if function is not None:
                 return inspect.getdoc(function) or ""
         raise TypeError(f"effect {self.name} has no defining function")
 
     def pack(self, table: Mapping[str, Any], *, thrusters: int, where: str = "effect") -> Array:
-        """Packed parameter vector of an `[[effect]]` table.
+        """Pack the parameters of an `[[effect]]` table to a vector.
 
         Args:
             table: The table as read from TOML.
@@ -344,11 +344,11 @@ class Effect:
             where: Path of the table, for errors.
 
         Returns:
-            The parameters in order, matrices row by row; a scalar or vector left out is 0.
+            The parameters in order, matrices row by row; a missing scalar or vector is 0.
 
         Raises:
-            DataError: An unknown or missing key, a wrong size, a number out of bounds or not finite, or a
-                `known` that names no parameters.
+            DataError: A key is unknown or missing, a size is wrong, a number is out of bounds or not finite,
+                or `known` names no parameter.
         """
         known = {parameter.name for parameter in self.parameters}
         keys = known | {words.name for words in self.words}
@@ -383,7 +383,7 @@ class Effect:
 
 
 def _entries(parameter: Parameter, table: Mapping[str, Any], sizes: dict[str, int], where: str) -> Array:
-    """One parameter as a flat vector; a symbolic length not met before is fixed by the first that uses it."""
+    """Return one parameter as a flat vector; its first use sets a symbolic length."""
     if parameter.name not in table:
         if parameter.required:
             raise DataError(f"{where}: is missing ({parameter.meaning})")
@@ -409,7 +409,7 @@ def _entries(parameter: Parameter, table: Mapping[str, Any], sizes: dict[str, in
 
 
 def _wanted(parameter: Parameter, sizes: Mapping[str, int]) -> str:
-    """What a parameter should look like, for an error message."""
+    """Describe the expected form of a parameter, for an error message."""
     if not parameter.shape:
         return "a number"
     lengths = [

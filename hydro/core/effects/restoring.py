@@ -38,7 +38,7 @@ from hydro.core.vehicle.plausible import Plausible, between, within_box
 from hydro.core.vehicle.plausible import of_weight as up_to_weight
 
 TILTS_TRIED, LAGS_TRIED = (0.1, 0.4), (0.5, 2.0, 8.0)
-LEAST_TILT, MOST_TILT, LEAST_LAG, MOST_LAG = 0.02, 1.0, 0.1, 60.0  # rad, s, of what a log can show
+LEAST_TILT, MOST_TILT, LEAST_LAG, MOST_LAG = 0.02, 1.0, 0.1, 60.0  # rad, s, bounds of observable values
 CARRIED = "a vehicle does not carry more than itself"
 ON_BOARD = tuple(
     within_box(2.0, "up to the hull's length along this axis from CO", CARRIED, i) for i in range(3)
@@ -48,7 +48,7 @@ INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull"
 
 @kernel
 def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Velocity v_r + omega x r through the water of a point r of the body [m], body axes [m/s]."""
+    """Return the velocity v_r + omega x r through the water of a point r [m], body axes [m/s]."""
     roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
     return (
         s[RELATIVE_VELOCITY] + pitch * z - yaw * y,
@@ -76,7 +76,7 @@ def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) 
 
 @kernel
 def net_buoyancy(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Force dB upward in the world at the centre of buoyancy: ballast misjudged, water of another density."""
+    """Force dB upward in the world at the centre of buoyancy: wrong ballast, or water of another density."""
     at = CENTER_OF_BUOYANCY
     push_down(s, -p[0], c[at], c[at + 1], c[at + 2], tau)
 
@@ -85,8 +85,8 @@ def net_buoyancy(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
 def buoyancy_offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Moment d x (R^T [0, 0, -B]): the vehicle's buoyancy B acts at d = (dx, dy, dz) from the file's centre.
 
-    Lowering the centre of buoyancy (dz > 0) takes stability away: the righting moment at a roll phi changes
-    by +B dz sin(phi).
+    Lowering the centre of buoyancy (dz > 0) reduces stability: the righting moment at a roll phi changes by
+    +B dz sin(phi).
     """
     push_down(s, -c[BUOYANCY], p[0], p[1], p[2], tau)
     push_down(s, c[BUOYANCY], 0.0, 0.0, 0.0, tau)
@@ -96,7 +96,7 @@ def buoyancy_offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 def payload(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Weight in water w, downward in the world, at a point of the body; its dry mass m adds only inertia.
 
-    w is already weight less buoyancy, so that m enters M (about CO, with its Coriolis terms) and no force.
+    w is weight minus buoyancy, so m enters only M (about CO, with its Coriolis terms), not the force.
     """
     push_down(s, p[0], p[1], p[2], p[3], tau)
 
@@ -111,12 +111,13 @@ def point_mass(p: Array, matrix: Array) -> None:
 
 @kernel
 def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Moment g x d of ballast that has slid by x = m (x_b, y_b, 0), d being the world's down in body axes.
+    """Moment g x d of ballast that has moved by x = m (x_b, y_b, 0), d being the world's down in body axes.
 
-    Toward the lower end it goes as far as its stop, S = mass times travel, and late: x' = (S tanh(d/tilt) -
-    x)/T along surge and along sway.  Its weight is in the vehicle's, so that no force comes of it, and the
-    inertia of its sliding is left out.  At small tilts and slowly it is the free-surface effect of a liquid,
-    a loss g S/tilt of the righting moment's slope, and damps.  It stores g (tilt int artanh(x/S) dx - x d).
+    It slides toward the lower end up to its stop, S = mass times travel, with a lag: x' = (S tanh(d/tilt) -
+    x)/T along surge and along sway.  Its weight is part of the vehicle's, so it adds no force, and the
+    inertia of its sliding is neglected.  At small tilts and low rates it is the free-surface effect of a
+    liquid: it reduces the slope of the righting moment by g S/tilt, and damps.  Its stored energy is g (tilt
+    int artanh(x/S) dx - x d).
     """
     for i in range(2):
         dx[i] = (p[i] * math.tanh(s[ROTATION + 6 + i] / p[2]) - x[i]) / p[3]
@@ -125,25 +126,25 @@ def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arr
 
 @kernel
 def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> None:
-    """Add the moment of weight that moved within the body, by mass times way (x, y, 0) [kg m]."""
+    """Add the moment of weight that moved within the body, by mass times displacement (x, y, 0) [kg m]."""
     push_down(s, gravity, x, y, 0.0, tau)
     push_down(s, -gravity, 0.0, 0.0, 0.0, tau)
 
 
 @kernel
 def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
-    """x(0) = S tanh(d/tilt): as if the present tilt had always been."""
+    """Set x(0) = S tanh(d/tilt), the steady state of the present tilt."""
     for i in range(2):
         x[i] = p[i] * math.tanh(s[ROTATION + 6 + i] / p[2])
 
 
 def loose(tilt: float, lag: float) -> Table:
-    """Ballast of no mass that a tilt [rad] moves with a lag [s]."""
+    """Return ballast of zero mass, with a tilt [rad] and a lag [s]."""
     return {"name": DRIFTING_BALLAST.name, "S": [0.0, 0.0], "tilt": tilt, "T": lag}
 
 
 def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
-    """Both ways of sliding, for each of some tilts and lags."""
+    """Return shapes of both directions of sliding, for each of some tilts and lags."""
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         for tilt in tilts:
@@ -154,34 +155,34 @@ def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
 
 
 def shown_tilts(index: Index, rest: Rest) -> tuple[float, float]:
-    """Tilts that a recording can show."""
+    """Return the range of tilts that a recording can show."""
     return LEAST_TILT, MOST_TILT
 
 
 def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
-    """Lags that a recording can show."""
+    """Return the range of lags that a recording can show."""
     return LEAST_LAG, MOST_LAG
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """A fifth of the vehicle's mass, from the middle of the hull to its end."""
+    """Return the range up to a fifth of the vehicle's mass, moved from the middle of the hull to its end."""
     hull = vehicle.hull
     return 0.0, 0.1 * vehicle.rigid_body.mass * (hull.length, hull.width)[index[-1]]
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Places within two lengths of CO."""
+    """Return the range of places within two lengths of CO."""
     return -2.0 * rest.vehicle.hull.length, 2.0 * rest.vehicle.hull.length
 
 
 def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """A little weight, and a little lift: about no weight at all, its place would mean nothing."""
+    """Return a small weight, and a small lift: with zero weight, its place has no influence."""
     weight = of_weight(0.005)(vehicle)
     return [{"w": weight}, {"w": -weight}]
 
 
 def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Weight, its three moments and the dry mass: linear in w, w x, w y, w z and m."""
+    """Yield weight, its three moments and the dry mass: linear in w, w x, w y, w z and m."""
     weight = of_weight(0.01)(vehicle)
     mass, lever = 0.3 * vehicle.rigid_body.mass, LEVER * vehicle.hull.length
     little = 0.01
@@ -204,9 +205,10 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """The weight of a payload at the centre of buoyancy, and the offset of buoyancy with its moment.
+    """Return the weight of a payload at the centre of buoyancy, and the offset of buoyancy with its moment.
 
-    One is all that a payload without mass has close to that centre, the other one without weight and mass.
+    The first approximates a payload without mass close to that centre, the second one without weight and
+    mass.
     """
     weight, lift = table.get("w", 0.0), max(vehicle.buoyancy.force, 1.0)
     shift = {f"d{axis}": -weight * table.get(axis, 0.0) / lift for axis in "xyz"}
@@ -214,13 +216,13 @@ def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
 
 
 def in_water(force: float, error: float, vehicle: Vehicle) -> str:
-    """Write a force [N] and the mass in water that weighs as much: `31 N (3.2 kg in water)`."""
+    """Write a force [N] and its mass in water: `31 N (3.2 kg in water)`."""
     gravity = vehicle.environment.gravity
     return f"{number(abs(force), error)} N ({number(abs(force) / gravity, error / gravity)} kg in water)"
 
 
 def buoyancy_sentence(case: Case) -> str:
-    """State how much lighter or heavier the vehicle is than the file has it."""
+    """State the difference of the vehicle's weight in water from the file."""
     lift = case.one("dB")
     if not lift.clear:
         return undetermined(case, "the added buoyancy", lift.text("N"))
@@ -248,7 +250,7 @@ def payload_sentence(case: Case) -> str:
 
 
 def ballast_sentence(case: Case) -> str:
-    """State how much ballast slides, at which tilt and how late."""
+    """State the mass, tilt and lag of sliding ballast."""
     slides = list(zip(("surge", "sway"), case.many("S", (2,)), strict=True))
     tilt, lag = case.one("tilt").times(180.0 / math.pi), case.one("T")
     if case.in_file:

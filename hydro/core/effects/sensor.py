@@ -1,8 +1,8 @@
-"""Errors of the velocity log: they change what is recorded, never the motion.
+"""Errors of the DVL, which change the recorded velocity but not the motion.
 
-u_m(t) = (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b, of the velocity v of CO.  The log's reading
-of p, q, r and the pose are left alone.  As no force can make d(pose)/dt and R nu disagree, these effects
-show in the kinematics, and are inverted once, before any dynamics.
+u_m(t) = (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b, with the velocity v of CO.  The logged p, q, r
+and the pose are not affected.  No force can make d(pose)/dt and R nu differ, so these effects are visible in
+the kinematics, and are inverted once, before any dynamics.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hydro.core.vehicle.plausible import between, within_box
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-# The log as a row of numbers, filled by the effects.
+# DVL errors as a row of numbers, filled by the effects.
 SCALE = slice(0, 3)
 ANGLES = slice(3, 6)
 DELAY = 6
@@ -35,51 +35,51 @@ LEVER = slice(7, 10)
 BIAS = slice(10, 13)
 LOG = 13
 
-SHORT = 256  # rows, of which all pairs are few
+SHORT = 256  # rows up to which all pairs fit into memory
 LONGEST_DELAY = 0.5
-"""Greatest delay of a velocity log that is looked for [s]."""
+"""Largest delay of a DVL that is searched [s]."""
 SCALE_ERROR = between(
     -0.2, 0.2, "", "Kinsey and Whitcomb (2007): per cents; the speed of sound varies by a tenth"
 )
-DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, that are tried
+DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, delays that are tried
 
 
 def sensor_scale(p: Array, log: Array) -> None:
-    """Reading (1 + s) v, one s for all axes or three: a speed of sound misjudged."""
+    """Reading (1 + s) v, one s for all axes or three: an error of the speed of sound."""
     log[SCALE] += p
 
 
 def sensor_misalignment(p: Array, log: Array) -> None:
-    """Reading R(alpha)^T v: the log is mounted turned by roll, pitch, yaw alpha (ZYX) against the body."""
+    """Reading R(alpha)^T v: the DVL is rotated by roll, pitch, yaw alpha (ZYX) against the body."""
     log[ANGLES] += p
 
 
 def sensor_delay(p: Array, log: Array) -> None:
-    """Reading of the moment t - d, stamped t: averaging and transmission."""
+    """Reading of the time t - d, stamped t: averaging and transmission."""
     log[DELAY] += p[0]
 
 
 def sensor_lever_arm(p: Array, log: Array) -> None:
-    """Reading v + omega x r: the log sits at r from where its data say."""
+    """Reading v + omega x r: the DVL is at r from its assumed place."""
     log[LEVER] += p
 
 
 def sensor_bias(p: Array, log: Array) -> None:
-    """Reading v + b, constant in the log's axes."""
+    """Reading v + b, constant in the DVL's axes."""
     log[BIAS] += p
 
 
 def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
-    """What the log writes down while the vehicle moves with nu.
+    """Return the logged velocity of a vehicle that moves with nu.
 
     Args:
-        log: Row of the velocity log, shape (13,), of `core.effects.velocity_log`.
-        t: Time of one unbroken segment [s], shape (N,), rising.
+        log: Row of the DVL errors, shape (13,), of `core.effects.velocity_log`.
+        t: Times of one segment [s], shape (N,), ascending.
         nu: Velocity of CO over ground, body frame, shape (..., N, 6).
 
     Returns:
-        Logged velocity, shape (..., N, 6); p, q, r as they were.  What happened before the first row is
-        taken to be like it.
+        Logged velocity, shape (..., N, 6); p, q, r unchanged.  The motion before the first row is assumed
+        equal to that of the first row.
     """
     motion = np.array(nu, dtype=np.float64)
     local = motion[..., :3]
@@ -93,11 +93,11 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
-    """Velocity of CO from what the log wrote down: the inverse of `measured`, up to the last `d` seconds.
+    """Return the velocity of CO from the logged one: inverse of `measured`, except the last `d` seconds.
 
     Args:
-        log: Row of the velocity log, shape (13,).
-        t: Time of one unbroken segment [s], shape (N,), rising.
+        log: Row of the DVL errors, shape (13,).
+        t: Times of one segment [s], shape (N,), ascending.
         nu: Logged velocity, shape (N, 6).
 
     Returns:
@@ -111,7 +111,7 @@ def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def _at(moments: Array, t: Array, values: Array) -> Array:
-    """Values (..., N, 3) known at t, at other moments: a cubic spline, constant beyond both ends."""
+    """Return values (..., N, 3) given at t at other times: a cubic spline, constant beyond both ends."""
     if len(t) < 2 or np.array_equal(moments, t):
         return values
     inside = np.clip(moments, t[0], t[-1])
@@ -124,7 +124,7 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
 
 @lru_cache(64)
 def _weights(t: bytes, moments: bytes) -> Array:
-    """How the values at some times make up those at other moments, (N, N): all shots of a fit share them."""
+    """Return the weights of spline interpolation between times, (N, N), shared by all shots of a fit."""
     times = np.frombuffer(t)
     return np.asarray(_spline(times, np.eye(len(times)), 0)(np.frombuffer(moments)))
 
@@ -136,17 +136,17 @@ def _spline(t: Array, values: Array, axis: int) -> CubicSpline:
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """A log that writes down what was, not what will be."""
+    """Return the range of a delay, which cannot be negative."""
     return 0.0, LONGEST_DELAY
 
 
 def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
-    """The same as bounds of a fit."""
+    """Return the range of a delay as bounds of a fit."""
     return room_of_delay(rest.vehicle)
 
 
 def delay_sentence(case: Case) -> str:
-    """State how late DVL velocity arrives."""
+    """State the delay of the DVL velocity."""
     delay = case.one("d")
     if not delay.clear:
         return undetermined(case, "the delay of the DVL velocity", delay.text("s"))
@@ -156,7 +156,7 @@ def delay_sentence(case: Case) -> str:
 
 
 def scale_sentence(case: Case) -> str:
-    """State how much too high or too low DVL velocity reads, for all axes or for each."""
+    """State the scale error of the DVL velocity, for all axes or for each."""
     than = "than the file says" if case.in_file else ""
     words = ("higher", "lower") if case.in_file else ("too high", "too low")
 
@@ -178,7 +178,7 @@ def scale_sentence(case: Case) -> str:
 
 
 def scales(case: Case) -> list[Quantity]:
-    """Return the scale errors of three axes, which values and file may give by one for all."""
+    """Return the scale errors of three axes, which values and file may give as one number."""
     form = "axes" if "axes" in case.values or "s" not in case.values else "s"
     old = "axes" if "axes" in (case.before or {}) else "s"
     before = case.of_file(old, (3,)).tolist()
@@ -192,11 +192,11 @@ TURNS = (
 )
 """Words for a positive and a negative angle about each axis of the body, FRD."""
 LEAST_ANGLE = 0.05
-"""Angle [deg] below which one without a standard error is negligible."""
+"""Angle below which a value without a standard error is negligible [deg]."""
 
 
 def misalignment_sentence(case: Case) -> str:
-    """State by which angles the DVL is turned against the body."""
+    """State the angles by which the DVL is rotated against the body."""
     angles = [one.times(180.0 / np.pi) for one in case.many("alpha", (3,))]
     kept = [
         f"{one.changed('°')} {words[one.change < 0.0]}"
@@ -211,7 +211,7 @@ def misalignment_sentence(case: Case) -> str:
 
 
 def bias_sentence(case: Case) -> str:
-    """State the constant error of DVL velocity in words of the body's axes."""
+    """State the constant error of the DVL velocity along the body's axes."""
     three = case.many("b", (3,))
     pieces = [
         piece.replace(" below", " downward").replace(" above", " upward")

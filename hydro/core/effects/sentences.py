@@ -1,4 +1,4 @@
-"""One plain sentence for the values of any effect of the catalogue."""
+"""Plain sentence for the values of any effect of the catalogue."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def sentence(
 ) -> str:
     """State the values of an effect in one plain sentence, or two.
 
-    Where the vehicle has the effect, the sentence compares with the file; where not, it says what is missing.
+    If the vehicle has the effect, the sentence compares it with the file; else it states what is missing.
 
     Args:
         vehicle: The vehicle file as given.
-        effect_name: Name in the catalogue, with its label where it has one.
+        effect_name: Name in the catalogue, with its label if it has one.
         values: The effect's table, in the units of the catalogue.
-        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 of what was held.
+        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
         dt: Sample time of the log [s].
 
     Returns:
@@ -47,7 +47,7 @@ def sentence(
 
 
 def generic(effect: Effect, case: Case) -> str:
-    """State an effect that has no sentence of its own, by the meanings and units of its parameters."""
+    """State an effect without its own sentence, by the meanings and units of its parameters."""
     noun = effect.name.replace("_", " ")
     given = [one for one in effect.parameters if one.name in case.values or one.name not in effect.one_of]
     by_axis = len(given) == 1 and given[0].shape == (6,)
@@ -72,7 +72,7 @@ def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
 
 
 def place_of(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Name an entry: by its axes where there are six, else by its number from 1."""
+    """Name an entry: by its axes if there are six, else by its number from 1."""
     if not index:
         return ""
     names = [AXES[i] if n == 6 else str(i + 1) for i, n in zip(index, shape, strict=True)]

@@ -1,7 +1,7 @@
-"""The shapes of an effect: linear in one of its parameters once the others are held, or changed by a size.
+"""Shapes of an effect: linear in one parameter with the others held, or changed by a finite size.
 
-Of a threshold a derivative at its absence says nothing: no command lies within a dead band of no width.  What
-a change of a size that is to be expected does is a column that says something, at some such sizes.
+A derivative at zero shows nothing of a threshold: no command lies within a dead band of zero width.  A change
+by an expected size is an informative column, so some such sizes are tried.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from hydro.core.effects.record import Effect, Shape, Shapes, Table
 from hydro.core.vehicle.description import Vehicle
 
 LEVER = 0.25
-"""Of the hull's length: how far from CO a point of the body is tried besides."""
+"""Distance from CO, in hull lengths, of additional trial points."""
 Room = Callable[[Vehicle], tuple[float, float]]
-"""Least and greatest value of a number on a vehicle."""
+"""Function from a vehicle to the minimum and maximum of a number."""
 LEAST, MOST = 0.5, 1.5
-"""Times a size from which a fit begins that the column of this size asks for."""
+"""Range of the initial value of a fit, relative to the size of the column."""
 
 
 def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) -> Shape:
-    """One column per entry of a parameter, the others held.
+    """Return one column per entry of a parameter, with the others held.
 
     Args:
         effect: The effect.
         name: The parameter in which it is linear.
-        held: The table about which it is.
+        held: The table at which the columns are taken.
         vehicle: The vehicle, for the scales.
     """
     parameter, start = effect.parameter(name), np.array(held[name], float)
@@ -49,13 +49,13 @@ def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) 
 
 
 def of_sizes(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
-    """One column per size of an effect's only number, of which 1 is that size.
+    """Return one column per size of an effect's only parameter; 1 is that size.
 
     Args:
         name: The effect.
         parameter: Its number.
-        room: Least and greatest value on a vehicle; where the least is below 0, it and half of it are tried.
-        sizes: What else is tried where there is room, none of them 0.
+        room: Range on a vehicle; a negative minimum and half of it are also tried.
+        sizes: Other sizes to try within the range, none of them 0.
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:

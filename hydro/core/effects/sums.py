@@ -1,4 +1,4 @@
-"""Whether a vehicle's effects make sense together: what no single parameter's bounds can say."""
+"""Validation of a vehicle's effects in sum, beyond the bounds of single parameters."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 
 EIGENVALUE_TOLERANCE = 1e-9
-"""Relative to the largest entry: asymmetry and negative eigenvalues below it are rounding."""
+"""Tolerance of asymmetry and negative eigenvalues relative to the largest entry: rounding errors."""
 
 
 def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
@@ -20,14 +20,12 @@ def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
 
     Args:
         vehicle: The vehicle.
-        damped: Another one that says what the damping is in sum, where something else than effects damps
-            the former.
+        damped: A vehicle with the total damping, if the first one is not damped by effects alone.
 
     Raises:
-        DataError: Naming the path in the vehicle file: an unknown effect or parameter, a number out of
-            bounds; or, of the sum, an added mass that is not symmetric positive semi-definite, a mass
-            matrix that is not positive definite, a damping that can drive the vehicle, a thruster that
-            cannot be.
+        DataError: An effect or parameter is unknown, a number is out of bounds, or a sum is invalid: added
+            mass that is not symmetric positive semi-definite, a mass matrix that is not positive definite,
+            active damping, or an impossible thruster.  The message names the path in the vehicle file.
     """
     thruster_table(vehicle)
     added_mass = added_mass_matrix(vehicle)
@@ -43,7 +41,7 @@ def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
 
 
 def damping_in_sum(vehicle: Vehicle) -> tuple[Array, Array, Array]:
-    """Linear damping (6, 6), the diagonal of quadratic damping (6,), and the cross-flow coefficients (2,)."""
+    """Return total linear damping (6, 6), quadratic damping (6,), and cross-flow coefficients (2,)."""
     linear, quadratic, drag = np.zeros((6, 6)), np.zeros(6), np.zeros(2)
     for effect, p, _ in entries(vehicle):
         if effect.name == "linear_damping":
@@ -69,7 +67,7 @@ def _require_symmetric(added_mass: Array) -> None:
 
 
 def _require_semidefinite(matrix: Array, what: str) -> None:
-    """Raise DataError where the symmetric part has a negative eigenvalue beyond rounding."""
+    """Raise DataError if the symmetric part has a negative eigenvalue beyond rounding."""
     least = float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])
     if least < -EIGENVALUE_TOLERANCE * float(np.abs(matrix).max()):
         raise DataError(

@@ -1,4 +1,4 @@
-"""What else the surroundings do to a vehicle: a tether, the nearness of the surface."""
+"""Effects of the surroundings: a tether, and suction near the surface."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between, within_box
 from hydro.core.vehicle.plausible import of_weight as up_to_weight
 
-LITTLE = 0.01  # of the plain stiffness, in a column
+LITTLE = 0.01  # share of the significant stiffness in a column
 FAR = 1e4
-"""Distance of an anchor whose pull is as good as steady [m]."""
+"""Distance of an anchor with a practically constant pull [m]."""
 STEADY = 1e3
-"""Distance [m] beyond which the direction of an anchor is said instead of its place."""
+"""Distance above which the direction of an anchor is stated instead of its place [m]."""
 STEEP = 80.0
-"""Slope [deg] above which a pull is called vertical."""
-DECAYS = (0.5, 1.5, 4.0)  # m, depths of decay that are tried
+"""Slope above which a pull is called vertical [deg]."""
+DECAYS = (0.5, 1.5, 4.0)  # m, decay depths that are tried
 LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 
 
@@ -46,7 +46,7 @@ LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Pull k max(0, distance - slack) at the attachment toward the anchor, straight, massless, undamped.
 
-    It is the negative gradient of 1/2 k max(0, distance - slack)^2, and so keeps the energy.
+    It is the negative gradient of 1/2 k max(0, distance - slack)^2, so it conserves energy.
     """
     stiffness, slack = p[0], p[1]
     ax, ay, az = p[2], p[3], p[4]
@@ -67,7 +67,8 @@ def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Force A exp(-max(z, 0)/decay) upward in the world at the centre of buoyancy, z the depth of CO.
 
-    A hull under way close below a free surface is drawn toward it, the more the closer (an empirical law).
+    A hull that moves close below a free surface is drawn toward it, more strongly at smaller depth (an
+    empirical law).
     """
     force = p[0] * math.exp(-max(s[POSITION + 2], 0.0) / p[1])
     at = CENTER_OF_BUOYANCY
@@ -75,12 +76,12 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Points within a length of CO."""
+    """Return the range of points within a length of CO."""
     return -rest.vehicle.hull.length, rest.vehicle.hull.length
 
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Anchors amid the recorded track and on its edges, cables that pull always or far out only."""
+    """Return anchors amid the recorded track and at its edges, with cables that pull always or far out."""
     track = np.zeros((1, 3)) if reach is None else reach[:, :3]
     middle, half = np.median(track, axis=0), np.maximum(0.5 * np.ptp(track, axis=0), 2.0)
     anchors = [middle, track[0]]
@@ -94,10 +95,10 @@ def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
 
 
 def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """A cable without slack: the stiffness k, k times the anchor, and the moments of k at one anchor.
+    """Yield a cable without slack: the stiffness k, k times the anchor, and the moments of k at one anchor.
 
-    Without slack the force is k (anchor - position), linear in all of them, so that anchors amid the track
-    and to three sides of it stand for any.
+    Without slack the force is k (anchor - position), linear in all of them.  So anchors amid the track and on
+    three sides of it represent any anchor.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])
@@ -119,7 +120,7 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """For each anchor and slack, the stiffness k and its moments k a about CO: linear in all four."""
+    """Yield for each anchor and slack the stiffness k and its moments k a about CO: linear in all four."""
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever = LEVER * length
     for start in cables(vehicle, reach):
@@ -136,11 +137,11 @@ def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def steady_pull(force: float, way: Array, attachment: Array) -> Table:
-    """A cable whose anchor is so far off that it pulls alike everywhere.
+    """Return a cable with an anchor so far away that its pull is the same everywhere.
 
     Args:
         force: Pull [N].
-        way: Direction, NED, (3,), of length 1.
+        way: Unit vector of the direction, NED, (3,).
         attachment: Point on the body [m], (3,).
     """
     return _cable(force / FAR, 0.0, attachment, FAR * way)
@@ -157,23 +158,23 @@ def _cable(k: float, slack: float, attachment: Array, anchor: Array) -> Table:
 
 
 def shallow_to_deep(index: Index, rest: Rest) -> tuple[float, float]:
-    """Depths of decay that a recording can show."""
+    """Return the range of decay depths that a recording can show."""
     return SHALLOWEST, DEEPEST
 
 
 def absent(decay: float) -> Table:
-    """A suction of no force."""
+    """Return a suction of zero force."""
     return {"name": SURFACE_SUCTION.name, "A": 0.0, "decay": decay}
 
 
 def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """The force at the surface for each depth of decay."""
+    """Yield the force at the surface for each decay depth."""
     for decay in DECAYS:
         yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)
 
 
 def tether_sentence(case: Case) -> str:
-    """State stiffness, slack and anchor of a tether, or the steady pull of an anchor that is far off."""
+    """State stiffness, slack and anchor of a tether, or the constant pull of a distant anchor."""
     stiffness, slack = case.one("k"), case.one("slack")
     anchor, point = case.many("anchor", (3,)), case.many("attachment", (3,))
     if case.in_file:
@@ -208,7 +209,7 @@ def direction(north: float, east: float, down: float) -> str:
 
 
 def fixed_point(point: Sequence[Quantity]) -> str:
-    """Name a point of the world by its distances from where NED begins."""
+    """Name a point of the world by its distances from the NED origin."""
     sides = (("north", "south"), ("east", "west"), ("down", "up"))
     return listed(
         [
@@ -219,7 +220,7 @@ def fixed_point(point: Sequence[Quantity]) -> str:
 
 
 def suction_sentence(case: Case) -> str:
-    """State the force at the surface and the depth over which it decays."""
+    """State the force at the surface and its decay depth."""
     force, decay = case.one("A"), case.one("decay")
     if case.in_file:
         entries = [

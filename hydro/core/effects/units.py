@@ -1,8 +1,8 @@
-"""Units as powers of kilogram, metre, second and radian, and how large a quantity of a unit plainly is.
+"""Units as powers of kilogram, metre, second and radian, and the significant size of a quantity of a unit.
 
-A size is plain where it would be seen at once: a third of the vehicle's mass or length, a hundredth of its
+A size is significant if its effect is obvious: a third of the vehicle's mass or length, a hundredth of its
 weight.  It follows from the dimension alone, with the vehicle's mass m, mean moment of inertia J and length
-L, at speeds about 1 m/s: what is left of metres and seconds beside them counts as 1.
+L, at speeds about 1 m/s.  Remaining powers of metres and seconds count as 1.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from hydro.core.vehicle.description import Vehicle
 
 Size = float | Callable[[Vehicle], float]
-"""A plain size, or the rule for it."""
+"""Significant size, or a rule for it."""
 
 
 class Dimension(NamedTuple):
@@ -39,10 +39,10 @@ BASE = {
 
 
 def dimension(unit: str) -> Dimension:
-    """Powers of a unit such as `N s^3/m^3`: factors apart by blanks, what follows a slash divides.
+    """Return the powers of a unit such as `N s^3/m^3`: factors separated by blanks, divisors after a slash.
 
     Raises:
-        ValueError: A factor that is not one of `BASE` with a whole power.
+        ValueError: A factor is not one of `BASE` with a whole exponent.
     """
     total = np.zeros(4, int)
     for place, part in enumerate(unit.split("/")):
@@ -55,9 +55,9 @@ def dimension(unit: str) -> Dimension:
 
 
 def plain_size(unit: str, vehicle: Vehicle) -> float:
-    """A plainly visible size of a quantity of this unit on this vehicle.
+    """Return the significant size of a quantity of this unit on this vehicle.
 
-    Inertia and damping, kg m^b s^c, go with m, sqrt(m J) and J for b <= 0, 1 and 2; static forces with the
+    Inertia and damping, kg m^b s^c, scale with m, sqrt(m J) and J for b <= 0, 1 and 2; static forces with the
     weight; lengths with L.
     """
     mass, length, time, angle = dimension(unit)
@@ -71,27 +71,27 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
 
 
 def of_mass(share: float) -> Size:
-    """A share of the vehicle's mass."""
+    """Return a share of the vehicle's mass."""
     return lambda vehicle: share * _inertia(0, vehicle)
 
 
 def of_mixed(share: float) -> Size:
-    """A share of the geometric mean of mass and moment of inertia: between a force and a moment."""
+    """Return a share of the geometric mean of mass and moment of inertia: between a force and a moment."""
     return lambda vehicle: share * _inertia(1, vehicle)
 
 
 def of_moment(share: float) -> Size:
-    """A share of the vehicle's mean moment of inertia."""
+    """Return a share of the vehicle's mean moment of inertia."""
     return lambda vehicle: share * _inertia(2, vehicle)
 
 
 def of_weight(share: float) -> Callable[[Vehicle], float]:
-    """A share of the vehicle's weight."""
+    """Return a share of the vehicle's weight."""
     return lambda vehicle: share * vehicle.rigid_body.mass * vehicle.environment.gravity
 
 
 def _inertia(length: int, vehicle: Vehicle) -> float:
-    """The vehicle's inertia in kg m^length: m, sqrt(m J), J, and on by the radius of gyration."""
+    """Return the vehicle's inertia in kg m^length: m, sqrt(m J), J, then by the radius of gyration."""
     m, J = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia))) / 3.0
     if length < 2:
         return float(np.sqrt(m * J)) if length else m

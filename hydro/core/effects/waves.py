@@ -1,16 +1,16 @@
-"""Waves: water that swings about its place as an irregular, long-crested sea passes over it.
+"""Waves: orbital motion of the water under an irregular, long-crested sea.
 
-Nobody knows the phases of a sea beforehand.  So waves are no law that predicts a motion: their mean is none,
-and wherever a recording is held against a vehicle file the water is as still as without them.  Where a motion
-is made (a simulation, the teacher, MuJoCo), a sea of the stated spectrum is drawn from a seed.
+The phases of a sea are unknown in advance.  So waves do not predict a motion: their mean is zero, and the
+water is calm in every comparison of a recording with a vehicle file.  In a generated motion (a simulation,
+the reference simulator, MuJoCo), a sea of the stated spectrum is drawn from a seed.
 
 A wave of frequency omega and elevation a cos(omega t) moves the water at depth z on circles (Airy; Newman
-1977, section 6.2), toward where it travels and a quarter of a period later down,
+1977, section 6.2), in its direction of travel and, a quarter of a period later, downward:
 
     v = a omega exp(-k z) [cos(omega t) along, sin(omega t) down],  k = omega^2/g in deep water.
 
-The hull is taken to be small beside the wavelength, and time to pass as the vehicle meets the waves: theirs
-is the encounter frequency.
+The hull is assumed small relative to the wavelength.  Time is that of the vehicle's encounter with the waves,
+so the frequency is the encounter frequency.
 """
 
 from __future__ import annotations
@@ -46,26 +46,26 @@ from hydro.core.vehicle.plausible import between
 
 HEIGHT, PERIOD, DIRECTION, PEAK = range(4)
 COMPONENTS = 96
-"""Harmonics of a sea that is drawn."""
+"""Number of harmonics of a random sea."""
 COMPONENT = 6  # omega, k, amplitudes of cosine and sine along, north, east
 COSINE, SINE = 2, 3
 BAND = (0.5, 4.0)
-"""Frequencies of a sea, times that of its peak: slower and faster waves hold less than 1 % of its energy."""
-NARROW, WIDE = 0.07, 0.09  # of the peak of JONSWAP below and above its frequency
-FINE = 4000  # frequencies over which a spectrum is integrated
+"""Frequency range of a sea relative to its peak: other waves have less than 1 % of its energy."""
+NARROW, WIDE = 0.07, 0.09  # width of the JONSWAP peak below and above its frequency
+FINE = 4000  # number of frequencies in the integral of a spectrum
 
 
 def elevation_spectrum(omega: ArrayLike, height: float, period: float, peak: float) -> Array:
-    """Spectrum of the elevation S(omega), one-sided, [m^2 s], of the energy (height/4)^2 over BAND.
+    """Return the one-sided spectrum of the elevation S(omega) [m^2 s], of the energy (height/4)^2 over BAND.
 
-    That of JONSWAP (Hasselmann et al. 1973) with the peak enhancement 1 + peak: of Pierson and Moskowitz,
-    a sea that the wind has fully raised, for a peak of 0, and of swell for a large one.
+    It is the JONSWAP spectrum (Hasselmann et al. 1973) with the peak enhancement 1 + peak.  A peak of 0 gives
+    a fully developed sea (Pierson and Moskowitz), a large one gives swell.
 
     Args:
         omega: Frequencies [rad/s], above 0, any shape.
         height: Significant wave height [m].
-        period: Of the peak [s].
-        peak: Peak enhancement less 1.
+        period: Period of the peak [s].
+        peak: Peak enhancement minus 1.
     """
     top = 2.0 * math.pi / period
     energy = _energy(float(peak))
@@ -76,27 +76,27 @@ def elevation_spectrum(omega: ArrayLike, height: float, period: float, peak: flo
 
 @lru_cache(maxsize=64)
 def _energy(peak: float) -> float:
-    """Integral of the form of the spectrum over BAND."""
+    """Return the integral of the spectrum's form over BAND."""
     edges = np.linspace(*BAND, FINE)
     return float(np.trapezoid(_shape(edges, peak), edges))
 
 
 def _shape(x: Array, peak: float) -> Array:
-    """Form of the spectrum at frequencies in that of the peak."""
+    """Return the form of the spectrum at frequencies relative to the peak."""
     width = np.where(x <= 1.0, NARROW, WIDE)
     raised = np.log1p(peak) * np.exp(-0.5 * ((x - 1.0) / width) ** 2)
     return np.asarray(x**-5.0 * np.exp(-1.25 * x**-4.0 + raised))
 
 
 def harmonics(p: Array, gravity: float, places: Array) -> Array:
-    """Harmonics of a sea, one for each of H bands of equal ratio of its frequencies, (H, COMPONENT).
+    """Return harmonics of a sea, one for each of H frequency bands of equal ratio, (H, COMPONENT).
 
-    Both amplitudes are the standard deviation that the energy of the band gives them.
+    Both amplitudes are the standard deviation from the energy of the band.
 
     Args:
         p: Parameters of the effect.
-        gravity: [m/s^2].
-        places: Where in its band each lies, as a share of the band's logarithm, (H,), in [0, 1].
+        gravity: Acceleration of gravity [m/s^2].
+        places: Place of each in its band, as a share of the band's logarithm, (H,), in [0, 1].
     """
     height, period, direction, peak = p
     x, edges = np.geomspace(*BAND, FINE), np.linspace(0.0, 1.0, len(places) + 1)
@@ -111,13 +111,13 @@ def harmonics(p: Array, gravity: float, places: Array) -> Array:
 
 
 def drawn(rows: Callable[[Array], Array], rng: np.random.Generator) -> Array:
-    """A sea of COMPONENTS harmonics of random frequency and Gaussian amplitudes, (COMPONENTS, COMPONENT).
+    """Draw a sea of harmonics of random frequency and Gaussian amplitudes, (COMPONENTS, COMPONENT).
 
-    So waves come in groups as at sea (Tucker, Challenor and Carter 1984), and repeat at no time.
+    So waves form groups as at sea (Tucker, Challenor and Carter 1984), and never repeat.
 
     Args:
         rows: Harmonics at some places of their bands.
-        rng: What draws it.
+        rng: Source of random numbers.
     """
     sea = rows(rng.random(COMPONENTS))
     sea[:, 2:4] *= rng.standard_normal((COMPONENTS, 2))
@@ -125,14 +125,14 @@ def drawn(rows: Callable[[Array], Array], rng: np.random.Generator) -> Array:
 
 
 def calm(p: Array, flow: Array) -> None:
-    """Nothing: the water's mean motion in waves."""
+    """Add nothing: the mean motion of the water in waves is zero."""
 
 
 @kernel
 def orbits(sea: Array, s: Array) -> tuple[float, float, float]:
-    """Velocity of the water [m/s], NED, at the depth and time in `s`; its growths are written there.
+    """Return the velocity of the water [m/s], NED, at the depth and time in `s`; write its gradients to `s`.
 
-    WATER_RATE is the rate at a place that is fixed, WATER_GROWTH the growth with depth.
+    WATER_RATE is the rate at a fixed place, WATER_GROWTH the gradient with depth.
     """
     north = east = down = 0.0
     for i in range(6):
@@ -158,14 +158,14 @@ def orbits(sea: Array, s: Array) -> tuple[float, float, float]:
 
 @kernel
 def swung(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Wrench M_A [R^T v_w_dot; 0] and rho V R^T a_w at the centre of buoyancy, of water that swings.
+    """Wrench M_A [R^T v_w_dot; 0] and rho V R^T a_w at the centre of buoyancy, of water in orbital motion.
 
-    v_w is the water's velocity in a sea drawn from a spectrum of JONSWAP, v_w_dot its rate as the vehicle
-    meets it and a_w as the water itself does, rising and sinking, and rho V = B/g.  The added mass feels the
-    one and, by the water's pressure, the hull the other (Morison et al. 1950), so that a neutral vehicle that
-    moves with the water stays with it; drag goes with nu_r.  In every prediction the sea is calm and this is
-    nothing.  Left out is how the water's motion changes along the wave: over the hull, and in what pressure
-    of second order there is.
+    v_w is the water's velocity in a sea drawn from a JONSWAP spectrum.  v_w_dot is its rate at the moving
+    vehicle, a_w its rate at a moving water particle, and rho V = B/g.  The added mass responds to the first,
+    and the hull, by the water's pressure, to the second (Morison et al. 1950).  So a neutral vehicle that
+    moves with the water stays with it; drag depends on nu_r.  In every prediction the sea is calm and this
+    wrench is zero.  Changes of the water's motion along the wave are neglected: over the hull, and in
+    second-order pressure.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
     sinking = through = 0.0
@@ -181,7 +181,7 @@ def swung(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
         s,
         tau,
     )
-    own = sinking - through  # of the water
+    own = sinking - through  # rate of a water particle
     a, b, d = (
         s[rate] + own * s[growth],
         s[rate + 1] + own * s[growth + 1],

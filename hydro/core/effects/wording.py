@@ -10,17 +10,17 @@ AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
 """Points of the compass, clockwise from north."""
 MOST_DIGITS = 4
-"""Significant digits of a value at most, however small its standard error is."""
+"""Maximum significant digits of a value, for any standard error."""
 PLAIN_DIGITS = 3
 """Significant digits of a value without a standard error."""
 LEAST_PLACE, PLACE_DECIMALS = 0.005, 2
-"""Smallest coordinate [m] of a place that is written, and its decimals: what a tape measures."""
+"""Smallest written coordinate of a place [m], and its decimals: the resolution of a tape."""
 LEAST_PART = 0.05
-"""Smallest share of the largest coordinate that is written: smaller ones are negligible."""
+"""Smallest share of the largest coordinate that is written; smaller ones are negligible."""
 LARGEST_DOUBT = 0.1
 """Standard error [m] above which a coordinate near 0 does not mean the origin."""
 MOST_PIECES = 6
-"""Numbers of thrusters that a list writes out; longer lists become a count."""
+"""Maximum numbers of thrusters in a list; longer lists become a count."""
 
 
 def known(error: float) -> bool:
@@ -29,12 +29,12 @@ def known(error: float) -> bool:
 
 
 def superscript(unit: str) -> str:
-    """Write the powers of a unit raised: `N s^2/m^2` as `N s²/m²`, `1` as nothing."""
+    """Write the exponents of a unit as superscripts: `N s^2/m^2` as `N s²/m²`, `1` as nothing."""
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
 def decimals(value: float, error: float = math.nan) -> int:
-    """Return the decimals to which a value is rounded: one digit of its error, or three digits of itself."""
+    """Return the decimals for rounding a value: one digit of its error, or three digits of the value."""
     size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
     if not known(error):
         return PLAIN_DIGITS - 1 - size
@@ -52,7 +52,7 @@ def plain(value: float, places: int) -> str:
 
 
 def number(value: float, error: float = math.nan) -> str:
-    """Write a value rounded to its standard error, or to three significant digits where that is unknown."""
+    """Write a value rounded to its standard error, or to three significant digits if that is unknown."""
     text = plain(value, decimals(value, error))
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text and not known(error) else text
 
@@ -132,11 +132,11 @@ def place(
 
     Args:
         point: x y z from the body origin [m], FRD.
-        errors: Standard errors [m]; coordinates below theirs are left out, as negligible ones are.
-        origin: Name of the point that it is measured from.
+        errors: Standard errors [m]; coordinates below theirs are omitted, as are negligible ones.
+        origin: Name of the reference point.
 
     Returns:
-        The place; the origin's name where no coordinate is left, or that the place is undetermined.
+        The place; the origin's name if no coordinate remains, or a note that the place is undetermined.
     """
     least = max(LEAST_PLACE, LEAST_PART * max(map(abs, point)))
     kept = [

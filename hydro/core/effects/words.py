@@ -1,4 +1,4 @@
-"""Words that records of effects share: what parts effects that look alike, and what is only the log's."""
+"""Texts shared by records of effects: motions that separate similar effects, and artefacts of the log."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PASSES = "fly the same legs at the beginning and at the end of a long session, i
 DISTANCES = "straight runs ahead and sideways, there and back, over distances known from the pose"
 COASTING = "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust"
 
-ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
-ALONE = 3.0  # times roll and pitch of a velocity log from which its yaw may be the heading's
+ONE_SAMPLE = 1.05  # samples below which a delay counts as a convention of the log
+ALONE = 3.0  # ratio of a DVL's yaw to its roll and pitch above which it may be a heading error
 
 
 def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """A delay `d` [s] of up to one sample `dt` [s] is none of the vehicle's."""
+    """Return a remark that a delay `d` [s] of up to one sample `dt` [s] is not the vehicle's."""
     if abs(float(parameters["d"])) > ONE_SAMPLE * dt:
         return None
     return (
@@ -35,7 +35,7 @@ def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def a_heading_off(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """What a velocity log that is turned in yaw alone is alike to: v turned by alpha, or psi by -alpha."""
+    """Return a remark on a DVL rotated in yaw alone: v rotated by alpha, or psi by -alpha, are equivalent."""
     roll, pitch, yaw = (float(angle) for angle in parameters["alpha"])
     if abs(yaw) < ALONE * max(abs(roll), abs(pitch)):
         return None

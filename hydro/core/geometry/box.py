@@ -86,7 +86,7 @@ def _about(length: float, one: float, other: float) -> float:
 
 
 def _ends(half: float, a: float, b: float) -> float:
-    """Return the ratio of an ellipsoid's added inertia about its semi-axis `half` to its cylinder's."""
+    """Return the added inertia of an ellipsoid about its semi-axis `half`, over the elliptic cylinder's."""
     b = min(b, a * (1.0 - NUDGE))
     cylinder = (a * a - b * b) ** 2 / (2.0 * a * b * (a * a + b * b))
     return float(lamb_factors((half, a, b))[3] / cylinder)

@@ -152,7 +152,7 @@ class Estimates:
             yield with_numbers(vehicle, self.entries, np.clip(values, low, high))
 
     def _plausible(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Return plausible ranges within the admissible ones, (P,) each, widened to contain the values."""
+        """Return the plausible ranges within the admissible ones, (P,) each, widened to hold the values."""
         ends = []
         for entry in self.entries:
             record = CATALOGUE[entry.effect].parameter(entry.parameter)

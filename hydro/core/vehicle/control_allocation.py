@@ -1,7 +1,7 @@
-"""From a demanded wrench to thruster commands, with light holds of depth and attitude.
+"""Control allocation from a demanded wrench to thruster commands, with weak holds of depth and attitude.
 
 The loop closes once per row of the log: demand plus holds, through the pseudo-inverse of the thruster
-configuration and the inverted thrust curve, to commands in [-1, 1].  Axes that the thrusters cannot produce
+configuration and the inverted thrust curve, to commands in [-1, 1].  Axes that the thrusters cannot actuate
 have no authority and no hold.
 """
 
@@ -30,23 +30,24 @@ from hydro.core.vehicle.thrusters import (
 HELD = (2, 3, 4, 5)
 """Axes of the holds: heave, roll, pitch, yaw."""
 FREQUENCY = np.array([0.15, 4.0, 4.0, 4.0])
-"""Natural frequency [rad/s] that each hold alone would give: slow in depth, firmer in attitude."""
+"""Natural frequency [rad/s] of each hold alone: slow in depth, stiffer in attitude."""
 LAG_MARGIN = 0.6
-"""Greatest frequency times thruster time constant: a hold much faster than its thrusters would oscillate."""
+"""Maximum of natural frequency times thruster time constant: a hold faster than its thrusters would
+oscillate."""
 DAMPING_RATIO = np.array([0.7, 0.5, 0.5, 0.7])
-"""Of critical, for the stiffness of the hold and of weight and buoyancy together."""
+"""Damping ratio for the stiffness of the hold, weight and buoyancy together."""
 
 
 @dataclass(frozen=True)
 class Mixing:
-    """How demands become commands on one vehicle.
+    """Conversion of demands to commands of one vehicle.
 
     Attributes:
-        authority: Greatest wrench on each axis alone (6,) [N, N m]; 0 where the thrusters cannot produce it.
+        authority: Maximum wrench on each axis alone (6,) [N, N m]; 0 where the thrusters cannot actuate it.
         allocation: Pseudo-inverse of B (n, 6).
         table: Thruster table (n, columns) of `vehicle.thrusters`.
-        gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading
-            [N/m, N s/m; N m/rad, N m s/rad].
+        gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading [N/m, N s/m; N
+            m/rad, N m s/rad].
         righting: Stiffness (2,) in roll and pitch of the holds, weight and buoyancy together [N m/rad].
     """
 
@@ -58,16 +59,16 @@ class Mixing:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """The axes that the thrusters can produce."""
+        """Axes that the thrusters can actuate."""
         return tuple(int(axis) for axis in np.flatnonzero(self.authority))
 
 
 def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
-    """Authority, allocation and hold gains of a vehicle.
+    """Compute authority, allocation and hold gains of a vehicle.
 
     Args:
         vehicle: The vehicle; its file's thrusters, without actuator effects.
-        mass_matrix: M (6, 6) about CO, water included.
+        mass_matrix: M (6, 6) about CO, added mass included.
 
     Raises:
         DataError: A thruster's placement is missing or doubled.
@@ -120,17 +121,17 @@ def hold_kernel(
 
 @kernel
 def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) -> None:
-    """Commands for a wrench: thrusts by the pseudo-inverse, the curve inverted, clipped to [-1, 1].
+    """Write commands for a wrench: thrusts by the pseudo-inverse, inverted curve, clipped to [-1, 1].
 
-    The dead band is not compensated: a demand too small for it is lost, as it is to a pilot.  Commands are
-    rounded to float32, the precision that they are logged in, so that the log holds what was applied.  A
-    servo is not commanded.
+    The dead band is not compensated: a demand too small for it is lost, as for a pilot.  Commands are rounded
+    to float32, the precision of the log, so that the log contains the applied values.  A servo is not
+    commanded.
 
     Args:
         allocation: (n, 6).
         table: (n, columns) thruster table.
         tau: (6,) wrench about CO [N, N m].
-        commands: (n,) written.
+        commands: (n,) output.
     """
     for i in range(table.shape[0]):
         thrust = 0.0

@@ -1,4 +1,4 @@
-"""What is known of a vehicle: its rigid body, buoyancy, hull, thrusters and a list of effects.
+"""Vehicle description: rigid body, buoyancy, hull, thrusters and a list of effects.
 
 SI units, frame FRD about the body origin CO (Fossen 2011, ch. 2 and 7).  These structs are both the model in
 memory and the validator of the TOML file; `io.vehicle` reads and writes it.
@@ -22,14 +22,14 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 DeadBand = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 Name = Annotated[str, msgspec.Meta(extra_json_schema={"pattern": names.PATTERN})]
-"""A name by the rule of `vehicle.names`, which `io.vehicle` checks: its error line is the better one."""
+"""Name by the rule of `vehicle.names`; `io.vehicle` checks it, for a better error message."""
 
 APART = ":"
-"""Between the name of an effect in the catalogue and its label, or its number among those of that name."""
+"""Separator between the name of an effect in the catalogue and its label or number."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A table of the vehicle file: unknown keys are errors, so that a misspelt name is never ignored."""
+    """Table of the vehicle file: unknown keys are errors, so that a misspelt name is never ignored."""
 
 
 class Environment(_Part, frozen=True):
@@ -58,7 +58,7 @@ class Buoyancy(_Part, frozen=True):
 
 
 class Hull(_Part, frozen=True):
-    """Bounding lengths [m] about `center` [m]; optionally a triangulated surface beside the vehicle file."""
+    """Bounding lengths [m] about `center` [m]; optionally a triangulated surface next to the vehicle file."""
 
     length: Positive
     width: Positive
@@ -68,25 +68,26 @@ class Hull(_Part, frozen=True):
 
 
 class Battery(_Part, frozen=True):
-    """Nominal supply `voltage` [V] of the thrusters: where a recording has none of its own."""
+    """Nominal supply `voltage` [V] of the thrusters, for recordings without a voltage."""
 
     voltage: Positive
 
 
 class Thruster(_Part, frozen=True):
-    """One thruster: a point and direction, or a constant body wrench per newton (axis demand).
+    """Thruster: a point and direction, or a constant body wrench per newton (axis demand).
 
-    The chain is: clip to [-1, 1] -> delay -> {dead band, curve, lag} in the order that `lag` says.
-    `lag = "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag
-    on the normalised rotor speed -> dead band -> curve.  `lag_step` [s], when given, says that the source of
-    the data integrates the lag by explicit Euler at that step.
+    The chain is: clip to [-1, 1] -> delay -> {dead band, curve, lag} in the order set by `lag`. `lag =
+    "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag on the
+    normalised rotor speed -> dead band -> curve.  `lag_step` [s] states that the source of the data
+    integrates the lag by explicit Euler with that step.
 
-    A `curve` by name goes with the command or its square up to `max_thrust` and `max_reverse_thrust` [N].  A
-    table, or `"t200"` for the published one of that thruster, says these and its dead band itself, and they
-    are left out.  Where the rotor speed lags behind a table, it is the root of the share of full thrust.
+    A `curve` by name is proportional to the command or its square up to `max_thrust` and `max_reverse_thrust`
+    [N].  A table, or `"t200"` for the published one of that thruster, includes these and the dead band, so
+    they are omitted.  With a table and a lag of the rotor speed, the speed is the root of the share of full
+    thrust.
 
-    The curve `"none"` is of a command that moves no thruster: a fin's servo, which a `control_surface` of
-    the file obeys.  Such a command has a name alone.
+    The curve `"none"` is for a command that drives no thruster: a fin's servo, used by a `control_surface` of
+    the file.  Such a command has only a name.
     """
 
     name: Name
@@ -105,14 +106,14 @@ class Thruster(_Part, frozen=True):
 
     @property
     def pushes(self) -> bool:
-        """Whether it is a thruster, and no servo."""
+        """Whether this is a thruster, not a servo."""
         return self.curve != "none"
 
 
 class Vehicle(_Part, frozen=True):
-    """A vehicle file.  `effect` holds one table per physical effect, in the catalogue's names.
+    """Vehicle file.  `effect` holds one table per physical effect, with the catalogue's names.
 
-    In memory several effects of one name are told apart, see `told_apart`.
+    In memory several effects of one name have distinct names, see `told_apart`.
     """
 
     name: Name
@@ -126,44 +127,45 @@ class Vehicle(_Part, frozen=True):
     effect: tuple[dict[str, Any], ...] = ()
 
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
-        """All effect tables called `name`, or whose name in the catalogue it is."""
+        """Return all effect tables with this name in the file or in the catalogue."""
         return tuple(entry for entry in self.effect if name in called(entry))
 
     def names(self, name: str) -> tuple[str, ...]:
-        """What these are called, each once."""
+        """Return the distinct names of these tables."""
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
     def without(self, name: str) -> Vehicle:
-        """The vehicle without the effects called `name`."""
+        """Return the vehicle without the effects of this name."""
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
 
 
 def require_names(vehicle: Vehicle) -> None:
-    """Refuse a vehicle or a thruster whose name breaks the rule of `vehicle.names`.
+    """Refuse a vehicle or a thruster with a name that violates the rule of `vehicle.names`.
 
     Raises:
-        DataError: The line begins with the path in the vehicle file.
+        DataError: A name is invalid; the message starts with the path in the vehicle file.
     """
     thrusters = {f"thruster[{index}].name": one.name for index, one in enumerate(vehicle.thruster)}
     names.require({"name": vehicle.name, **thrusters})
 
 
 def catalogue_name(name: str) -> str:
-    """`control_surface` of `control_surface:rudder`."""
+    """Return the catalogue name of an effect: `control_surface` for `control_surface:rudder`."""
     return name.partition(APART)[0]
 
 
 def called(table: Mapping[str, Any]) -> tuple[str, str]:
-    """What an effect is called, and its name in the catalogue."""
+    """Return the name of an effect, and its name in the catalogue."""
     name = str(table.get("name"))
     return name, catalogue_name(name)
 
 
 def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    """What each of a file's effects is called in memory, where no two have one name.
+    """Return unique names of a file's effects for use in memory.
 
-    An effect with a label is `NAME:LABEL`, several of one name without are `NAME:1`, `NAME:2` in their order.
+    An effect with a label is `NAME:LABEL`; several effects of one name without labels are `NAME:1`, `NAME:2`
+    in order.
     """
     listed = [(str(table.get("name")), table.get("label")) for table in tables]
     count = Counter(name for name, _ in listed)
@@ -177,13 +179,13 @@ def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def told_apart(vehicle: Vehicle) -> Vehicle:
-    """A vehicle as its file has it, with a name of its own for each effect."""
+    """Return the vehicle of a file with a unique name for each effect."""
     pairs = zip(vehicle.effect, own_names(vehicle.effect), strict=True)
     effects = tuple(table if table.get("name") == name else {**table, "name": name} for table, name in pairs)
     return msgspec.structs.replace(vehicle, effect=effects)
 
 
 def as_written(vehicle: Vehicle) -> Vehicle:
-    """A vehicle as a file has it, with its effects by their names in the catalogue."""
+    """Return the vehicle as in a file, with effects by their names in the catalogue."""
     effects = tuple({**table, "name": called(table)[1]} for table in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=effects)

@@ -1,4 +1,4 @@
-"""Added mass of an ellipsoid in an unbounded ideal fluid: Lamb's k-factors, for three unequal axes too.
+"""Added mass of an ellipsoid in an unbounded ideal fluid: Lamb's k-factors for three unequal axes.
 
 Source: H. Lamb, *Hydrodynamics* (6th ed., 1932), art. 114-115; Fossen (2011), section 6.3.3.  With semi-axes
 a, b, c and Delta = sqrt((a^2 + s)(b^2 + s)(c^2 + s)), the three constants are
@@ -19,7 +19,7 @@ from hydro.core.errors import DataError
 
 
 def lamb_constants(semi_axes: Sequence[float]) -> Array:
-    """The constants (alpha_0, beta_0, gamma_0) of an ellipsoid.
+    """Return the constants (alpha_0, beta_0, gamma_0) of an ellipsoid.
 
     Args:
         semi_axes: a, b, c [m] along body x, y, z; any order of size.
@@ -36,7 +36,7 @@ def lamb_constants(semi_axes: Sequence[float]) -> Array:
 
 
 def lamb_factors(semi_axes: Sequence[float]) -> Array:
-    """Lamb's six k-factors: added mass over displaced mass, added inertia over displaced inertia.
+    """Return Lamb's six k-factors: added mass over displaced mass, added inertia over displaced inertia.
 
     Args:
         semi_axes: a, b, c [m] along body x, y, z.
@@ -57,7 +57,7 @@ def lamb_factors(semi_axes: Sequence[float]) -> Array:
 
 
 def added_mass_matrix(semi_axes: Sequence[float], density: float, center: Sequence[float]) -> Array:
-    """Added mass of an ellipsoid about the body origin.
+    """Return the added mass of an ellipsoid about the body origin.
 
     Args:
         semi_axes: a, b, c [m] along body x, y, z.
@@ -65,8 +65,8 @@ def added_mass_matrix(semi_axes: Sequence[float], density: float, center: Sequen
         center: Centre of the ellipsoid [m] from the body origin CO, FRD.
 
     Returns:
-        M_A (6, 6) about CO, symmetric and positive semi-definite: diagonal about the centre, then
-        H(r)^T M_A H(r), Fossen's transformation (7.27).  A centre off CO couples sway with yaw and so on.
+        M_A (6, 6) about CO, symmetric and positive semi-definite: diagonal about the centre, then H(r)^T M_A
+        H(r), Fossen's transformation (7.27).  A centre off CO couples sway with yaw and so on.
 
     Raises:
         DataError: A semi-axis is not a positive finite number.
@@ -83,12 +83,12 @@ def added_mass_matrix(semi_axes: Sequence[float], density: float, center: Sequen
 
 
 def _rotational_factor(axis: float, b: float, c: float) -> float:
-    """Added over displaced moment of inertia about `axis`, the other two semi-axes being b and c."""
+    """Return added over displaced moment of inertia about `axis`, with b and c the other two semi-axes."""
     scale = max(axis, b, c)
     a2, b2, c2 = (axis / scale) ** 2, (b / scale) ** 2, (c / scale) ** 2
 
     def integrand(log_s: float) -> float:
-        # In log s every scale of a slender or flat body is as wide as any other.
+        # In log s all scales of a slender or flat body have the same width.
         s = np.exp(log_s)
         return float(s / (((b2 + s) * (c2 + s)) ** 1.5 * np.sqrt(a2 + s)))
 
@@ -102,7 +102,7 @@ def _rotational_factor(axis: float, b: float, c: float) -> float:
 
 
 def _checked(semi_axes: Sequence[float]) -> tuple[float, float, float]:
-    """The three semi-axes as floats, or an error that names them."""
+    """Return the three semi-axes as floats, or raise an error that names them."""
     axes = tuple(float(value) for value in semi_axes)
     if len(axes) != 3 or not all(np.isfinite(axes)) or min(axes) <= 0.0:
         raise DataError(f"an ellipsoid needs three positive, finite semi-axes in metres, not {list(axes)}")

@@ -16,11 +16,11 @@ from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
 HALF_TURN: Array = np.array([1.0, -1.0, -1.0])
-"""Half a turn about x, its own inverse: signs that turn FRD into FLU axes, and NED into a z-up world."""
+"""Half-turn about x, its own inverse: signs that convert FRD to FLU axes, and NED to a z-up world."""
 FRD_FLU: Array = np.concatenate([HALF_TURN, HALF_TURN])
-"""The same of a twist or wrench."""
+"""Signs of the half-turn for a twist or wrench."""
 
-_LOCK = 1e-8  # below this cos(theta), roll and yaw turn about the same axis
+_LOCK = 1e-8  # below this cos(theta), roll and yaw rotate about the same axis
 
 
 @kernel
@@ -61,7 +61,7 @@ def quaternion_kernel(quaternion: Array, out: Array) -> None:
 
 @kernel
 def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, out: Array) -> None:
-    """Write the product q (w, x, y, z) into `out` (4,): first the turn on the right, then q."""
+    """Write the product q (w, x, y, z) into `out` (4,): first the rotation on the right, then q."""
     out[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z
     out[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y
     out[2] = q[0] * y - q[1] * z + q[2] * w + q[3] * x
@@ -75,7 +75,7 @@ def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
 
 
 def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Array:
-    """Rotation from body (FRD) to world (NED) axes, Fossen (2.18).
+    """Return the rotation from body (FRD) to world (NED) axes, Fossen (2.18).
 
     Args:
         phi: Roll [rad], any shape.
@@ -92,7 +92,7 @@ def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Array:
 
 
 def euler_rate_matrix(phi: ArrayLike, theta: ArrayLike) -> Array:
-    """Matrix T of shape (..., 3, 3) with d(phi, theta, psi)/dt = T (p, q, r); Fossen (2.28).
+    """Return the matrix T of shape (..., 3, 3) with d(phi, theta, psi)/dt = T (p, q, r); Fossen (2.28).
 
     Args:
         phi: Roll [rad].
@@ -111,7 +111,7 @@ def euler_rate_matrix(phi: ArrayLike, theta: ArrayLike) -> Array:
 
 
 def euler_from_rotation(R: ArrayLike) -> Array:
-    """ZYX Euler angles (phi, theta, psi) [rad] of rotations; Fossen sec. 2.2.1.
+    """Return ZYX Euler angles (phi, theta, psi) [rad] of rotations; Fossen sec. 2.2.1.
 
     Args:
         R: Rotations body to world, shape (..., 3, 3).
@@ -134,7 +134,7 @@ def euler_from_rotation(R: ArrayLike) -> Array:
 
 
 def body_states(eta: ArrayLike, nu: ArrayLike) -> Array:
-    """States of a body: position, attitude as a quaternion, velocity.
+    """Return states of a body: position, attitude as a quaternion, velocity.
 
     Args:
         eta: Poses (..., 6), Euler angles.
@@ -149,7 +149,7 @@ def body_states(eta: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def quaternion_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Array:
-    """Unit quaternion (w, x, y, z) of the rotation body to world, with w >= 0.
+    """Return the unit quaternion (w, x, y, z) of the rotation body to world, with w >= 0.
 
     Args:
         phi: Roll [rad], any shape.
@@ -181,13 +181,13 @@ def quaternion_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> A
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Rotation body to world of shape (..., 3, 3) from quaternions (w, x, y, z); Fossen sec. 2.2.2.
+    """Return the rotation body to world (..., 3, 3) from quaternions (w, x, y, z); Fossen sec. 2.2.2.
 
     Args:
         quaternion: Shape (..., 4), of any length but zero.
 
     Raises:
-        DataError: A quaternion is zero or not finite, and so is no rotation.
+        DataError: A quaternion is zero or not finite, so it is not a rotation.
     """
     q = np.asarray(quaternion, float)
     norm = np.linalg.norm(q, axis=-1, keepdims=True)
@@ -202,7 +202,7 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def euler_from_quaternion(quaternion: ArrayLike) -> Array:
-    """ZYX Euler angles of shape (..., 3) [rad] from quaternions (w, x, y, z) of shape (..., 4).
+    """Return ZYX Euler angles (..., 3) [rad] from quaternions (w, x, y, z) of shape (..., 4).
 
     Raises:
         DataError: A quaternion is zero or not finite.
@@ -211,7 +211,7 @@ def euler_from_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def swap_frd_flu(x: ArrayLike) -> Array:
-    """Turn FRD into FLU axes, or back: half a turn about x, its own inverse.
+    """Convert FRD to FLU axes, or back: a half-turn about x, its own inverse.
 
     Args:
         x: Vectors of shape (..., 3), or twists and wrenches of shape (..., 6).
@@ -226,18 +226,18 @@ def swap_frd_flu(x: ArrayLike) -> Array:
 
 
 def swap_quaternion(quaternion: ArrayLike) -> Array:
-    """The rotations (..., 4) from FRD to NED as those from FLU to the z-up world, or back: F R F."""
+    """Return rotations (..., 4) from FRD to NED as those from FLU to the z-up world, or back: F R F."""
     turned: Array = np.asarray(quaternion, float) * np.concatenate([[1.0], HALF_TURN])
     return turned
 
 
 def wrapped(angle: ArrayLike) -> Array:
-    """Angles [rad] within (-pi, pi]."""
+    """Return angles [rad] wrapped to (-pi, pi]."""
     return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2.0 * np.pi))
 
 
 def skew(a: ArrayLike) -> Array:
-    """Matrix S(a) of shape (..., 3, 3) with S(a) b = a x b."""
+    """Return the matrix S(a) of shape (..., 3, 3) with S(a) b = a x b."""
     vector = np.asarray(a, float)
     matrix = np.zeros((*vector.shape, 3))
     matrix[..., 0, 1], matrix[..., 1, 0] = -vector[..., 2], vector[..., 2]
@@ -247,6 +247,6 @@ def skew(a: ArrayLike) -> Array:
 
 
 def _columns(*angles: ArrayLike) -> tuple[tuple[int, ...], tuple[Any, ...]]:
-    """The common shape of some angles, and each as a flat float64 column."""
+    """Return the common shape of some angles, and each as a flat float64 column."""
     wide = np.broadcast_arrays(*(np.asarray(angle, float) for angle in angles))
     return wide[0].shape, tuple(np.ascontiguousarray(angle).ravel() for angle in wide)

@@ -1,7 +1,7 @@
-"""What in a vehicle file, or of a recording's clock, is likely in another unit: said, never refused.
+"""Warnings about values of a vehicle file, or of a recording's clock, that are likely in another unit.
 
-`plausible` bounds the parameters of effects by the vehicle; here the vehicle itself is doubted, by bounds
-that every vehicle in water keeps by far: fresh water and the Dead Sea, a hand and a rig.
+`plausible` bounds the parameters of effects by the vehicle.  Here the vehicle itself is checked, by wide
+bounds that hold for every vehicle in water: fresh water and the Dead Sea, a hand-sized robot and a rig.
 """
 
 from __future__ import annotations
@@ -15,29 +15,30 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, thruster_table
 
 DENSITY = (900.0, 1300.0)
-"""Of water [kg/m^3]: hot fresh water has 958, the Dead Sea 1240."""
+"""Density of water [kg/m^3]: hot fresh water has 958, the Dead Sea 1240."""
 GRAVITY = (9.7, 9.9)
-"""At the Earth's surface [m/s^2]: 9.78 at the equator, 9.83 at the poles."""
+"""Gravity at the Earth's surface [m/s^2]: 9.78 at the equator, 9.83 at the poles."""
 MASS = (0.01, 1e8)
-"""Of a vehicle [kg]: a robot of a hand's size to the largest submarines, 5e7."""
+"""Mass of a vehicle [kg]: a hand-sized robot to the largest submarines, 5e7."""
 LENGTH = (0.02, 300.0)
-"""Of a hull's sides [m]: the same; the largest submarines have 175."""
+"""Sides of a hull [m]: for the same vehicles; the largest submarines have 175."""
 FILLED = (0.02, 3.0)
-"""Mass over that of the water in the hull's box: frames have a fifth, bodies 0.5 to 1, landers up to 2."""
+"""Mass relative to the water in the hull's box: frames have a fifth, bodies 0.5 to 1, landers up to 2."""
 UNBALANCE = 0.3
-"""Of the weight, what buoyancy may differ from it: free vehicles keep within 0.05, crawlers within 0.2."""
+"""Difference of buoyancy and weight relative to weight: free vehicles keep within 0.05, crawlers within 0.2.
+"""
 THRUST = (1e-4, 10.0)
-"""All thrusts together over the weight: small ROVs have 4, a glider 1e-2."""
+"""Sum of all thrusts over the weight: small ROVs have 4, a glider 1e-2."""
 INERTIA = (1e-3, 2.0)
-"""Sum of the principal moments over m d^2/2, d the box's diagonal: 1 where all mass is at the corners."""
+"""Sum of the principal moments over m d^2/2, d the box's diagonal: 1 if all mass is at the corners."""
 REACH = 3.0
-"""Of the box's diagonal: how far from its middle thrusters and centres lie, on booms too."""
+"""Distance of thrusters and centres from the box's middle, relative to its diagonal; includes booms."""
 RATE = (0.5, 2000.0)
-"""Rows of a recording per second: below, no motion of a vehicle is seen; above, no sensor has it."""
+"""Rows of a recording per second: fewer show no motion of a vehicle, and no sensor has more."""
 
 
 def doubts(vehicle: Vehicle) -> list[str]:
-    """What is likely in another unit, a line each; nothing of most vehicles.
+    """Return values that are likely in another unit, a line each; usually empty.
 
     Args:
         vehicle: The vehicle.
@@ -49,7 +50,7 @@ def doubts(vehicle: Vehicle) -> list[str]:
 
 
 def sampling(step: float) -> str:
-    """What is odd about the sample time [s] of a recording; empty where nothing is."""
+    """Return a warning about the sample time [s] of a recording; else empty."""
     low, high = RATE
     if low <= 1.0 / step <= high:
         return ""
@@ -58,7 +59,7 @@ def sampling(step: float) -> str:
 
 
 def _alone(vehicle: Vehicle) -> Iterator[str]:
-    """Single values, each against its own bounds."""
+    """Yield warnings about single values, each against its own bounds."""
     water, body, hull = vehicle.environment, vehicle.rigid_body, vehicle.hull
     if _beyond(water.water_density, DENSITY):
         yield (
@@ -80,7 +81,7 @@ def _alone(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _together(vehicle: Vehicle) -> Iterator[str]:
-    """Values that are possible one by one, against each other."""
+    """Yield warnings about values that contradict each other."""
     water, body, hull = vehicle.environment, vehicle.rigid_body, vehicle.hull
     sides = np.array([hull.length, hull.width, hull.height])
     weight, diagonal = body.mass * water.gravity, float(np.linalg.norm(sides))
@@ -118,7 +119,7 @@ def _together(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _balance(force: float, mass: float, weight: float) -> Iterator[str]:
-    """Buoyancy far from the weight; none at all is a file that does not give it."""
+    """Yield a warning about buoyancy far from the weight; 0 means that the file does not give it."""
     if force and abs(force - weight) > UNBALANCE * weight:
         kilograms = abs(force - mass) <= UNBALANCE * mass
         unit = "is it in kg? it is a force, in N" if kilograms else "is mass in kg, and force in N?"
@@ -130,7 +131,7 @@ def _beyond(value: float, bounds: tuple[float, float]) -> bool:
 
 
 def _hint(value: float, bounds: tuple[float, float], units: dict[str, float]) -> str:
-    """The unit in which the value would be possible, and what to write then; empty where none is."""
+    """Return the unit in which the value would be possible, and the value to write; else empty."""
     for unit, size in units.items():
         if not _beyond(value * size, bounds):
             return f": is it in {unit}? write {value * size:g}"

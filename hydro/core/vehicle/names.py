@@ -1,4 +1,4 @@
-"""Names in a vehicle file: they become identifiers, XML attributes, topics and file names elsewhere."""
+"""Rule for names in a vehicle file, which become identifiers, XML attributes, topics and file names."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Mapping
 from hydro.core.errors import DataError, shown
 
 PATTERN = r"""^\w[\w .+()'"-]{0,79}$"""
-"""Names that every export format can hold as they are, at most 80 characters long: a line of a table."""
+"""Pattern of names that every export format supports, with at most 80 characters: a line of a table."""
 ALLOWED = "letters, digits, spaces and . _ + - ( ) ' \", at most 80, the first a letter, a digit or _"
-"""The same in words."""
+"""The rule in words."""
 _NAME = re.compile(PATTERN)
 
 
 def require(named: Mapping[str, str]) -> None:
-    """Refuse names that break the rule.
+    """Refuse names that violate the rule.
 
     Args:
         named: Names by their paths in the vehicle file.
 
     Raises:
-        DataError: A name has a character that is not allowed, or is too long; the line says where.
+        DataError: A name has a character that is not allowed, or is too long; the message names the path.
     """
     for path, name in named.items():
         if not _NAME.fullmatch(name):
@@ -30,6 +30,6 @@ def require(named: Mapping[str, str]) -> None:
 
 
 def usable_name(text: str) -> str:
-    """Return a text with `-` for every character that a name may not have."""
+    """Return a text with `-` for every character that is not allowed in a name."""
     name = re.sub(r"""[^\w .+()'"-]""", "-", text)[:80]
     return name if _NAME.fullmatch(name) else f"_{name}"[:80]

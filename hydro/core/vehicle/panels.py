@@ -1,15 +1,15 @@
 """Fluid force on a closed triangulated hull, facet by facet, from the local velocity.
 
-A quasi-steady method in the spirit of Newton's impact theory.  A facet with centroid r, outward unit normal n
-and area A moves through the water at v = v_r + omega x r, of which v_n = v . n is normal and v_t = v - v_n n
-tangential:
+This is a quasi-steady method similar to Newton's impact theory.  A facet with centroid r, outward unit normal
+n and area A moves through the water at v = v_r + omega x r.  Its normal part is v_n = v . n, its tangential
+part v_t = v - v_n n.  The forces are
 
     form drag      dF = -1/2 rho C_p A max(v_n, 0)^2 n    where it faces the flow, none in its wake
     skin friction  dF = -1/2 rho C_f A |v_t| v_t          on every facet
 
-A flat plate broadside on then has the drag coefficient C_p (and its skin friction none), a sphere C_p/2 and a
-circular cylinder across the flow 2 C_p/3 besides friction.  Every facet loses power, so the sum does:
-(X, Y, Z, K, M, N) . nu_r <= 0 for any motion.
+A flat plate broadside on then has the drag coefficient C_p without skin friction.  A sphere has C_p/2, and a
+circular cylinder across the flow 2 C_p/3, plus friction.  Every facet dissipates power, so the sum does: (X,
+Y, Z, K, M, N) . nu_r <= 0 for any motion.
 
 C_p = 1.1 is a square plate's or disc's (Hoerner, *Fluid-Dynamic Drag*, 1965, ch. 3: 1.1-1.2); C_f = 0.0043 is
 the ITTC-1957 line 0.075/(log10 Re - 2)^2 at a Reynolds number of 1.5e6, a 1.5 m hull at 1 m/s.
@@ -34,7 +34,7 @@ SKIN_FRICTION = 0.0043
 
 @dataclass(frozen=True)
 class Panels:
-    """A closed hull as flat facets, in body axes FRD about the body origin CO.
+    """Closed hull as flat facets, in body axes FRD about the body origin CO.
 
     Attributes:
         table: (7, F) rows x y z of the centroid [m], x y z of the outward unit normal, area [m^2].
@@ -50,7 +50,7 @@ class Panels:
 
 
 def panels(vertices: ArrayLike, faces: ArrayLike) -> Panels:
-    """Facets, volume and centre of buoyancy of a closed triangulated surface.
+    """Compute facets, volume and centre of buoyancy of a closed triangulated surface.
 
     Args:
         vertices: (V, 3) points [m], FRD about CO.
@@ -90,10 +90,10 @@ def superellipsoid(
     along: int = 18,
     around: int = 16,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Triangulated hull of a given size: full along its length, rounded across it.
+    """Return a triangulated hull of a given size: full along its length, rounded across it.
 
-    The surface is (|y'|^2.5 + |z'|^2.5)^(4/2.5) + x'^4 = 1 in half lengths about the centre.  Its
-    facets mirror in the three planes of symmetry, so straight motion along an axis gives no force across it.
+    The surface is (|y'|^2.5 + |z'|^2.5)^(4/2.5) + x'^4 = 1 in half lengths about the centre.  Its facets are
+    symmetric about three planes, so straight motion along an axis gives no force across it.
 
     Args:
         length: Extent along x [m].
@@ -126,7 +126,7 @@ def superellipsoid(
 def loaded_facets(
     hull: Panels, density: float, form: float = FORM_DRAG, friction: float = SKIN_FRICTION
 ) -> Array:
-    """Facets as the kernel takes them.
+    """Return facets in the form of the kernel.
 
     Args:
         hull: The panels.
@@ -147,7 +147,7 @@ def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
 
     Args:
         nu_r: (6,) velocity of CO through the water, body axes [m/s, rad/s].
-        facets: (8, F), from `loaded_facets`; none is no hull and no wrench.
+        facets: (8, F), from `loaded_facets`; empty without a hull.
         out: (6,) wrench X Y Z K M N on the vehicle [N, N m], added to.
     """
     u, v, w, p, q, r = nu_r[0], nu_r[1], nu_r[2], nu_r[3], nu_r[4], nu_r[5]
@@ -158,7 +158,7 @@ def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
         v_x, v_y, v_z = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
         v_n = v_x * n_x + v_y * n_y + v_z * n_z
         t_x, t_y, t_z = v_x - v_n * n_x, v_y - v_n * n_y, v_z - v_n * n_z
-        # No branch: max() keeps the loop in vector instructions.
+        # No branch: max() keeps the loop vectorised.
         facing = max(v_n, 0.0)
         pressure = facets[6, i] * facing * facing
         shear = facets[7, i] * math.sqrt(t_x * t_x + t_y * t_y + t_z * t_z)
@@ -180,21 +180,21 @@ def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
 
 
 def panel_wrench(hull: Panels, nu_r: ArrayLike, density: float) -> Array:
-    """Panel wrench on the vehicle about CO (6,) [N, N m] for one velocity through the water nu_r (6,)."""
+    """Return the panel wrench on the vehicle about CO (6,) [N, N m] for one relative velocity nu_r (6,)."""
     out = np.zeros(6)
     panel_wrench_kernel(np.array(nu_r, dtype=np.float64), loaded_facets(hull, density), out)
     return out
 
 
 def _power(value: Array, exponent: float) -> Array:
-    """Signed power, with rounding residue at the axes taken as zero so that mirror images are exact."""
+    """Return a signed power with rounding residue at the axes set to 0, so that mirror images are exact."""
     clean = np.where(np.abs(value) < 1e-12, 0.0, value)
     power: Array = np.sign(clean) * np.abs(clean) ** exponent
     return power
 
 
 def _ring_faces(rings: int, around: int) -> NDArray[np.int64]:
-    """Faces between a bow point, rings of points and a stern point; diagonals mirror in all three planes."""
+    """Return faces between a bow point, rings of points and a stern point; diagonals are symmetric."""
     faces: list[tuple[int, int, int]] = []
     stern = 1 + rings * around
     for j in range(around):
@@ -212,7 +212,7 @@ def _ring_faces(rings: int, around: int) -> NDArray[np.int64]:
 
 
 def _check_surface(points: Array, triangles: NDArray[np.int64]) -> None:
-    """Raise for a surface that encloses nothing."""
+    """Refuse a surface that is not closed."""
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
         raise DataError(
             f"a hull needs (V, 3) vertices and (F, 3) faces, not {points.shape} and {triangles.shape}"
@@ -223,7 +223,7 @@ def _check_surface(points: Array, triangles: NDArray[np.int64]) -> None:
         raise DataError(f"hull vertex {int(np.argmin(np.isfinite(points).all(axis=1))) + 1} is not finite")
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise DataError(f"a hull face names vertex {int(triangles.max()) + 1} of {len(points)}")
-    # Vertices that coincide are one point, however often a file repeats them.
+    # Coincident vertices are one point, even if a file repeats them.
     _, welded = np.unique(points, axis=0, return_inverse=True)
     corners = welded.reshape(-1)[triangles]
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])

@@ -1,7 +1,7 @@
-"""Ranges that physics leaves to a parameter of a vehicle: what lies beyond them stands for something else.
+"""Physically plausible ranges of a vehicle's parameters; values beyond them imitate another effect.
 
-They follow from the vehicle's weight, displacement and the box of its hull.  A range is generous: a value
-within it may be wrong, one beyond it is not believed without being told.  Increments have 0 within theirs.
+They follow from the vehicle's weight, displacement and the box of its hull.  The ranges are generous: a value
+within may be wrong, but a value beyond is reported.  Ranges of increments contain 0.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ Index = tuple[int, ...]
 Range = Callable[[Index, Vehicle], tuple[float, float]]
 
 MOST_DRAG = 2.5
-"""Greatest drag coefficient of a bluff body or an open frame; slender ones have 0.1."""
+"""Maximum drag coefficient of a bluff body or an open frame; slender ones have 0.1."""
 BOOMS = 2.0
-"""Of the box's half lengths: how far from CO fins, frames and booms still drag."""
+"""Distance from CO, in half lengths of the box, at which fins, frames and booms still have drag."""
 MOST_ADDED = 3.0
-"""Added over displaced mass, of plates and frames; 0.5 of a sphere, 1 of a cylinder across the flow."""
+"""Maximum added over displaced mass, of plates and frames; 0.5 for a sphere, 1 for a cylinder across the
+flow."""
 DRAG_SOURCE = "Hoerner (1965), chapter 3 (bluff bodies)"
 ADDED_SOURCE = "Newman (1977), section 4.14 (ellipsoids and plates)"
 LIFT_SLOPE = 2.0 * math.pi
@@ -32,12 +33,12 @@ LIFT_SLOPE = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class Plausible:
-    """What a parameter may be.
+    """Plausible range of a parameter.
 
     Attributes:
-        at: Least and greatest plausible value of an entry on a vehicle, in the parameter's unit.
-        words: The range in words, with its unit where it has one.
-        source: Where it comes from.
+        at: Minimum and maximum plausible value of an entry on a vehicle, in the parameter's unit.
+        words: The range in words, with its unit if it has one.
+        source: Source of the range.
     """
 
     at: Range
@@ -46,13 +47,13 @@ class Plausible:
 
 
 def between(low: float, high: float, unit: str, source: str) -> Plausible:
-    """The same range on every vehicle."""
+    """Return a range that is the same for every vehicle."""
     words = f"{low:g} to {high:g}" + (f" {unit}" if unit else "")
     return Plausible(lambda index, vehicle: (low, high), words, source)
 
 
 def of_weight(share: float, words: str, source: str) -> Plausible:
-    """Up to a share of the vehicle's weight [N], either way."""
+    """Return the range up to a share of the vehicle's weight [N], in both directions."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         most = share * vehicle.rigid_body.mass * vehicle.environment.gravity
@@ -62,7 +63,7 @@ def of_weight(share: float, words: str, source: str) -> Plausible:
 
 
 def within_box(times: float, words: str, source: str, axis: int | None = None) -> Plausible:
-    """Up to so many of the hull's half lengths [m] either way, along an axis or along that of the index."""
+    """Return the range of `times` half lengths of the hull [m], along `axis` or along that of the index."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         reach = times * _half(vehicle)[index[-1] if axis is None else axis]
@@ -72,7 +73,7 @@ def within_box(times: float, words: str, source: str, axis: int | None = None) -
 
 
 def symmetric(most: Callable[[Vehicle], Array]) -> Range:
-    """A matrix's range from the greatest entries of its diagonal, (6,): what lies off it, by Cauchy-Schwarz.
+    """Return the range of a matrix from the maximum of its diagonal, (6,); off-diagonal by Cauchy-Schwarz.
 
     In a positive semi-definite matrix no entry exceeds the geometric mean of the two on its row and column.
     """
@@ -89,12 +90,12 @@ def symmetric(most: Callable[[Vehicle], Array]) -> Range:
 
 
 def of_entry(range_: Range, i: int, j: int) -> Range:
-    """The range of entry [i, j] of a matrix, for a parameter that is that number alone."""
+    """Return the range of entry [i, j] of a matrix, for a parameter that is this number alone."""
     return lambda index, vehicle: range_((i, j), vehicle)
 
 
 def most_drag(vehicle: Vehicle) -> Array:
-    """Drag of the hull's box at 1 m/s and 1 rad/s with MOST_DRAG, (6,) [N, N m]: 1/2 rho C_d A.
+    """Return the drag of the hull's box at 1 m/s and 1 rad/s with MOST_DRAG, (6,) [N, N m]: 1/2 rho C_d A.
 
     At this speed a linear, a quadratic and a cubic damping coefficient are the same number.
     """
@@ -107,7 +108,7 @@ def most_drag(vehicle: Vehicle) -> Array:
 
 
 def most_cross_drag(vehicle: Vehicle) -> Array:
-    """The same of drag per speed and velocity or rate, (6,): 1/2 rho C_d A, and C_d int r^2 dA."""
+    """Return the drag per speed and velocity or rate, (6,): 1/2 rho C_d A, and C_d int r^2 dA."""
     sides = 2.0 * _half(vehicle)
     pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
     arms = BOOMS**2 * _half(vehicle) ** 3 * 2.0 / 3.0
@@ -116,7 +117,7 @@ def most_cross_drag(vehicle: Vehicle) -> Array:
 
 
 def most_added(vehicle: Vehicle) -> Array:
-    """MOST_ADDED times the displaced mass, and the inertia about CO of as much water in the box, (6,)."""
+    """Return MOST_ADDED times displaced mass, and inertia about CO of the same water in the box, (6,)."""
     mass, sides = displaced_mass(vehicle), 2.0 * _half(vehicle)
     center = np.array(vehicle.hull.center)
     square = sides**2 / 12.0 + center**2
@@ -125,19 +126,19 @@ def most_added(vehicle: Vehicle) -> Array:
 
 
 def most_lift(vehicle: Vehicle) -> Array:
-    """Lift per speed and drift, of the hull's side (0) and bottom (1), (2,) [kg/m]: 1/2 rho 2 pi A."""
+    """Return lift per speed and drift, of the hull's side (0) and bottom (1), (2,) [kg/m]: 1/2 rho 2 pi A."""
     length, width, height = 2.0 * _half(vehicle)
     pressure = 0.5 * vehicle.environment.water_density * LIFT_SLOPE
     return np.array([pressure * length * height, pressure * length * width])
 
 
 def displaced_mass(vehicle: Vehicle) -> float:
-    """Mass of the water that the vehicle displaces [kg]; its own where its file gives no buoyancy."""
+    """Return the mass of the displaced water [kg]; the vehicle's mass if its file gives no buoyancy."""
     return vehicle.buoyancy.force / vehicle.environment.gravity or vehicle.rigid_body.mass
 
 
 def _half(vehicle: Vehicle) -> Array:
-    """Half lengths of the hull's box [m], (3,)."""
+    """Return the half lengths of the hull's box [m], (3,)."""
     return 0.5 * np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
 
 

@@ -1,4 +1,4 @@
-"""The rigid body about the body origin CO: inertia, Coriolis and centripetal terms, weight and buoyancy.
+"""Rigid body about the body origin CO: inertia, Coriolis and centripetal terms, weight and buoyancy.
 
 Equation numbers are of Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2011).
 Wrenches and velocities are six components in body axes (FRD), order X Y Z K M N and u v w p q r.
@@ -16,7 +16,7 @@ from hydro.core.vehicle.frames import skew
 
 
 def mass_matrix(vehicle: Vehicle) -> Array:
-    """Rigid-body inertia M_RB about CO, shape (6, 6) [kg, kg m, kg m^2]; Fossen (3.44).
+    """Return the rigid-body inertia M_RB about CO, shape (6, 6) [kg, kg m, kg m^2]; Fossen (3.44).
 
     The kinetic energy of the dry body is nu^T M_RB nu / 2.
     """
@@ -34,8 +34,8 @@ def mass_matrix(vehicle: Vehicle) -> Array:
 def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
     """Add C(nu) nu to `out` (6,) for the inertia `matrix` (36,), row-major: omega x p, and v x p + omega x h.
 
-    p and h are the linear and angular momentum M nu of a body (or of the water it carries along), so this is
-    Kirchhoff's equation (Fossen sec. 6.3.1) and equal to Fossen's theorem 3.2.
+    p and h are the linear and angular momentum M nu of a body, or of its added mass.  So this is Kirchhoff's
+    equation (Fossen sec. 6.3.1) and equal to Fossen's theorem 3.2.
     """
     px = py = pz = hx = hy = hz = 0.0
     for j in range(6):
@@ -55,14 +55,14 @@ def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
 
 
 def coriolis_matrix(matrix: ArrayLike, nu: ArrayLike) -> Array:
-    """Coriolis and centripetal matrix C(nu) of an inertia matrix, skew-symmetric; Fossen theorem 3.2.
+    """Return the skew-symmetric Coriolis matrix C(nu) of an inertia matrix; Fossen theorem 3.2.
 
     Args:
         matrix: Symmetric inertia M, shape (6, 6): M_RB, M_A or their sum.
         nu: Velocity of CO in body axes, shape (..., 6) [m/s, rad/s].
 
     Returns:
-        C of shape (..., 6, 6): C nu stands beside M nu_dot on the left-hand side, and nu^T C nu = 0.
+        C of shape (..., 6, 6): C nu is on the left-hand side with M nu_dot, and nu^T C nu = 0.
     """
     momentum = np.asarray(nu, float) @ np.asarray(matrix, float).T
     linear, angular = skew(momentum[..., :3]), skew(momentum[..., 3:])
@@ -74,7 +74,7 @@ def coriolis_matrix(matrix: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def balance(vehicle: Vehicle) -> Array:
-    """Weight and buoyancy as four numbers, shape (4,): W - B [N] and the vector W r_g - B r_b [N m]."""
+    """Return weight and buoyancy as four numbers, (4,): W - B [N] and the vector W r_g - B r_b [N m]."""
     weight = vehicle.rigid_body.mass * vehicle.environment.gravity
     force = vehicle.buoyancy.force
     moment = weight * np.asarray(vehicle.rigid_body.center_of_gravity) - force * np.asarray(
@@ -104,7 +104,7 @@ def _restoring_columns(balance: Array, down: Array, out: Array) -> None:
 
 
 def restoring(vehicle: Vehicle, phi: ArrayLike, theta: ArrayLike) -> Array:
-    """Wrench of weight and buoyancy ON the vehicle, -g(eta) of Fossen (4.6).
+    """Return the wrench of weight and buoyancy ON the vehicle, -g(eta) of Fossen (4.6).
 
     Args:
         vehicle: The vehicle.
@@ -121,7 +121,7 @@ def restoring(vehicle: Vehicle, phi: ArrayLike, theta: ArrayLike) -> Array:
 
 
 def potential(vehicle: Vehicle, z: ArrayLike, phi: ArrayLike, theta: ArrayLike) -> Array:
-    """Potential energy of weight and buoyancy [J], 0 with both centres at the surface.
+    """Return the potential energy of weight and buoyancy [J], 0 with both centres at the surface.
 
     The restoring wrench is its negative gradient along the motions of the body.
 
@@ -136,6 +136,6 @@ def potential(vehicle: Vehicle, z: ArrayLike, phi: ArrayLike, theta: ArrayLike) 
 
 
 def _down(phi: ArrayLike, theta: ArrayLike) -> Array:
-    """The world's down direction in body axes, shape (..., 3): the last row of R."""
+    """Return the world's down direction in body axes, shape (..., 3): the last row of R."""
     roll, pitch = np.broadcast_arrays(np.asarray(phi, float), np.asarray(theta, float))
     return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1)

@@ -1,16 +1,16 @@
 """Thrusters: commands in [-1, 1] through delay, dead band, curve and lag to thrusts f, and tau_prop = B f.
 
-One set of scalar kernels serves the columns of a log, the forward simulation and MuJoCo.  They see a
-thruster as one row of `thruster_table`.  Each thruster has one lag state: its thrust [N] before losses
-(`lag = "thrust"`) or its normalised rotor speed (`lag = "speed"`).  The state depends on the commands alone,
-never on the motion; what depends on the motion (inflow) comes after it, in `state_to_thrust`.
+One set of scalar kernels serves the columns of a log, the forward simulation and MuJoCo.  A thruster is one
+row of `thruster_table`.  Each thruster has one lag state: its thrust [N] before losses (`lag = "thrust"`) or
+its normalised rotor speed (`lag = "speed"`).  The state depends on the commands alone, never on the motion;
+losses that depend on the motion (inflow) follow in `state_to_thrust`.
 
-A thruster whose file gives its curve as a table takes *effective* commands here: those that would give the
-same thrust by the row's own plain curve.  `recording.supply` makes them of the commands and the supply
-voltage of a recording, once, before anything is integrated; for other thrusters they are the commands.
+A thruster with a table as its curve takes *effective* commands here, which give the same thrust by the simple
+curve of its row.  `recording.supply` computes them from the commands and the supply voltage of a recording,
+once, before any integration.  For other thrusters they are the commands.
 
 A command logged in row k acts on [t_k, t_k+1).  A value at t_k is the limit from the left: the state at the
-first row is the initial one, and the first command is first felt at the second row.
+first row is the initial one, and the first command first acts at the second row.
 """
 
 from __future__ import annotations
@@ -27,35 +27,34 @@ from hydro.core.thrust_curves.curve import curve_table
 from hydro.core.thrust_curves.table import ThrustTable
 from hydro.core.vehicle.description import Thruster, Vehicle
 
-# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B; the
-# next seven, of its curve, are what a step reads most often.
+# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
 UNIT_WRENCH, UNIT_FORCE, UNIT_MOMENT = slice(0, 6), slice(0, 3), slice(3, 6)
 MAX_THRUST = 6  # N at +1
 MAX_REVERSE = 7  # N at -1, as a positive number
-POWER = 8  # of n that thrust goes with: 1 linear, 2 quadratic
+POWER = 8  # exponent of n in the thrust: 1 linear, 2 quadratic
 SPEED_LAG = 9  # 1: the state is the rotor speed; 0: the thrust
 DEADBAND = 10  # in n
 SHIFT = 11  # 1: continuous beyond the dead band; 0: cut
-BEYOND = 12  # effective commands reach 1 + this: a table has more thrust at more than the nominal voltage
+BEYOND = 12  # effective commands reach 1 + this: thrust of a table above the nominal voltage
 TIME_CONSTANT = 13  # s
 LAG_STEP = 14  # s, of the source's Euler integration; 0: exact
 DELAY = 15  # s
 GAIN = 16  # relative gain, thrust times 1 + g
 ASYMMETRY = 17  # a, reverse thrust times 1 - a
-INFLOW = 18  # c, thrust lost to the water's speed along the axis [s/m]
-REACTION = 19  # k, torque about the thrust's axis per thrust [m]; the unit wrench has it already
+INFLOW = 18  # c, thrust loss by the water's speed along the axis [s/m]
+REACTION = 19  # k, torque about the thrust's axis per thrust [m]; included in the unit wrench
 COLUMNS = 20
 
 
 def same_states(table: Array, other: Array) -> bool:
-    """Whether two thruster tables lead the same commands to the same lag states, whatever their thrusts."""
+    """Return whether two thruster tables give the same lag states for the same commands."""
     after = {*range(COLUMNS)[UNIT_WRENCH], GAIN, ASYMMETRY, INFLOW, REACTION}
     before = [c for c in range(COLUMNS) if c not in after]
     return table.shape == other.shape and np.array_equal(table[:, before], other[:, before])
 
 
 def configuration_matrix(vehicle: Vehicle) -> Array:
-    """Thruster configuration B, shape (6, n): the wrench about CO of one newton of each thrust; paper (10).
+    """Return the configuration matrix B, (6, n): the wrench about CO per newton of each thrust; paper (10).
 
     It is that of the file's thrusters; with the reaction torques of actuator effects it is the transpose of
     `UNIT_WRENCH` of `effects.thruster_table`.
@@ -67,26 +66,26 @@ def configuration_matrix(vehicle: Vehicle) -> Array:
 
 
 def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
-    """Thrusts with the least sum of squares among those that come closest to a demanded wrench: pinv(B) tau.
+    """Return the least-squares thrusts closest to a demanded wrench: pinv(B) tau.
 
     Args:
         B: Configuration matrix, shape (6, n).
         tau: Demanded wrench in body axes, shape (..., 6) [N, N m].
 
     Returns:
-        Thrusts, shape (..., n) [N], not limited; B f = tau wherever the thrusters can produce tau.
+        Thrusts, shape (..., n) [N], not limited; B f = tau if the thrusters can produce tau.
     """
     return np.asarray(np.asarray(tau, float) @ np.linalg.pinv(np.asarray(B, float)).T)
 
 
 def thruster_table(vehicle: Vehicle) -> Array:
-    """The vehicle's thrusters as rows of numbers for the kernels, shape (n, COLUMNS).
+    """Return the vehicle's thrusters as rows of numbers for the kernels, shape (n, COLUMNS).
 
     Gain, asymmetry, inflow and reaction are 0 here; effects of kind `actuator` change these and others.
 
     Raises:
         DataError: A thruster's placement is missing or doubled, its `lag_step` exceeds its time constant, or
-            its curve is no curve.
+            its curve is invalid.
     """
     table = np.zeros((len(vehicle.thruster), COLUMNS))
     for row, thruster in zip(table, vehicle.thruster, strict=True):
@@ -109,10 +108,10 @@ def thruster_table(vehicle: Vehicle) -> Array:
 
 
 def table_of(thruster: Thruster) -> ThrustTable | None:
-    """The table of a thruster's curve; None where its curve is a plain one.
+    """Return the table of a thruster's curve; None for a simple curve.
 
     Raises:
-        DataError: The file's numbers are no table.
+        DataError: The file's numbers are not a valid table.
     """
     try:
         return curve_table(thruster.curve)
@@ -121,23 +120,23 @@ def table_of(thruster: Thruster) -> ThrustTable | None:
 
 
 def curve_power(thruster: Thruster) -> float:
-    """Power of its effective command that a thruster's thrust goes with."""
+    """Return the exponent of the effective command in a thruster's thrust."""
     if thruster.curve in ("linear", "quadratic", "none"):
         return 2.0 if thruster.curve == "quadratic" else 1.0
     return 2.0 if thruster.lag == "speed" else 1.0
 
 
 def voltage_matters(vehicle: Vehicle) -> bool:
-    """Whether the thrust of any thruster depends on the supply voltage."""
+    """Return whether the thrust of any thruster depends on the supply voltage."""
     tables = map(table_of, vehicle.thruster)
     return any(table is not None and table.several for table in tables)
 
 
 def nominal_voltage(vehicle: Vehicle) -> float:
-    """The vehicle file's supply voltage [V]; 0 where no thrust depends on it.
+    """Return the vehicle file's supply voltage [V]; 0 if no thrust depends on it.
 
     Raises:
-        DataError: A curve has several voltages, and the file says not which is nominal.
+        DataError: A curve has several voltages, and the file does not give the nominal one.
     """
     if vehicle.battery is not None:
         return vehicle.battery.voltage
@@ -149,7 +148,7 @@ def nominal_voltage(vehicle: Vehicle) -> float:
 
 
 def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
-    """Thrust at full command ahead and astern [N], and how far effective commands reach beyond 1."""
+    """Return the thrust at full command ahead and astern [N], and the excess of effective commands over 1."""
     if not thruster.pushes:
         return 0.0, 0.0, 0.0
     table, given = table_of(thruster), (thruster.max_thrust, thruster.max_reverse_thrust)
@@ -173,13 +172,13 @@ def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
 
 @kernel
 def raised(size: float, power: float) -> float:
-    """Size to a power, by one product where that is 2."""
+    """Return a size raised to a power, as one product for a power of 2."""
     return size * size if power == 2.0 else size**power
 
 
 @kernel
 def static_thrust(row: Array, n: float) -> float:
-    """Thrust [N] that a normalised speed n in [-1, 1] settles on by dead band and curve."""
+    """Return the steady thrust [N] for a normalised speed n in [-1, 1], by dead band and curve."""
     size: float = abs(n)
     band: float = row[DEADBAND]
     within_band = size <= band
@@ -187,7 +186,7 @@ def static_thrust(row: Array, n: float) -> float:
         size, band = raised(size, row[POWER]), raised(band, row[POWER])
     if row[SHIFT]:
         size = (size - band) / (1.0 - band)
-    # chosen among numbers that are there: nobody can foresee the sign of a command
+    # select without a branch, since the sign of a command is unpredictable
     ahead: float = row[MAX_THRUST]
     astern: float = -row[MAX_REVERSE]
     thrust = size * (ahead if n > 0.0 else astern)
@@ -196,7 +195,7 @@ def static_thrust(row: Array, n: float) -> float:
 
 @kernel
 def settled_state(row: Array, command: float) -> float:
-    """Lag state that a held command (delayed already) leads to; by a plain curve it is clipped to [-1, 1]."""
+    """Return the steady lag state of a held command (after delay); a simple curve clips it to [-1, 1]."""
     most: float = 1.0 + row[BEYOND]
     n = min(max(command, -most), most)
     return n if row[SPEED_LAG] else static_thrust(row, n)
@@ -204,12 +203,12 @@ def settled_state(row: Array, command: float) -> float:
 
 @kernel
 def lag_decay(row: Array, dt: float) -> float:
-    """Share of a distance from the settled state left after dt [s]: exp(-dt/T), or Euler's (1 - h/T)^(dt/h).
+    """Return the factor of the distance from steady state over dt [s]: exp(-dt/T) or (1 - h/T)^(dt/h).
 
-    The power of Euler's step is taken for any dt, so the lag over two parts is the lag over their sum.
+    The second is Euler's.  Its exponent may be any real number, so two parts give the same lag as their sum.
     """
     constant, step = row[TIME_CONSTANT], row[LAG_STEP]
-    if constant <= step:  # no lag, or all of it within one Euler step
+    if constant <= step:  # no lag, or one that ends within one Euler step
         return 0.0
     if step > 0.0:
         return math.exp(math.log1p(-step / constant) * dt / step)
@@ -218,9 +217,9 @@ def lag_decay(row: Array, dt: float) -> float:
 
 @kernel
 def advance_state(row: Array, state: float, command: float, dt: float) -> float:
-    """Lag state after holding a command (delayed already) for dt [s]: exact, in one step of any length.
+    """Return the lag state after holding a command (after delay) for dt [s]: exact, in one step.
 
-    Without lag the state follows at once, even for dt = 0.
+    Without lag the state follows immediately, even for dt = 0.
     """
     settled = settled_state(row, command)
     return settled + (state - settled) * lag_decay(row, dt)
@@ -228,9 +227,9 @@ def advance_state(row: Array, state: float, command: float, dt: float) -> float:
 
 @kernel
 def state_derivative(row: Array, state: float, command: float) -> float:
-    """Rate of the lag state [1/s of it] whose solution is `advance_state`.
+    """Return the rate of the lag state [per s], whose solution is `advance_state`.
 
-    0 without lag: there the state is no unknown, and `advance_state(row, state, command, 0.0)` sets it.
+    It is 0 without lag, where `advance_state(row, state, command, 0.0)` sets the state.
     """
     constant, step = row[TIME_CONSTANT], row[LAG_STEP]
     if constant <= step:
@@ -241,9 +240,9 @@ def state_derivative(row: Array, state: float, command: float) -> float:
 
 @kernel
 def inflow_speed(row: Array, nu_r: Array) -> float:
-    """Speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
+    """Return the speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
 
-    b is the unit wrench without the reaction torque, which is no lever arm.
+    b is the unit wrench without the reaction torque, which is not a lever arm.
     """
     speed = 0.0
     for i in range(3):
@@ -253,12 +252,12 @@ def inflow_speed(row: Array, nu_r: Array) -> float:
 
 @kernel
 def state_to_thrust(row: Array, state: float, inflow: float) -> float:
-    """Thrust [N] of a lag state, with gain, asymmetry and the loss to `inflow` [m/s] along the axis."""
+    """Return the thrust [N] of a lag state, with gain, asymmetry and the loss by `inflow` [m/s]."""
     thrust: float = static_thrust(row, state) if row[SPEED_LAG] else state
     thrust *= 1.0 + row[GAIN]
     if thrust < 0.0:
         thrust *= 1.0 - row[ASYMMETRY]
-    if row[INFLOW] != 0.0:  # spares most vehicles the square root
+    if row[INFLOW] != 0.0:  # avoids the square root for most vehicles
         thrust -= row[INFLOW] * math.sqrt(abs(thrust) * row[MAX_THRUST]) * inflow
     return thrust
 
@@ -267,7 +266,7 @@ def state_to_thrust(row: Array, state: float, inflow: float) -> float:
 def _states_kernel(
     table: Array, commands: Array, t: Array, times: Array, settled: bool, close: float, out: Array
 ) -> None:
-    """Lag states at rising `times` >= t[0]; command k is felt from t[k] + delay, `close` [s] is no time."""
+    """Write lag states at ascending `times` >= t[0]; command k acts from t[k] + delay, within `close` [s]."""
     count, rows = table.shape[0], t.size
     state, target, now = np.zeros(count), np.zeros(count), np.full(count, t[0])
     upcoming = np.zeros(count, np.int64)
@@ -298,7 +297,7 @@ def _states_kernel(
 
 @kernel
 def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None:
-    """Thrusts of lag states; `nu_r` has as many rows, or none for still water around a vehicle at rest."""
+    """Write thrusts of lag states; `nu_r` has as many rows, or none for a vehicle at rest in still water."""
     for k in range(states.shape[0]):
         for i in range(table.shape[0]):
             inflow = inflow_speed(table[i], nu_r[k]) if nu_r.shape[0] else 0.0
@@ -308,15 +307,15 @@ def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None
 def lag_states(
     table: Array, commands: ArrayLike, t: ArrayLike, times: ArrayLike, *, settled: bool = False
 ) -> Array:
-    """Lag states at any times of one unbroken segment.
+    """Return lag states at any times of one segment.
 
     Args:
         table: Thruster table, shape (n, COLUMNS).
         commands: Commands, shape (N, n); row k is held on [t_k, t_k+1), the last one on.
-        t: Times of the commands [s], shape (N,), rising.
-        times: Times to give the states at [s], shape (M,), rising, from t[0] on.
-        settled: Start settled on the first command, as after a gap; otherwise at rest, with a command of
-            0 before the first.
+        t: Times of the commands [s], shape (N,), ascending.
+        times: Times of the states [s], shape (M,), ascending, from t[0] on.
+        settled: Whether to start in the steady state of the first command, as after a gap; else at rest, with
+            a command of 0 before the first.
 
     Returns:
         States, shape (M, n): limits from the left where a command changes.
@@ -341,16 +340,16 @@ def thrusts(
     after_gap: ArrayLike | None = None,
     nu_r: ArrayLike | None = None,
 ) -> Array:
-    """Thrusts f(t_k) at every row of a log; paper (10).
+    """Return thrusts f(t_k) at every row of a log; paper (10).
 
     Args:
         table: Thruster table, shape (n, COLUMNS): that of `effects.thruster_table`, which holds the vehicle's
             actuator effects, or of `thruster_table` without them.
         commands: Commands, shape (N, n).
-        t: Times [s], shape (N,), rising within each segment.
-        segments: Unbroken runs of rows [start, stop), shape (S, 2).
-        after_gap: Which segments follow a gap within a session, shape (S,): they start settled on their first
-            command.  The others, and all of them by default, start a session at rest.
+        t: Times [s], shape (N,), ascending within each segment.
+        segments: Uninterrupted runs of rows [start, stop), shape (S, 2).
+        after_gap: Which segments follow a gap within a session, shape (S,): they start in the steady state of
+            their first command. The others, by default all, start a session at rest.
         nu_r: Velocity of CO relative to the water, body axes, shape (N, 6); by default there is no inflow.
 
     Returns:
@@ -373,7 +372,7 @@ def thrusts(
 
 
 def _unit_wrench(thruster: Thruster) -> Array:
-    """Wrench about CO of one newton of thrust, shape (6,)."""
+    """Return the wrench about CO of one newton of thrust, shape (6,)."""
     position, direction, wrench = thruster.position, thruster.direction, thruster.wrench
     if not thruster.pushes:
         if thruster != Thruster(name=thruster.name, curve="none"):
@@ -388,7 +387,7 @@ def _unit_wrench(thruster: Thruster) -> Array:
 
 
 def _commands(table: Array, commands: ArrayLike, t: ArrayLike) -> tuple[Array, Array]:
-    """Commands and times as C-contiguous float64 that fit the thrusters and each other."""
+    """Return commands and times as C-contiguous float64 that fit the thrusters and each other."""
     held = np.ascontiguousarray(commands, dtype=np.float64)
     clock = np.ascontiguousarray(t, dtype=np.float64)
     if held.ndim != 2 or held.shape != (clock.size, len(table)):
@@ -400,6 +399,6 @@ def _commands(table: Array, commands: ArrayLike, t: ArrayLike) -> tuple[Array, A
 
 
 def _close(t: Array) -> float:
-    """Times nearer than this are one time: rounding of the clock must not move a command by a whole row."""
+    """Return the tolerance of times: clock rounding must not move a command by a whole row."""
     step = (t[-1] - t[0]) / max(t.size - 1, 1)
     return float(1e-9 * step + 1e-15 * abs(t[-1]))
