@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+import pty
 import re
 import shlex
+import signal
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import forked
@@ -200,6 +204,30 @@ def test_an_end_of_the_answers_is_one_line(here: Path) -> None:
     code, told = on_terminal("start", "dive.csv", "-o", "out", answers=["commands"])
     assert code == 2
     assert told.splitlines()[-1] == "hydro: the input ended before the last answer: give --commands"
+
+
+def test_an_interrupt_at_a_question_ends_at_once(here: Path) -> None:
+    """Libraries that read logs change how the process handles interrupts."""
+    leader, follower = pty.openpty()
+    line = [sys.executable, "-m", "hydro.cli", "start", "dive.csv", "-o", "out"]
+    environment = os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "TERM": "dumb"}
+    with subprocess.Popen(
+        line,
+        stdin=follower,
+        stdout=follower,
+        stderr=follower,
+        env=environment,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        os.close(follower)
+        printed = b""
+        while b"> " not in printed:
+            printed += os.read(leader, 65536)
+        time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+    os.close(leader)
+    assert not Path("out").exists()
 
 
 def test_a_raw_table_needs_no_map_and_brings_its_vehicle(

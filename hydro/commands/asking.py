@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Generator
 from typing import TYPE_CHECKING, TypeVar
@@ -80,6 +81,7 @@ def _typed(text: str, question: Question) -> str:
     Raises:
         UsageError: The input has ended.
     """
+    signal.siginterrupt(signal.SIGINT, True)  # pyarrow's readers let it restart a read from the terminal
     try:
         answer = typer.prompt(
             text,
