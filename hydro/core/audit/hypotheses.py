@@ -6,21 +6,26 @@ per newton (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prio
 standard deviation SPREAD m, where m is the scale common to all thrusters. A thruster that does not push
 therefore says nothing about its sign, and a weak one little. Marginal likelihoods are exact in g; m is summed
 over a grid, s is at its mode.
+
+A command may move an axis on which it does not push by the file: a mixer that the file does not know,
+thrusters on the steep part of their curve, or a controller that answers a disturbance of two axes. Such a
+coupling is a Gaussian error of one c_aj with a variance of its own, at its mode (relevance determination,
+Tipping 2001). Thrusters whose commands are alike push as one, so a couple may have a coupling in heave.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from hydro.core.audit.momentum_balance import AXES, Balance
+from hydro.core.audit.momentum_balance import AXES, GEOMETRY, Balance
 from hydro.core.audit.wiring import Wiring
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 
 SPREAD = 0.5
 """Prior standard deviation of an effectiveness, as a share of the common scale: sound thrusters differ by
@@ -37,6 +42,10 @@ FACTORS = (0.2, 5.0)
 """Range of an axis factor."""
 REVERSED, EXCHANGED = 0.1, 0.1
 """Prior probability that a thruster is reversed, and that one more pair of columns is exchanged."""
+COUPLED = 0.1
+"""Prior probability that a command moves an axis on which it does not push by the file."""
+ALIKE = 0.9
+"""Correlation of two commands, in size, from which their thrusters push as one."""
 ENUMERATED = 10
 """Number of thrusters up to which all combinations of signs are tried: 1,024 of them."""
 ROUNDS = 30
@@ -58,6 +67,7 @@ class Order:
         score: Their gradient at 0, (n,).
         signs: Combinations of signs, (S, n).
         evidence: Logarithm of the posterior, not normalised, for each of them and of SCALES, (S, M).
+        prior: Logarithm of the prior probability of each combination of signs, (S,).
     """
 
     column: tuple[int, ...]
@@ -66,6 +76,7 @@ class Order:
     score: Array
     signs: Array
     evidence: Array
+    prior: Array
 
     @cached_property
     def best(self) -> float:
@@ -128,8 +139,9 @@ def posterior(found: Balance) -> Posterior:
     tried: dict[tuple[int, ...], Order] = {}
     for start in _starts(found):
         _search(found, start, tried)
-    ranked = sorted(tried.values(), key=lambda order: -order.best)
-    assert tuple(range(count)) in tried
+    file, most = tuple(range(count)), max(order.best for order in tried.values())
+    likely = [order for order in tried.values() if order.best > most - WORTH or order.column == file]
+    ranked = sorted((_coupled(found, order) for order in likely), key=lambda order: -order.best)
     return Posterior(tuple(ranked))
 
 
@@ -169,23 +181,120 @@ def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
 
 
 def _order(found: Balance, column: tuple[int, ...]) -> Order:
-    """Weigh the signs of one order of the columns."""
-    count = len(column)
-    at = found.kinds * count + np.array(column)
-    arms = found.arms
-    gram = found.gram[:, at[:, None], at[None, :]] * arms[:, :, None] * arms[:, None, :]
-    score = found.score[:, at] * arms
-    factors = _factors(gram, score)
-    whole = (factors**2 @ gram.reshape(AXES, -1)).reshape(count, count)
-    slope = factors @ score
+    """Weigh the signs of one order of the columns, without couplings."""
+    count, fit = len(column), _Fit.of(found, column)
+    whole, slope, _ = fit.summed()
     signs = _signs(whole, slope)
-    chance = _evidence(whole, slope, signs)
     exchanged = count - _cycles(column)
     prior = (signs < 0).sum(axis=1) * np.log(REVERSED / (1.0 - REVERSED))
     prior += exchanged * np.log(EXCHANGED / max(count * (count - 1) / 2, 1))
-    prior -= 0.5 * float((((factors - 1.0) / INERTIA) ** 2)[found.shown].sum())
-    weighed = chance + prior[:, None] - 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
-    return Order(column, factors, whole, slope, signs, weighed)
+    return Order(column, fit.factors, whole, slope, signs, fit.evidence(signs) + prior[:, None], prior)
+
+
+def _coupled(found: Balance, order: Order) -> Order:
+    """Weigh the signs of an order again, with the couplings that the file's or the likeliest signs need."""
+    plain = _Fit.of(found, order.column)
+    likeliest = order.signs[int(order.evidence.max(axis=1).argmax())]
+    starts = np.unique([np.ones(len(likeliest)), likeliest], axis=0)
+    fits = [plain, *(plain.coupled(signs) for signs in starts)]
+    every = np.stack([fit.evidence(order.signs) for fit in fits], axis=-1) + order.prior[:, None, None]
+    return replace(order, evidence=_summed(every))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Regression of all axes for one order of the columns.
+
+    Attributes:
+        arms: Acceleration per newton of each thruster by the file, (6, n).
+        shown: Which axes the recording shows, (6,).
+        gram: Products of the columns that drive the thrusters, (6, n, n).
+        score: Their products with the accelerations, (6, n).
+        chance: Logarithm of prior and likelihood of the couplings with no thrust at all.
+    """
+
+    arms: Array
+    shown: Mask
+    gram: Array
+    score: Array
+    chance: float = 0.0
+
+    @classmethod
+    def of(cls, found: Balance, column: tuple[int, ...]) -> _Fit:
+        """Return the regression without couplings."""
+        at = found.kinds * len(column) + np.array(column)
+        return cls(found.arms, found.shown, found.gram[:, at[:, None], at[None, :]], found.score[:, at])
+
+    @cached_property
+    def factors(self) -> Array:
+        """Most probable factor of each axis, (6,)."""
+        gram = self.gram * self.arms[:, :, None] * self.arms[:, None, :]
+        return _factors(gram, self.score * self.arms)
+
+    @cached_property
+    def apart(self) -> Mask:
+        """Which axes a command does not push along by the file, within the errors of its geometry, (6, n)."""
+        size = np.sqrt(np.maximum(np.diagonal(self.gram, axis1=1, axis2=2), 1e-300))
+        alike = self.gram / (size[:, :, None] * size[:, None, :])
+        together = np.where(np.abs(alike) >= ALIKE, np.sign(alike), 0.0)
+        pushed = np.abs(np.einsum("aij,aj->ai", together, self.arms))
+        allowed = GEOMETRY * np.sqrt(np.mean(self.arms**2, axis=1, keepdims=True))
+        return np.asarray(pushed <= allowed * np.abs(together).sum(axis=2))
+
+    def summed(self) -> tuple[Array, Array, float]:
+        """Curvature (n, n) and gradient (n,) of the effectivenesses, and the logarithm that they add to."""
+        pushed = self.factors[:, None] * self.arms
+        whole = np.einsum("ai,aij,aj->ij", pushed, self.gram, pushed)
+        constant = self.chance - 0.5 * float((((self.factors - 1.0) / INERTIA) ** 2)[self.shown].sum())
+        return whole, (pushed * self.score).sum(axis=0), constant
+
+    def evidence(self, signs: Array) -> Array:
+        """Logarithm of likelihood and prior for each combination of signs and each of SCALES, (S, M)."""
+        whole, slope, constant = self.summed()
+        return _evidence(whole, slope, signs) + constant - 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
+
+    def errors(self, signs: Array) -> tuple[Array, Array]:
+        """Slope and curvature of the likelihood in each acceleration per newton, given all signs (6, n).
+
+        The effectivenesses are integrated out: what they may explain is no error.
+        """
+        whole, slope, _ = self.summed()
+        scale = SCALES[int(self.evidence(signs[None])[0].argmax())]
+        precision = 1.0 / (SPREAD * scale) ** 2
+        inverse = np.linalg.inv(whole + precision * np.eye(len(signs)))
+        pushed = self.factors[:, None] * self.arms
+        answers = pushed[:, :, None] * self.gram
+        left = self.score - np.einsum("aij,i->aj", answers, inverse @ (slope + precision * scale * signs))
+        explained = np.einsum("aij,ik,akj->aj", answers, inverse, answers)
+        return left, np.diagonal(self.gram, axis1=1, axis2=2) - explained
+
+    def coupled(self, signs: Array) -> _Fit:
+        """Add couplings while one gains more than its prior costs, given all signs (n,).
+
+        With an error of z standard errors, a coupling of variance z^2 - 1 squared standard errors gains
+        most, (z^2 - 1 - log z^2) / 2 in the logarithm of the likelihood.
+        """
+        fit, cost, apart = self, float(np.log((1.0 - COUPLED) / COUPLED)), self.apart
+        for _ in range(self.score.size):
+            left, curved = fit.errors(signs)
+            curved = np.where(apart & (curved > 0.0), curved, np.inf)
+            squares = np.maximum(left**2 / curved, 1.0)
+            axis, i = np.unravel_index(int(squares.argmax()), squares.shape)
+            square = float(squares[axis, i])
+            if 0.5 * (square - 1.0 - np.log(square)) <= cost:
+                break
+            fit = fit._loosened(int(axis), int(i), (square - 1.0) / float(curved[axis, i]), cost)
+        return fit
+
+    def _loosened(self, axis: int, i: int, variance: float, cost: float) -> _Fit:
+        """Give one acceleration per newton an error of this variance."""
+        gram, score = self.gram.copy(), self.score.copy()
+        row, own = self.gram[axis, i], self.score[axis, i]
+        volume = 1.0 + variance * row[i]
+        gram[axis] -= variance / volume * np.outer(row, row)
+        score[axis] -= variance / volume * own * row
+        gain = 0.5 * float(variance / volume * own**2 - np.log(volume))
+        return replace(self, gram=gram, score=score, chance=self.chance + gain - cost)
 
 
 def _factors(gram: Array, score: Array) -> Array:

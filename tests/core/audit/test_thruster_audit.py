@@ -256,3 +256,53 @@ def test_a_vehicle_without_thrusters_is_no_matter(log):
     bare = msgspec.structs.replace(synthetic.vehicle(), thruster=())
     raw = log.drop([f"cmd_{i + 1}" for i in range(N)])
     assert audited(raw, bare) is None
+
+
+def by_demands(coupling, *, rows=4000, seed=0):
+    """A file with a thruster or a couple of two for each axis, and a recording of demands in six axes.
+
+    The vehicle has another mixer than the file: the demand of pitch pushes it up as well, by `coupling` times
+    the thrust of one thruster, and its inertia in pitch is three times the file's.
+    """
+    known, kind = damped(), type(synthetic.vehicle().thruster[0])
+    pushes = [("X", 0, 0), ("Y", 1, 0), ("Z", 2, 0)]
+    pairs = [("K", 1, 2, 1.0), ("M", 0, 2, -1.0), ("N", 0, 1, 1.0)]
+    axes = np.eye(3)
+    file = [kind(name=name, position=(0.0, 0.0, 0.0), direction=tuple(axes[a])) for name, a, _ in pushes]
+    for name, arm, along, sign in pairs:
+        for end in (1.0, -1.0):
+            place, direction = tuple(end * axes[arm]), tuple(end * sign * axes[along])
+            file.append(kind(name=f"{name}{end:+.0f}", position=place, direction=direction))
+    file = [
+        msgspec.structs.replace(one, max_thrust=size, max_reverse_thrust=size, curve="linear")
+        for one, size in zip(file, [60.0] * 3 + [15.0] * 6, strict=True)
+    ]
+    given_file = msgspec.structs.replace(known, thruster=tuple(file))
+    up = msgspec.structs.replace(
+        file[5],
+        name="up",
+        position=(0.0, 0.0, 0.0),
+        direction=(0.0, 0.0, -1.0),
+        max_thrust=15.0 * coupling,
+        max_reverse_thrust=15.0 * coupling,
+    )
+    inertia = np.array(known.rigid_body.inertia)
+    inertia[1, 1] *= 3.0
+    body = msgspec.structs.replace(known.rigid_body, inertia=inertia.tolist())
+    actual = msgspec.structs.replace(known, rigid_body=body, thruster=(*file, up))
+    rng, t = np.random.default_rng(seed), np.arange(rows) * 0.02
+    wave = [
+        size * np.sin(2 * np.pi * rng.uniform(0.05, 0.4) * t + rng.uniform(0, 6))
+        for size in (0.5, 0.5, 0.5, 0.3, 0.3, 0.3)
+    ]
+    of = [0, 1, 2, 3, 3, 4, 4, 5, 5, 4]
+    columns = {f"cmd_{i + 1}": wave[axis] for i, axis in enumerate(of)}
+    raw = simulate(actual, pl.DataFrame({"session": ["a"] * rows, "t": t} | columns))
+    return given_file, noisy(raw.drop("cmd_10"))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_mixer_that_the_file_does_not_know_is_no_reversed_thruster(seed):
+    """The pitch demand pushes up as well; it still pitches the vehicle as the file says."""
+    known, raw = by_demands(4.0, seed=seed)
+    assert not audited(raw, known).wrong
