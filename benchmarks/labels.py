@@ -1,8 +1,8 @@
-"""What `hydro labels` costs beside plain pyarrow and beside a `filterpy` loop, in one run.
+"""Cost of `hydro labels`, compared with plain pyarrow and with a `filterpy` loop, in one run.
 
 Run: `python benchmarks/labels.py RAW.parquet --vehicle VEHICLE.toml`
 
-Every round measures, one after the other so that a busy machine disturbs both alike:
+Every round measures one after the other, so that a busy machine disturbs both equally:
 
 * pyarrow: read the raw table, and write the labels table (large columns float32) with its default options
   (snappy, dictionaries), and once more with zstd;

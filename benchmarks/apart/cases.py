@@ -1,7 +1,4 @@
-"""The cases: which change of which vehicle, and how it is flown before and after.
-
-A case is drawn from the seed and its place in `CASES` alone.
-"""
+"""Cases: the change, the vehicle, and the flights before and after."""
 
 from __future__ import annotations
 
@@ -145,7 +142,7 @@ def draw(seed: int, place: int) -> Drawn:
     depth, excursion = MIDDLE, 3.0
     if case.kind == "suction":  # near the surface
         depth, excursion, flown["after"] = 1.8, 1.6, ["way"] * 4
-    if case.kind in ("current_shear", "tether"):  # through the depths that tell them
+    if case.kind in ("current_shear", "tether"):  # over the depths that show them
         excursion, flown["after"] = 5.0, ["way", "axes", "way", "steps"]
     rows = {name: [int(v) for v in rng.integers(3000, 4001, len(each))] for name, each in flown.items()}
     return Drawn(seed, place, case, maker, vehicle, fitted, flown, rows, depth, excursion)

@@ -1,6 +1,6 @@
-"""How vehicles are flown: multi-sines or steps on every axis, or way-points held on what is measured.
+"""Flight plans: multi-sines or steps on every axis, or way-points with feedback from measurements.
 
-Commands are made with the unchanged vehicle's allocation, whatever has changed since.
+Commands are computed with the unchanged vehicle's allocation, for any change.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Pilot:
             self.points[:, b] = way_points(leg, t)
 
     def _steer(self, b: int, leg: Leg, t: Array) -> None:
-        """A propeller at changing speed, and fins: elevator and rudder."""
+        """Set a propeller at changing speed, and fins: elevator and rudder."""
         rng, mode = leg.rng, leg.mode
         self.driven[b] = True
         direct = self.direct[:, b]
@@ -104,7 +104,7 @@ class Pilot:
         self.loop[b] = {"axes": 0.25, "steps": 0.25, "way": 1.0}[mode]
 
     def _push(self, b: int, leg: Leg, t: Array) -> None:
-        """Forces and moments that thrusters share out, and a little of each thruster by itself."""
+        """Set forces and moments of the thrusters, and a small independent part of each."""
         P, kind, n, rng, mode = leg.vehicle.P, leg.vehicle.kind, self.n, leg.rng, leg.mode
         r, d, tops = P["thr_pos"], P["thr_dir"], P["thr_max"]
         each = np.concatenate([d, np.cross(r, d)], 1).T

@@ -1,6 +1,6 @@
 """A clean log as other sensors and loggers would have written it.
 
-Each function takes a raw table and a generator of random numbers and gives the raw table spoilt in one way,
+Each function takes a raw table and a generator of random numbers and returns the table corrupted in one way,
 session by session.  `dvl` are u, v, w; the rates p, q, r come from a gyroscope.
 """
 

@@ -1,7 +1,7 @@
 """Recordings of one study under one condition: a log with faults of sensors, or flown under feedback control.
 
-Cases, vehicles and clean flights are those of `hidden_effects` in its own simulator; a study of a seed hides
-the same under every condition, and a spoilt log is that of the very flight that is clean under `CLEAN`.
+Cases, vehicles and clean flights are those of `hidden_effects` in its own simulator.  A seed hides the same
+effects under every condition, and a corrupted log is that of the clean flight of `CLEAN`.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ class Score:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What tells studies apart."""
+        """Keys that identify a study."""
         return self.row["list"], self.row["seed"], self.row["seconds"]
 
     @property

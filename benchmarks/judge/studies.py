@@ -163,7 +163,7 @@ def _log(kind: str, only: str | None = None) -> Callable[[int, float, Path], Stu
 
 
 def _sparse(seed: int, seconds: float, folder: Path) -> Study:
-    """Prepare a study of sensors that sample at 5, 10 and 50 Hz beside one another."""
+    """Prepare a study of sensors that sample at 5, 10 and 50 Hz in one log."""
     case, flown = logs.clean(cases.draw("one", seed, "independent"), seconds)
     errors = Ahead(flown.held_out, flown.exact)
     share = shares(case, flown, errors, errors.of(flown.given))[0]
@@ -182,7 +182,7 @@ def _sparse(seed: int, seconds: float, folder: Path) -> Study:
 def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
     """Return the preparation of a case of the independent simulator.
 
-    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.  Without the earlier recording, a `retune` tells of
+    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.  Without the earlier recording, a `retune` concerns
     the file, whose values are wrong by design.
     """
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # studies run beside one another
+    os.environ.setdefault(_name, "1")  # studies run in parallel
 
 import argparse
 from pathlib import Path
