@@ -62,7 +62,7 @@ def parser(
     kept: Callable[[argparse.Namespace], None],
     seeds: int,
 ) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
-    """The parser of a study that is run or kept as a table, and that of `run`, for more; `what` is chosen."""
+    """Return the parser of a study that is run or kept as a table, and that of `run`; `what` is chosen."""
     whole = argparse.ArgumentParser(description=about)
     parts = whole.add_subparsers(required=True)
     runs = parts.add_parser("run")

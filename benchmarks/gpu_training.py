@@ -1,7 +1,7 @@
 """Training time of a task entirely on a GPU: vehicles, sonar, rewards, networks and memory.
 
-Soft actor-critic of `hydro.rl.gpu` trains until 97 % of new episodes, one per vehicle, succeed without
-exploration.  Seeds run one after another in one process, so that only the first waits for compilers.  With
+Soft actor-critic of `hydro.rl.gpu` trains until 97 % of new episodes succeed without exploration, one episode
+per vehicle.  Seeds run one after another in one process, so that only the first waits for compilers.  With
 `--device cpu` the same learner flies MuJoCo's vehicles on the processor, for a baseline.
 
     python benchmarks/gpu_training.py -o trained

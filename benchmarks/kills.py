@@ -48,10 +48,10 @@ the errors afterwards; empty without errors."""
 
 @dataclass(frozen=True)
 class Work:
-    """A command, and what it needs.
+    """Command with its inputs.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         line: Its words, without `hydro`; run in its own folder.
         needs: Commands that make its inputs, likewise.
     """
@@ -112,7 +112,7 @@ def finished(line: str, folder: Path) -> float:
 
 
 def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[bool, str]:
-    """Run a command and send it a signal after so many seconds; whether it had ended, and what was wrong."""
+    """Run a command and send it a signal after some seconds; return whether it had ended, and errors."""
     before = {path for path in files(folder) if unfinished(path)}  # of a kill, swept when next written
     process = hydro(line, folder)
     try:

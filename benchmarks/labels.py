@@ -29,7 +29,7 @@ import pyarrow.parquet as pq
 from hydro import cli
 
 WRITES = (("snappy", "its defaults"), ("zstd", "zstd"))
-"""Compressions of pyarrow, and what they are called."""
+"""Compressions of pyarrow, and their names."""
 LOOPED = 20_000
 """Rows that go through the filterpy loop; its time grows with the rows."""
 MEASURE_PEAK = "import resource, sys; from hydro import cli; code = cli.main(sys.argv[1:]); \

@@ -95,7 +95,7 @@ def drag(file: Vehicle) -> tuple[Array, Array]:
 
 
 def markdown() -> str:
-    """The table, with what is not near marked, and how many are."""
+    """Return the table, with inaccurate values marked and counted."""
     rows = list(comparisons())
     lines = ["| vehicle | quantity | X | Y | Z | K | M | N |", "|---|---|---|---|---|---|---|---|"]
     lines += [f"| {row.vehicle} ({row.shape}) | {row.quantity} | {' | '.join(_cells(row))} |" for row in rows]

@@ -109,7 +109,7 @@ def _groups(screening: Screening) -> Iterator[Row]:
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the flights that the results file lacks."""
     results = Results(chosen.out, SCHEMA)
     known = set(results.table.select(KEY).rows())
     tasks = []
@@ -204,12 +204,12 @@ def sums(table: pl.DataFrame) -> Iterator[Row]:
 
 
 def rate_of(row: Row) -> str:
-    """How many p-values of a group are at or below ALPHA."""
+    """Return the number of p-values of a group at or below ALPHA."""
     return f"{row['group']} {row['at_alpha']} of {row['logs']}"
 
 
 def summary(table: pl.DataFrame) -> str:
-    """Everything that a table of results says, as Markdown."""
+    """Return the summary of a results table as Markdown."""
     told = [markdown(list(sums(table)))]
     for words, part in conditions(table):
         lines = [
@@ -227,7 +227,7 @@ def summary(table: pl.DataFrame) -> str:
 
 
 def write(table: pl.DataFrame, commit: str) -> None:
-    """Keep the sums, and make the pages anew."""
+    """Write the kept sums, and regenerate the pages."""
     whence = origin(table, "python -m benchmarks.null_p_values run", commit)
     keep("null_p_values", [row | whence for row in sums(table)])
 

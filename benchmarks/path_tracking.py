@@ -170,7 +170,7 @@ class Predictive:
         times = t + INTERVAL * np.arange(AHEAD + 1)
         first = np.concatenate([pose, nu, thrust])
         if self.plan.size and self.plan[3:7] @ pose[3:] < 0.0:
-            first[3:7] *= -1.0  # the same attitude: a plan that begins on the other side is no warm start
+            first[3:7] *= -1.0  # the same attitude: a plan with the opposite sign is not a warm start
         if not self.plan.size:
             self.plan = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
         goal = np.hstack([place(times), heading(times)])

@@ -98,7 +98,7 @@ def semidefinite(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Ar
 
 
 def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
-    """The same with an antisymmetric part, which does no work."""
+    """Return such a matrix with an antisymmetric part, which does no work."""
     matrix = semidefinite(vehicle, share, rng)
     sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     turned = np.triu(0.3 * sizes * rng.uniform(-1.0, 1.0, (6, 6)), 1)

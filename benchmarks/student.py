@@ -275,7 +275,7 @@ def of_batches(
 
 
 def of_callbacks(vehicle: Vehicle, flown: dict[str, mujoco.MjModel], rounds: int, seconds: float) -> Rows:
-    """One vehicle in a loop: what a callback costs, compiled and in Python."""
+    """Return rows of one vehicle in a loop: the cost of a callback, compiled and in Python."""
     drag = tuple(effect for effect in vehicle.effect if effect["name"] == "quadratic_damping")
     dragged = wet(msgspec.structs.replace(vehicle, effect=drag))
     compiled = native.prepare(mjcf.scene(vehicle, dragged, timestep=TIMESTEP).compile())

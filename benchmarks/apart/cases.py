@@ -17,7 +17,7 @@ PLACES = 48
 FITTED = 0.4
 """Share of files whose effects are fitted to flights; the others are used as stated."""
 SPREAD = {True: 0.3, False: 0.1}
-"""Of the logarithm of what a file's numbers are wrong by, where they are fitted afterwards and where not."""
+"""Log-scale spread of the errors of a file's numbers, for files fitted afterwards and for others."""
 LARGER = 2.2
 """Size that a small weight begins with on an open frame, whose file's error would hide less."""
 SMALL = ("payload_plus", "payload_float", "trapped_water", "net_buoyancy")
@@ -29,7 +29,7 @@ class Case:
 
     Attributes:
         name: Of its folder.
-        kind: What is changed, one of `CHANGES`.
+        kind: Kind of the change, one of `CHANGES`.
         vehicles: Makers that it may be drawn from.
     """
 
@@ -93,7 +93,7 @@ class Drawn:
     Attributes:
         seed: Of all cases.
         place: Of the case in `CASES`.
-        case: What is changed.
+        case: The change.
         maker: Of the vehicle.
         vehicle: The unchanged one.
         fitted: Whether its file is fitted to flights.

@@ -356,7 +356,7 @@ CHANGES: dict[str, Callable[[Draw], Truth]] = {
 
 
 def changed(kind: str, vehicle: Vehicle, rng: np.random.Generator, size: float) -> tuple[Parameters, Truth]:
-    """Parameters of a changed vehicle, and what has been changed.
+    """Return the parameters of a changed vehicle, and the truth of the change.
 
     Args:
         kind: One of `CHANGES`.

@@ -68,7 +68,7 @@ class Leg:
 
 
 class Pilot:
-    """Commands of a batch of legs with as many commands each; called with a row and what is measured."""
+    """Commands of a batch of legs with equal numbers of commands; called with a row and its measurements."""
 
     def __init__(self, legs: Sequence[Leg], rows: int) -> None:
         """Draw signals and way-points for all rows."""
@@ -135,7 +135,7 @@ class Pilot:
             self.kd[b] = np.array([0.8, 0.8, 0.8, 0, 0, 0.7]) * able
 
     def __call__(self, k: int, m: Array) -> Array:
-        """Commands (B, n) of row k, of what is measured there (B, 12)."""
+        """Return the commands (B, n) of row k from its measurements (B, 12)."""
         psi = m[:, 5]
         e = self.points[k] - np.stack([m[:, 0], m[:, 1], m[:, 2], psi], 1)
         e[:, 3] = np.arctan2(np.sin(e[:, 3]), np.cos(e[:, 3]))

@@ -55,7 +55,7 @@ class Recording:
     Attributes:
         drawn: The case.
         name: `fit`, `before` or `after`.
-        P: Parameters of what flies; None of a recording that only takes its part of the noise.
+        P: Parameters of the simulated vehicle; None for a recording that only takes its part of the noise.
     """
 
     drawn: Drawn

@@ -255,13 +255,13 @@ class Simulator:
         Args:
             x: Initial states (B, 29 + n).
             rows: Of the recording.
-            command: Of a row's number and what is measured there (B, 12): position, attitude, velocity; it
-                gives the commands (B, n) that hold from that row to the next.
-            noise: Added to what is measured (rows, B, 12).
+            command: Function from a row's number and its measurements (B, 12), position, attitude and
+                velocity, to the commands (B, n) held until the next row.
+            noise: Noise of the measurements (rows, B, 12).
             past: Commands before the start (B, n), 0 by default.
 
         Returns:
-            States (rows, B, 29 + n), commands (rows, B, n) and what is measured (rows, B, 12).
+            States (rows, B, 29 + n), commands (rows, B, n) and measurements (rows, B, 12).
         """
         P, h = self.P, self.step
         out = np.empty((rows, self.B, x.shape[1]))

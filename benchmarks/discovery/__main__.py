@@ -41,7 +41,7 @@ SEEN = 1.2
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the studies that the results file lacks."""
     results = Results(chosen.out, SCHEMA)
     known = set(results.table.select("seed", pl.col("kind") == "none").rows())
     wanted = [

@@ -33,7 +33,7 @@ FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the studies that the results file lacks."""
     results = Results(chosen.out, study.SCHEMA)
     known = set(results.table.select(KEY).rows())
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.studies)
@@ -84,7 +84,7 @@ def left_open(results: pl.DataFrame) -> list[Row]:
 
 
 def table(results: pl.DataFrame) -> list[Row]:
-    """Open studies, all and by what left them open: what is named after either flight."""
+    """Return rows on open studies, all and by the cause: names after either flight."""
     tied = left_open(results)
     rows: list[Row] = []
     for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):

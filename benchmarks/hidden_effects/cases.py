@@ -29,7 +29,7 @@ NEWEST = (
 LATER = ("thruster_curve", *NEWEST)
 """Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
 BY_LAW = tuple(name for name in TRUTHS if not CATALOGUE[name].is_random)
-"""Effects that a flight here can hide: what acts by chance is drawn by the plant, not by a case."""
+"""Effects that a flight here can hide; random effects are drawn by the plant, not by a case."""
 HIDDEN = tuple(name for name in BY_LAW if name not in LATER)
 FIXED = {
     "tether": ("slack", "attachment", "anchor"),

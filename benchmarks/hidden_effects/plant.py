@@ -269,7 +269,7 @@ def rested(plant: Plant, R: Array) -> Array:
 
 @njit(cache=True)
 def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
-    """Time derivative of the state; `target` is what the rotors' lags settle on, (n,)."""
+    """Return the time derivative of the state; `target` holds the steady lag states of the rotors, (n,)."""
     count, f = target.size, plant.foreign
     out = np.zeros(y.size)
     p, q, nu = y[:3], y[3:7], y[7:BODY]

@@ -52,7 +52,7 @@ def run(chosen: argparse.Namespace) -> None:
         for name, count in sizes(chosen.list).items()
         for number in range(count)
     ]
-    wanted.sort(key=lambda one: one[0])  # all lists grow alike, so that a part of the run tells of all
+    wanted.sort(key=lambda one: one[0])  # all lists grow at one rate: a partial run represents all
     tasks: list[Task] = [task[1:] for task in wanted if task[1:4] not in known]
     make_bases(tasks, chosen)
     begun = time.monotonic()
@@ -94,7 +94,7 @@ def sizes(chosen: Sequence[str]) -> dict[str, int]:
 
 
 def show(chosen: argparse.Namespace) -> None:
-    """Print the scoreboard of results, re-scored or beside a base where asked for."""
+    """Print the scoreboard of results, optionally re-scored or compared with a base."""
     table = results.read(chosen.results)
     now = scored(table)
     if chosen.rescore:

@@ -1,4 +1,4 @@
-"""Lists of studies: what each hides, how it is recorded, and what a right answer is.
+"""Lists of studies: hidden effects, recordings, and right answers.
 
 A study is drawn from its list and seed alone.  The suites that draw and fly the vehicles are
 `hidden_effects`, `imperfect_base`, `imperfect_logs`, `subsets` and `apart`.
@@ -76,10 +76,10 @@ class Studies:
     """A list of studies.
 
     Attributes:
-        about: What they show, in a few words.
+        about: Their purpose in a few words.
         count: Number of studies in the frozen table.
         seconds: Length of a recording by default [s].
-        prepare: Draws and flies the study of a seed, given the seconds and a folder for what studies share.
+        prepare: Draws and flies the study of a seed, given the seconds and a folder for common files.
     """
 
     about: str
@@ -229,7 +229,7 @@ def _facts(case: cases.Case, share: float) -> dict[str, Any]:
 
 
 def _hidden(effects: Sequence[Mapping[str, Any]], foreign: Mapping[str, Any]) -> str:
-    """Return as JSON what is hidden: tables of effects, and numbers that no effect stands for."""
+    """Return the hidden tables of effects, and numbers without an effect, as JSON."""
     return json.dumps({"hidden": effects, "foreign": foreign})
 
 

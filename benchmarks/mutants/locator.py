@@ -51,7 +51,7 @@ class Locator(_CacheLocator):  # type: ignore[misc]
         return self._folder
 
     def get_source_stamp(self) -> str:
-        """The same for all versions of a source: the folder holds one version alone."""
+        """Return one stamp for all versions of a source: the folder has only one version."""
         return "one version"
 
     def get_disambiguator(self) -> str:

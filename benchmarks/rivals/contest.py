@@ -123,7 +123,7 @@ def run(
 
 
 def summary(results: pl.DataFrame) -> str:
-    """How often each rival names what is hidden, and (an alarm) anything where nothing is, as Markdown."""
+    """Return how often each rival names a hidden effect, and its false alarms, as Markdown."""
     head = ("rival", "studies", "named first", "nothing named", "alarm", "error after / before", "cpu, s")
     lines = [f"| {' | '.join(head)} |", "|---|---|---:|---:|---:|---:|---:|"]
     for (rival, condition), part in results.group_by("rival", "condition", maintain_order=True):

@@ -45,7 +45,7 @@ class Group:
 
 
 def parameters(vehicle: Vehicle) -> list[Group]:
-    """What is fitted; all are changes of the file's values, 0 at its own."""
+    """Return the fitted parameters, as changes from the file's values."""
     mass, moment = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
     sizes = np.repeat([mass, moment], 3)
     return [

@@ -35,7 +35,7 @@ HELD = ("rates",)  # parameters that are no amounts
 
 
 def groups(vehicle: Vehicle) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """Effects, each as tables of a little of one parameter: what one unit of it does is read off."""
+    """Yield effects, each as tables with a small amount of one parameter."""
     mass, moment = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
     sizes = LITTLE * np.repeat([mass, moment], 3)
     cross, n = LITTLE * float(np.sqrt(mass * moment)), len(vehicle.thruster)

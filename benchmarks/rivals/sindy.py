@@ -126,7 +126,7 @@ def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> flo
     nu, R = errors.motion.nu[starts].copy(), rotation(*errors.motion.eta[starts, 3:].T)
     length = round(AHEAD / record.dt) + 1
     out = np.empty((starts.size, length, 6))
-    with np.errstate(all="ignore"):  # what leaves all bounds is counted as such
+    with np.errstate(all="ignore"):  # divergence is counted as such
         for k in range(length):
             out[:, k] = nu
             f = thrusts[starts + k]

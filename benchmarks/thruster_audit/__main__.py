@@ -36,7 +36,7 @@ from benchmarks.work import Results, add_workers, done
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the studies that the results file lacks."""
     results = Results(chosen.out, SCHEMA)
     known = set(results.table.select("kind", "seed").rows())
     wanted = [
