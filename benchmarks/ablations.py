@@ -1,12 +1,12 @@
-"""What of `--recipe demos` makes soft actor-critic learn soon?  Stage 1, one choice taken back at a time.
+"""Ablation of `--recipe demos` for soft actor-critic: stage 1, with one choice reverted at a time.
 
-Nothing is cloned and nobody corrects: the policy learns by rewards alone, from the pilot's flights in half of
-every batch, and is examined every 5,000 steps.
+No behaviour cloning and no corrections are used.  The policy learns by rewards alone, from the expert pilot's
+flights in half of every batch, and is evaluated every 5,000 steps.
 
     python -m benchmarks.ablations run -o ablations
     python -m benchmarks.ablations keep ablations --commit COMMIT
 
-Every training is an ordinary command in a folder of its own; the same line goes on where it was stopped.
+Every training is an ordinary command in its own folder; the same line continues an earlier run.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "batches of 512, not 256": ("sac.batch=512",),
     "none of it": ("demonstrations=0", "sac.norm=false", "sac.layers=[256,256]", "sac.batch=512"),
 }
-"""What is taken back, in words, and by which choices."""
+"""Reverted choices, in words and as options."""
 
 
 def line(choices: Sequence[str], seed: int | str) -> list[str]:
@@ -58,7 +58,7 @@ def training(folder: Path) -> tuple[int | None, float]:
 
 
 def row(name: str, found: Sequence[tuple[int | None, float]]) -> Row:
-    """Of the trainings of one variant the medians, with least and greatest."""
+    """Return the medians of the trainings of one variant, with minimum and maximum."""
     passed = sum(one is not None for one, _ in found)
     return {
         "learnt with": name,

@@ -1,10 +1,10 @@
-"""Which integrator and step should a user take?  Replay error against simulated seconds per second.
+"""Accuracy and speed of integrators and steps: replay error against simulated seconds per second.
 
-A vehicle with all effects of its file flies 60 s, as twelve segments of 5 s, each from a state and under
-commands of its own, once by `simulation.simulate` at a step of 0.25 ms and once in MuJoCo for every
+A vehicle with all effects of its file flies 60 s, as twelve segments of 5 s with their own initial states and
+commands.  The reference is `simulation.simulate` with a step of 0.25 ms; MuJoCo flies the segments with every
 integrator and step.  Commands are held for 20 ms, as in a log of 50 Hz.  The error of a setting is the root
-mean square of the difference in velocity (u, v, w) over all segments.  Speed is that of one thread, by its
-processor time, which on an idle machine is wall time; a median over rounds.
+mean square difference in velocity (u, v, w) over all segments.  Speed is that of one thread, by its processor
+time, which equals wall time on an idle machine; a median over rounds.
 
     python benchmarks/accuracy.py -o accuracy.parquet --plot docs/images/accuracy.png
 """

@@ -59,7 +59,7 @@ def forecasts(studies: Sequence[Score]) -> pl.DataFrame:
 
 
 def _forecast(one: Score) -> Row:
-    """Return what a study states first, and whether it is right; of a tie, whether the best effect is."""
+    """Return the first statement of a study, and whether it is right; for a tie, that of the best effect."""
     found: Row = {"list": one.row["list"], "seed": one.row["seed"], "named": bool(one.named)}
     first = one.answer
     if first is None:

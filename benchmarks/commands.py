@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def made(words: Sequence[str | Path], out: Path) -> bool:
-    """Run `hydro WORDS -o OUT` where it has not been run to its end, and keep its time beside what it makes.
+    """Run `hydro WORDS -o OUT` unless it is complete, and store its time next to its output.
 
     Args:
         words: The command and its arguments.
@@ -41,12 +41,12 @@ def seconds(out: Path) -> float:
 
 
 def beside(out: Path) -> Path:
-    """Where the time of what is made stands."""
+    """Return the path of the stored time of an output."""
     return out.with_name(f"{out.name}.time")
 
 
 def place(folder: Path, name: str, seed: int | str) -> Path:
-    """Where a training of a variant is kept."""
+    """Return the path of a training of a variant."""
     return folder / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
 
 
@@ -62,7 +62,7 @@ def parser(
     kept: Callable[[argparse.Namespace], None],
     seeds: int,
 ) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
-    """The parser of a study that is run or kept as a table, and that of `run`, for more; `what` is chosen."""
+    """Return the parser of a study that is run or kept as a table, and that of `run`; `what` is chosen."""
     whole = argparse.ArgumentParser(description=about)
     parts = whole.add_subparsers(required=True)
     runs = parts.add_parser("run")

@@ -1,16 +1,16 @@
-"""How fast is the environment, beside MuJoCo that flies the same vehicles and tells nobody what they see?
+"""Speed of the environment, compared with bare MuJoCo with the same vehicles.
 
-Eight vehicles, a new action for each at 25 Hz, physics at 500 Hz, two threads.  Control steps per second of
-all vehicles together:
+Eight vehicles get a new action each at 25 Hz, with physics at 500 Hz on two threads.  Control steps per
+second of all vehicles together:
 
     bare        MuJoCo alone, as in benchmarks/student.py: the body and plain first-order thrusters
     R_…         the whole environment under a condition: mixing, physics, sonar, observations, noise,
-                collisions, reward, and episodes that end and begin anew
+                collisions, reward, and new episodes
 
-A round times every case once, in turning order; given are medians over rounds, and of each round's ratio to
-its own bare MuJoCo.  The profile then shares out the processor time of a step on one thread, which a busy
-machine does not stretch: every part is timed by itself, on the arrays that a step left.  Networks have random
-weights; what they cost does not depend on them.
+A round times every case once, in alternating order.  Results are medians over rounds, and medians of each
+round's ratio to its bare MuJoCo.  The profile then divides the processor time of a step on one thread, which
+a busy machine does not change.  Every part is timed by itself, on the arrays of a step.  Networks have random
+weights, which do not affect their cost.
 
     python benchmarks/environment.py -o environment.parquet
 """
@@ -72,7 +72,7 @@ def fleets(settings: Settings, count: int, threads: int) -> dict[str, Fleet]:
 
 
 def steps_of(fleet: Fleet) -> Work:
-    """A step of a fleet under random actions, which end episodes more often than any policy does."""
+    """Return a step of a fleet under random actions, which end more episodes than any policy."""
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (256, fleet.count, ACTIONS))
     tick = 0
 

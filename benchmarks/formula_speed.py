@@ -1,4 +1,4 @@
-"""How long a formula takes beside the built-in kernel of the same terms: processor time of wrenches, in turn.
+"""Processor time of a formula compared with the built-in kernel of the same terms, in alternation.
 
 python -m benchmarks.formula_speed
 """

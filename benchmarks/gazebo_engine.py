@@ -6,7 +6,7 @@ they make of its pose and velocity before every step; in a current, Hydrodynamic
 (after 8.11, 9.5, 10.1) also the difference that it makes to the Coriolis force of added mass.  Here the same
 is given to DART itself, read from the file as the tests read it (`tests/export/gazebo_world.py`); propellers
 are welded to the hull.  60 s of commands on four vehicles, thrusts in newtons, against `simulate` without
-what the target cannot hold.
+effects that the target does not support.
 
     pip install dartpy
     PYTHONPATH=tests python -m benchmarks.gazebo_engine --keep COMMIT

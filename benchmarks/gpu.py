@@ -1,13 +1,13 @@
-"""How fast do vehicles fly on a GPU, beside the processor?
+"""Speed of vehicle simulation on a GPU, compared with the processor.
 
-One run of one machine: a thousand to a million vehicles under commands that change at every control step of
-0.04 s.  On the GPU they fly by Runge-Kutta steps of 0.01 s, once alone and once with tasks, sonar, rewards
-and new episodes.  On the processor they fly by the same kernels, one after another on one thread, and as
-MuJoCo's students on all threads (implicitfast at 2 ms).  Rounds of all take turns; what is told is medians.
+A thousand to a million vehicles fly on one machine, with commands that change at every control step of 0.04
+s.  On the GPU they use Runge-Kutta steps of 0.01 s, alone and with tasks, sonar, rewards and new episodes.
+On the processor they use the same kernels, one after another on one thread, and MuJoCo models on all threads
+(implicitfast at 2 ms).  Rounds alternate; medians are reported.
 
     python benchmarks/gpu.py
     python benchmarks/gpu.py --vehicles 1000 --vehicles 100000 -o gpu.parquet
-    python benchmarks/gpu.py --model physfeat.parquet   # under a residual network besides
+    python benchmarks/gpu.py --model physfeat.parquet   # also with a residual network
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from hydro.sim.gpu import memory
 COUNTS = (1_000, 10_000, 100_000, 1_000_000)
 PERIOD, STEPS = 0.04, 4
 ROOM = 200_000_000
-"""Numbers that commands may be, all control steps together."""
+"""Maximum size of the commands, all control steps together."""
 ON_PROCESSOR, STUDENTS = 250, 512
-"""Vehicles that the processor flies in a round: it takes as long for each of them, however many there are."""
+"""Vehicles of the processor in a round; the time per vehicle is independent of their number."""
 
 Flight = Callable[[], int]
 """Flies some control steps of many vehicles, and says how many."""
@@ -67,7 +67,7 @@ def of_gpu(vehicle: Vehicle, commands: Array, condition: conditions.Condition | 
 
 
 def of_gpu_with_tasks(vehicle: Vehicle, commands: Array) -> Flight:
-    """Let so many swim to goals between eight pillars at random demands, and begin anew where they end."""
+    """Fly vehicles to goals between eight pillars at random demands, with new episodes at the end."""
     import torch
 
     from hydro.rl.environment.blocks import TERMINATED, TRUNCATED
@@ -126,7 +126,7 @@ TITLES = {"gpu": "GPU", "gpu_tasks": "with tasks", "processor": "simulate, 1 thr
 
 
 def networked(path: Path) -> Ways:
-    """How to fly under a residual network."""
+    """Return the ways to fly with a residual network."""
     from hydro.io import table
     from hydro.io.model import from_artefact
 
@@ -161,7 +161,7 @@ def measured(
 
 
 def card() -> str:
-    """What the GPU is called."""
+    """Return the name of the GPU."""
     from numba import cuda
 
     name = cuda.get_current_device().name

@@ -1,13 +1,14 @@
-"""How soon is a task learnt where everything stays on a GPU: vehicles, sonar, rewards, networks and memory?
+"""Training time of a task entirely on a GPU: vehicles, sonar, rewards, networks and memory.
 
-Soft actor-critic of `hydro.rl.gpu`, until 97 % of as many new episodes as vehicles succeed without
-exploration; one seed after another in one process, so that only the first waits for compilers.  With
+Soft actor-critic of `hydro.rl.gpu` trains until 97 % of new episodes succeed without exploration, one episode
+per vehicle.  Seeds run one after another in one process, so that only the first waits for compilers.  With
 `--device cpu` the same learner flies MuJoCo's vehicles on the processor, for a baseline.
 
     python benchmarks/gpu_training.py -o trained
     python benchmarks/gpu_training.py --device cpu --vehicles 128 --updates 4 --batch 512 -o trained_cpu
 
-Each seed leaves a folder with a policy, which `hydro rl eval` flies in the student and in the teacher.
+Each seed creates a folder with a policy, which `hydro rl eval` flies in the MuJoCo model and in the reference
+simulator.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Kept tables of the benchmarks where no model is exactly right: the diagnosis compared with its rivals.
+"""Kept tables of the benchmarks without an exact model: the diagnosis compared with its rivals.
 
     python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet --commit 1234567
     python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet --commit 1234567
@@ -26,7 +26,7 @@ from benchmarks.rivals.contest import BASE, SCHEMA
 from benchmarks.shares import rate
 
 SPENT = 3.0
-"""Mean squared residual, in units of the noise, above which `nothing_missing` counts as an error."""
+"""Reduced chi-square above which `nothing_missing` counts as an error."""
 
 
 def told(studies: Sequence[Score]) -> dict[str, str]:

@@ -1,8 +1,7 @@
-"""How long does `hydro import` take to read a bag, beside its library, and in how much memory?
+"""Time and memory of `hydro import` for a bag, compared with its reader library.
 
 A ROS 1 bag of a given size is made: odometry and an IMU 100 times a second, commands 50 times.  Each case
-reads it in a process of its own, so that peak memory is its own; all in one run, in turning
-order:
+reads it in its own process, which gives its peak memory.  All cases run in alternation:
 
     library    `rosbags` deserialises every message and keeps none: the floor
     kept       the same, and the 15 numbers of each are appended to lists, as a script would
@@ -148,7 +147,7 @@ def measured(case: str, path: Path, results: Any) -> None:
     meaning = logmap.parse(MAP)
     _warm(path.with_name("warm.bag"), meaning)
     gc.collect()
-    Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+    Path("/proc/self/clear_refs").write_text("5")  # reset the peak
     before, shares, begun = _memory("VmRSS"), [], time.process_time()
     if case in ("library", "kept"):
         count = library(path, case == "kept")
@@ -203,7 +202,7 @@ def run(megabytes: float, rounds: int, cases: Sequence[str] = CASES) -> pl.DataF
 
 
 def summary(rows: pl.DataFrame) -> pl.DataFrame:
-    """Medians over the rounds, and times beside the library's of the same round."""
+    """Return medians over the rounds, and times relative to the library's in the same round."""
     floor = rows.filter(case="library").select("round", pl.col("seconds").alias("floor"))
     beside = rows.join(floor, on="round").with_columns(ratio=pl.col("seconds") / pl.col("floor"))
     return beside.group_by("case", maintain_order=True).agg(

@@ -18,7 +18,7 @@ Row = dict[str, Any]
 
 
 def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
-    """Where the figures come from, as docs/generate_benchmarks.py reads it."""
+    """Return the origin of the figures in the format of docs/generate_benchmarks.py."""
     seeds = f"{results['seed'].min()} to {results['seed'].max()}"
     return {
         **{"commit": commit, "recorded": "", "date": datetime.date.today().isoformat()},
@@ -27,11 +27,11 @@ def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
 
 
 def keep(name: str, rows: Sequence[Row], folder: Path = RESULTS) -> None:
-    """Write a table of rows with their origin, and make the pages anew where it is one of those kept.
+    """Write a table of rows with their origin, and regenerate the pages if it is a kept table.
 
     Args:
-        name: Of the table.
-        rows: Cells by column, as they are to be read; what a row lacks is empty.
+        name: Name of the table.
+        rows: Cells by column, as displayed; missing cells are empty.
         folder: Where it is written.
     """
     columns = list(dict.fromkeys(column for row in rows for column in row))
@@ -45,7 +45,7 @@ def keep(name: str, rows: Sequence[Row], folder: Path = RESULTS) -> None:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The same rows as a table in Markdown."""
+    """Return the rows as a table in Markdown."""
     columns = list(dict.fromkeys(column for row in rows for column in row))
     cells = [[str(row.get(column, "")) for column in columns] for row in rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in [columns, ["---"] * len(columns), *cells])

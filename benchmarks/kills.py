@@ -1,10 +1,10 @@
-"""Kill every long command at random moments, let it go on, and hold its files against an unbroken run's.
+"""Robustness test of long commands: kill at random times, continue, and compare files with an unbroken run.
 
     python -m benchmarks.kills --kills 100 -o kills.parquet
 
-Every second kill is an interrupt from the keyboard, the others cannot be caught.  After each, what is there
-must be whole; after an interrupt nothing unfinished may lie about either, and nothing but one line at most be
-said.  A command that has been killed often enough is run to its end, and must have made the same bytes.
+Every second kill is an interrupt from the keyboard; the others cannot be caught.  After each kill, existing
+files must be complete.  After an interrupt there must also be no unfinished files and at most one line of
+output.  A command that was killed often enough is run to its end, and must produce the same bytes.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from hydro.io.files import bundled
 from hydro.rl.training.runs import _read_state
 
 IN_A_ROW = 4
-"""Kills of one run before it goes on to its end."""
+"""Kills of one run before it may finish."""
 CLOCKS = ("steps.json",)
-"""Files that say how long something took."""
+"""Files that contain durations."""
 SCHEMA: dict[str, Any] = {
     "command": pl.String,
     "signal": pl.String,
@@ -42,16 +42,16 @@ SCHEMA: dict[str, Any] = {
     "ended": pl.Boolean,
     "fault": pl.String,
 }
-"""Columns: the command, how and after how long it was killed, how long it takes in all [s], whether it had
-ended by itself, and what was wrong afterwards; empty where nothing was."""
+"""Columns: the command, signal and time of the kill, total duration [s], whether it had ended by itself, and
+the errors afterwards; empty without errors."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """A command, and what it needs.
+    """Command with its inputs.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         line: Its words, without `hydro`; run in its own folder.
         needs: Commands that make its inputs, likewise.
     """
@@ -62,7 +62,7 @@ class Work:
 
 
 def works() -> list[Work]:
-    """Every command that takes long, on as little as it can be run on."""
+    """Return every long command, with minimal inputs."""
     hidden, logs = bundled("hidden"), bundled("logs")
     vehicle, sample = bundled("vehicles") / "auv151.toml", bundled("stonefish") / "sample.parquet"
     replay = bundled("stonefish") / "replay90.parquet"
@@ -112,7 +112,7 @@ def finished(line: str, folder: Path) -> float:
 
 
 def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[bool, str]:
-    """Run a command and send it a signal after so many seconds; whether it had ended, and what was wrong."""
+    """Run a command and send it a signal after some seconds; return whether it had ended, and errors."""
     before = {path for path in files(folder) if unfinished(path)}  # of a kill, swept when next written
     process = hydro(line, folder)
     try:
@@ -139,7 +139,7 @@ def files(folder: Path) -> Iterator[Path]:
 
 
 def unfinished(path: Path) -> bool:
-    """Whether a file says itself that it is no result."""
+    """Return whether a file is marked as unfinished."""
     return path.suffix == ".tmp" or path.name in (lock.LOCK, lock.OWNER)
 
 
@@ -197,7 +197,7 @@ def study(work: Work, kills: int, rng: np.random.Generator) -> Iterator[dict[str
 
 
 def begun(work: Work, folder: Path) -> Path:
-    """A folder with what a command needs."""
+    """Return a folder with the inputs of a command."""
     folder.mkdir()
     for line in work.needs:
         finished(line, folder)

@@ -1,8 +1,8 @@
-"""What `hydro labels` costs beside plain pyarrow and beside a `filterpy` loop, in one run.
+"""Cost of `hydro labels`, compared with plain pyarrow and with a `filterpy` loop, in one run.
 
 Run: `python benchmarks/labels.py RAW.parquet --vehicle VEHICLE.toml`
 
-Every round measures, one after the other so that a busy machine disturbs both alike:
+Every round measures one after the other, so that a busy machine disturbs both equally:
 
 * pyarrow: read the raw table, and write the labels table (large columns float32) with its default options
   (snappy, dictionaries), and once more with zstd;
@@ -29,7 +29,7 @@ import pyarrow.parquet as pq
 from hydro import cli
 
 WRITES = (("snappy", "its defaults"), ("zstd", "zstd"))
-"""Compressions of pyarrow, and what they are called."""
+"""Compressions of pyarrow, and their names."""
 LOOPED = 20_000
 """Rows that go through the filterpy loop; its time grows with the rows."""
 MEASURE_PEAK = "import resource, sys; from hydro import cli; code = cli.main(sys.argv[1:]); \

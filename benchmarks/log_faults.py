@@ -1,9 +1,10 @@
-"""How often faults of a log are found, and how often one is told where there is none.
+"""Detection rate and false alarms of log faults.
 
     python -m benchmarks.log_faults --studies 60 --first-seed 65300
 
-Flights of `benchmarks.hidden_effects`, in turn with nothing hidden, one effect and something outside the
-catalogue, are held to `diagnosis.log_faults` as they are, and once more with each fault planted in them.
+Flights of `benchmarks.hidden_effects` have no hidden effect, one effect, or an effect outside the catalogue,
+in turn.  They are tested by `diagnosis.log_faults` without a fault, and once more with each fault planted in
+them.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def changed(raw: pl.DataFrame, values: dict[str, NDArray[np.float64]]) -> pl.Dat
 
 
 def reported(*columns: str) -> Check:
-    """Whether just these columns are reported."""
+    """Return a check that exactly these columns are reported."""
     return lambda log: {name for one in log.faults for name in one.members} == set(columns)
 
 
@@ -52,7 +53,7 @@ def dropouts(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame,
 
 
 def frozen(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Velocities that stand still for three seconds, once."""
+    """Freeze velocities for three seconds, once."""
     at = int(rng.integers(500, raw.height - 1000))
     columns = {name: raw[name].to_numpy().copy() for name in DVL}
     for values in columns.values():
@@ -61,7 +62,7 @@ def frozen(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, C
 
 
 def biased(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """A gyro that reads 0.01 rad/s too much or too little about one axis."""
+    """Add a bias of 0.01 rad/s to one axis of the gyro."""
     name = str(rng.choice(["p", "q", "r"]))
     return raw.with_columns(pl.col(name) + 0.01 * rng.choice([-1.0, 1.0])), reported(name)
 
@@ -90,7 +91,7 @@ def repeated(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame,
 
 
 def put_right(spoilt: pl.DataFrame, raw: pl.DataFrame) -> tuple[pl.DataFrame, Check]:
-    """The log with a fault of its columns, and whether it is told and every column is what it was."""
+    """Return the log with a fault of its columns, and a check of its report and its correction."""
 
     def right(log: Preprocessed) -> bool:
         if not log.faults or log.raw.height != raw.height:
@@ -135,7 +136,7 @@ def degrees(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, 
 
 
 def never_measured(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """One velocity along an axis at one value throughout: the diagnosis must stop and name it."""
+    """Hold one velocity at one value throughout: the diagnosis must stop and name it."""
     name = str(rng.choice(DVL))
     stuck = raw.with_columns(pl.lit(0.1).alias(name))
     return stuck, lambda log: False
@@ -148,7 +149,7 @@ PLANTS: tuple[Plant, ...] = (
 
 
 def told(plant: Plant, given: Vehicle, raw: pl.DataFrame, rng: np.random.Generator) -> bool:
-    """Whether a planted fault is told rightly; what nothing can put right, by a refusal."""
+    """Return whether a planted fault is reported correctly; uncorrectable ones by a refusal."""
     spoilt, found = plant(raw, rng)
     try:
         return found(preprocess(given, spoilt))

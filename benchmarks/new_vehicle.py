@@ -1,8 +1,8 @@
-"""How near is `hydro vehicle new` to vehicles whose values are known?
+"""Accuracy of `hydro vehicle new` for vehicles with known values.
 
-Each vehicle of `datasets/vehicles` is estimated from its mass, box and thrusters alone; added mass, and
-drag at 0.5 m/s and 0.5 rad/s (linear, quadratic and cross-flow together: files share it out differently),
-stand beside those of its file.
+Each vehicle of `datasets/vehicles` is estimated from its mass, box and thrusters alone.  Added mass, and drag
+at 0.5 m/s and 0.5 rad/s, are compared with those of its file.  Linear, quadratic and cross-flow drag are
+added, since files divide it differently.
 
     python -m benchmarks.new_vehicle            prints the table
     python -m benchmarks.new_vehicle --page     and writes it into docs/new-vehicle.md
@@ -30,7 +30,7 @@ START, END = "<!-- table -->", "<!-- end -->"
 SPEED = 0.5
 """Of the comparison of drag [m/s] and [rad/s]."""
 FACTOR, ERRORS = 2.0, 2.0
-"""What counts as near: a factor, and standard errors."""
+"""Limits of an accurate estimate: a factor, and standard errors."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def drag(file: Vehicle) -> tuple[Array, Array]:
 
 
 def markdown() -> str:
-    """The table, with what is not near marked, and how many are."""
+    """Return the table, with inaccurate values marked and counted."""
     rows = list(comparisons())
     lines = ["| vehicle | quantity | X | Y | Z | K | M | N |", "|---|---|---|---|---|---|---|---|"]
     lines += [f"| {row.vehicle} ({row.shape}) | {row.quantity} | {' | '.join(_cells(row))} |" for row in rows]

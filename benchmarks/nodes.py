@@ -20,15 +20,15 @@ HEAD, SECOND = ADDRESSES = "127.0.0.2", "127.0.0.3"
 ROOT = Path(__file__).resolve().parents[1]
 WAIT = 60.0
 AUTHENTICATION = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
-"""A token of these clusters alone.  Left to itself Ray makes one in the home folder with the first cluster of
-a machine; `ray start` asks for it from then on, and who gives an address has to say that there is one."""
+"""Token of these clusters alone.  By default Ray creates one in the home folder with the first cluster of a
+machine.  Afterwards `ray start` requires it, and a user who gives an address must declare it."""
 os.environ.update(AUTHENTICATION)  # before Ray is imported, which reads it once
 BOUND = """
 import ctypes, runpy, signal
 ctypes.CDLL(None).prctl(1, signal.SIGTERM)
 runpy.run_module("ray.scripts.scripts", run_name="__main__", alter_sys=True)
 """
-"""The command `ray`, which ends, and its node with it, when the process that began it does, however."""
+"""Command `ray` that ends, with its node, when its parent process ends for any reason."""
 
 
 @dataclass
@@ -65,7 +65,7 @@ class Nodes:
         raise OSError("not all nodes have come")
 
     def kill(self, node: str) -> None:
-        """End a node at once with all its workers, as a machine that loses its power does."""
+        """Kill a node and all its workers, like a power failure."""
         process = self.nodes.pop(node)
         for one in _descendants(process.pid):
             with contextlib.suppress(ProcessLookupError):
@@ -107,7 +107,7 @@ def _wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
 
 @contextlib.contextmanager
 def nodes(count: int = 2) -> Iterator[Nodes]:
-    """Start one node or two; end what is left of them."""
+    """Start one node or two, and stop the remaining ones at the end."""
     port = _free_port()
     cluster = Nodes(f"{HEAD}:{port}")
     # paths of sockets are short: not pytest's own folders

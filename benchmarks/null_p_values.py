@@ -1,17 +1,17 @@
-"""Does the screening behind a diagnosis hold its level?  P-values of recordings in which nothing is missing.
+"""Test of the level of the screening in a diagnosis: p-values of recordings without a missing effect.
 
-Each seed is one vehicle of `hidden_effects` with nothing hidden and a damping up to a quarter wrong, flown
-once for each length; the same flight is written down with white noise, and with Student-t(3) noise of equal
-variance on every channel.  Each log is screened as the first round of a diagnosis screens it.  A group is an
-effect of the catalogue in all its shapes, and its p-value that of the group alone; the overall p-value, which
-a diagnosis uses, is over all groups at once.
+Each seed is one vehicle of `hidden_effects` without hidden effects and with a damping error of up to a
+quarter, flown once for each length.  The same flight is recorded with white noise, and with Student-t(3)
+noise of equal variance on every channel.  Each log is screened as in the first round of a diagnosis.  A group
+is an effect of the catalogue in all its shapes, with a p-value of its own.  The overall p-value, used by a
+diagnosis, is over all groups at once.
 
     python -m benchmarks.null_p_values run --studies 60 --first-seed 90000 -o nulls.parquet
     python -m benchmarks.null_p_values report nulls.parquet
     python -m benchmarks.null_p_values write nulls.parquet --commit 1234567
 
-A results file grows by the rows of one log at a time; the same command goes on where an earlier one stopped.
-Seeds below 10,000 are for development.  `write` makes benchmarks/results/null_p_values.csv.
+A results file grows by the rows of one log at a time; the same command continues an earlier run. Seeds below
+10,000 are for development.  `write` makes benchmarks/results/null_p_values.csv.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ SCHEMA: dict[str, Any] = {
 }
 """Columns of a results file, a row per log and group.
 
-`columns` are those of one shape of the group, `shots` the pieces of the problem, `chi2` the mean squared
-residual that the file's own effects leave, in units of the noise, and `cpu` the processor time of the log
-[s].  A log that could not be screened has one row with its `failure` and no group.
+`columns` are those of one shape of the group, `shots` the pieces of the problem, `chi2` the reduced
+chi-square with the file's effects, and `cpu` the processor time of the log [s].  A log that could not be
+screened has one row with its `failure` and no group.
 """
 
 
@@ -81,7 +81,7 @@ def screened(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[Screening, float]:
 
 
 def run_one(seed: int, seconds: float, wanted: tuple[str, ...]) -> list[Row]:
-    """Rows of one flight under each kind of noise; what went wrong stands under `failure`."""
+    """Return the rows of one flight with each kind of noise; errors are in `failure`."""
     case = cases.draw("none", seed)
     same = {"seed": seed, "preset": case.preset, "source": case.source, "seconds": seconds, "failure": ""}
     rows: list[Row] = []
@@ -109,7 +109,7 @@ def _groups(screening: Screening) -> Iterator[Row]:
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the flights that the results file lacks."""
     results = Results(chosen.out, SCHEMA)
     known = set(results.table.select(KEY).rows())
     tasks = []
@@ -204,12 +204,12 @@ def sums(table: pl.DataFrame) -> Iterator[Row]:
 
 
 def rate_of(row: Row) -> str:
-    """How many p-values of a group are at or below ALPHA."""
+    """Return the number of p-values of a group at or below ALPHA."""
     return f"{row['group']} {row['at_alpha']} of {row['logs']}"
 
 
 def summary(table: pl.DataFrame) -> str:
-    """Everything that a table of results says, as Markdown."""
+    """Return the summary of a results table as Markdown."""
     told = [markdown(list(sums(table)))]
     for words, part in conditions(table):
         lines = [
@@ -227,7 +227,7 @@ def summary(table: pl.DataFrame) -> str:
 
 
 def write(table: pl.DataFrame, commit: str) -> None:
-    """Keep the sums, and make the pages anew."""
+    """Write the kept sums, and regenerate the pages."""
     whence = origin(table, "python -m benchmarks.null_p_values run", commit)
     keep("null_p_values", [row | whence for row in sums(table)])
 

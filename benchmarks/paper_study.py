@@ -1,11 +1,11 @@
-"""Keep what `hydro rl study` made as result tables: how every condition learnt, and where its policies hold.
+"""Result tables of `hydro rl study`: training of every condition, and performance of its policies.
 
     hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet
         --model structured.parquet --identified identified.toml --recipe demos -o study
     python -m benchmarks.paper_study study --commit COMMIT
 
-Cells of flights are those of `benchmarks.policies`: of the median training, with the range of all.  Pilots by
-hand stand beside them, in the student of each condition and once in the teacher.
+Cells of flights are those of `benchmarks.policies`: the median training, with the range of all.  Expert
+pilots are included, in the MuJoCo model of each condition and once in the reference simulator.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ WITH_MAP = "helmsman with map"
 
 
 def flights(tests: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
-    """A row for each task and condition, and one for each pilot in the teacher."""
+    """Return a row for each task and condition, and one for each pilot in the reference simulator."""
     rows: list[Row] = []
     for each in tests.partition_by("task", maintain_order=True):
         task, teacher = named(each.row(0, named=True), counted), each.filter(plant="teacher")
@@ -62,7 +62,7 @@ def _words(found: pl.DataFrame, by: str) -> str:
 
 
 def trainings(folder: Path, conditions: Iterable[str]) -> list[Row]:
-    """A row for each condition: steps until all tasks were passed by one policy, and minutes of training."""
+    """Return a row for each condition: steps until one policy passed all tasks, and minutes of training."""
     from hydro.rl.tasks.registry import STAGES
 
     minutes = {

@@ -1,15 +1,18 @@
-"""What a folder of sessions costs: memory of one and of many, and how fast two nodes of a cluster label it.
+"""Cost of a folder of sessions: memory for one and for many, and labelling speed on two cluster nodes.
 
     python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
     python -m benchmarks.partitions memory FOLDER
     python -m benchmarks.partitions speed FOLDER
 
-`make` writes sessions out of the bundled recording, over and over with a little noise: what they say does not
-matter here, how many rows they have does.  `memory` labels one session as a file, the same in a folder, and
-all of them in a folder, each in a process of its own, and tells the peak of its resident memory.  `speed`
-labels all of them in this process, on a cluster of one node and on one of two, each of one thread and warm;
-rounds take turns, and medians are told: of the time from the first task to the last result, and of the tasks'
-processor time.
+`make` writes sessions from the bundled recording, repeated with a little noise.  Their content is irrelevant,
+only the number of rows matters.
+
+`memory` labels one session as a file, the same session in a folder, and all of them in a folder.  Each runs
+in its own process, and the peak resident memory is reported.
+
+`speed` labels all of them in this process, on a cluster of one node, and on one of two, each with one warm
+thread.  Rounds alternate.  Medians are reported for the time from the first task to the last result, and for
+the tasks' processor time.
 """
 
 from __future__ import annotations

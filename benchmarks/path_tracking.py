@@ -1,13 +1,13 @@
-"""Model predictive control on exported equations beside a pilot by hand: a 3-D path in the embedded teacher.
+"""Model predictive control on exported equations compared with a hand-tuned pilot, on a 3-D path.
 
-A vehicle follows a figure of eight that rises and falls; the point that it is to be at has a constant speed.
-The plant is the teacher, whose hull is of panels; a controller knows a vehicle file alone, its dead bands
-aside, through the CasADi functions of `hydro export --to casadi`:
+A vehicle follows a figure of eight that rises and falls, with a target point of constant speed.  The plant is
+the reference simulator, whose hull consists of panels.  A controller knows only a vehicle file, without its
+dead bands, through the CasADi functions of `hydro export --to casadi`:
 
     pilot               the proportional law of `rl.environment.helmsman`, to a point ahead on the path: of
                         several look-aheads the best
     MPC, file as given  the file's plausible numbers
-    MPC, fitted         the file after a fit of drag and added mass to five minutes of the teacher
+    MPC, fitted         the file after a fit of drag and added mass to five minutes of the reference simulator
 
 All know the true state, and give a command every 0.1 s.  The cross-track error is the distance from the
 nearest point of the path, after the first ten seconds.
@@ -48,16 +48,16 @@ PERIOD = 0.1
 """Between two commands [s]."""
 SECONDS, SETTLING = 90.0, 10.0
 SPEED = 0.6
-"""Of the point that the vehicle is to be at [m/s]."""
+"""Speed of the target point [m/s]."""
 SIZE, DEPTH, DIVE = 8.0, 10.0, 2.0
 """Half the length of the eight, its mean depth, and half the height by which it rises and falls [m]."""
 INTERVAL, AHEAD, SUBSTEPS = 0.25, 10, 2
 """Of the controller: length of a prediction step [s], their number, Runge-Kutta steps in each."""
 LITTLE = 0.05
-"""Commands that the first solution begins from: where thrust changes its sign no derivative shows a way."""
+"""Initial commands of the first solution: at zero thrust, derivatives vanish."""
 WEIGHTS = {"place": 20.0, "heading": 4.0, "level": 4.0, "effort": 0.05, "change": 0.2}
 LOOK_AHEADS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""Of the pilot [s]: how much later the point is that he swims to."""
+"""Look-ahead times of the pilot's target point [s]."""
 FITTED = ("linear_damping", "quadratic_damping", "added_mass")
 DATA_ROWS, DATA_SEED = 15_000, 7
 Controller = Callable[[float, Array, Array, Array], Array]
@@ -77,19 +77,19 @@ PATH, ALONG = eight()
 
 
 def place(t: ArrayLike) -> Array:
-    """Where the vehicle is to be at some times, (..., 3)."""
+    """Return the target position at some times, (..., 3)."""
     way = np.mod(SPEED * np.asarray(t, float), ALONG[-1])
     return np.stack([np.interp(way, ALONG, PATH[:, i]) for i in range(3)], axis=-1)
 
 
 def heading(t: ArrayLike) -> Array:
-    """Horizontal direction of the path at some times, of length 1, (..., 2)."""
+    """Return the horizontal direction of the path at some times, of length 1, (..., 2)."""
     ahead = (place(np.asarray(t, float) + 0.05) - place(t))[..., :2]
     return np.asarray(ahead / np.linalg.norm(ahead, axis=-1, keepdims=True))
 
 
 def pilot(vehicle: Vehicle, look_ahead: float) -> Controller:
-    """The pilot by hand, who swims to a point ahead on the path."""
+    """Return the hand-tuned pilot, which steers to a point ahead on the path."""
     mixed = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
 
     def steer(t: float, pose: Array, nu: Array, thrust: Array) -> Array:
@@ -110,7 +110,8 @@ def pilot(vehicle: Vehicle, look_ahead: float) -> Controller:
 class Predictive:
     """Model predictive control by multiple shooting, warm-started with its last plan that converged.
 
-    Where the solver does not converge in time, that plan is followed further: what it stopped at is no plan.
+    If the solver does not converge in time, the last plan is continued, since the unconverged one is not
+    usable.
 
     Attributes:
         seconds: Processor time of each solution [s].
@@ -169,7 +170,7 @@ class Predictive:
         times = t + INTERVAL * np.arange(AHEAD + 1)
         first = np.concatenate([pose, nu, thrust])
         if self.plan.size and self.plan[3:7] @ pose[3:] < 0.0:
-            first[3:7] *= -1.0  # the same attitude: a plan that begins on the other side is no warm start
+            first[3:7] *= -1.0  # the same attitude: a plan with the opposite sign is not a warm start
         if not self.plan.size:
             self.plan = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
         goal = np.hstack([place(times), heading(times)])
@@ -194,7 +195,7 @@ class Predictive:
 
 
 def without_dead_bands(vehicle: Vehicle) -> Vehicle:
-    """The vehicle as a controller sees it: within a dead band no derivative shows the way out."""
+    """Return the vehicle as known by a controller: without dead bands, in which derivatives vanish."""
     return msgspec.structs.replace(
         vehicle, thruster=tuple(msgspec.structs.replace(one, deadband=0.0) for one in vehicle.thruster)
     )

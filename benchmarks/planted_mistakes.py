@@ -1,10 +1,10 @@
-"""Which mistakes of a map, a mounting or a clock `hydro import` names.
+"""Detection of mistakes of a map, a mounting or a clock by `hydro import`.
 
     python -m benchmarks.planted_mistakes
 
-Thirteen mistakes, each alone, in logs of three bundled vehicles flown by the teacher with the noise of an
-ordinary navigation suite. A mistake is named where a line of the import, or its error, says what to write;
-`clean` counts the warnings where there is no mistake.
+Thirteen mistakes are planted one by one in logs of three bundled vehicles, flown by the reference simulator
+with the noise of an ordinary navigation suite.  A mistake counts as named if a line of the import, or its
+error, states the correction.  `clean` counts the warnings without a mistake.
 """
 
 from __future__ import annotations
@@ -38,30 +38,30 @@ Change = Callable[[pl.DataFrame, Spec], tuple[pl.DataFrame, Spec]]
 
 @dataclass(frozen=True)
 class Mistake:
-    """A change of a log, or of its map, and what a line that names it has in it."""
+    """Change of a log or of its map, and a part of the line that names it."""
 
     change: Change
     named: tuple[str, ...]
 
 
 def declared(table: str, **settings: object) -> Change:
-    """A map that says something else of a table."""
+    """Return a change of the map's settings of a table."""
     return lambda log, spec: (log, {**spec, table: {**spec[table], **settings}})
 
 
 def written(*columns: pl.Expr) -> Change:
-    """A log whose columns hold something else."""
+    """Return a change of the log's columns."""
     return lambda log, spec: (log.with_columns(*columns), spec)
 
 
 def late(*names: str) -> Change:
-    """A log whose columns are stamped late."""
+    """Return a change that stamps columns late."""
     rows = round(LATE * 50.0)
     return written(*(pl.col(name).shift(rows).over("session") for name in names))
 
 
 def _commands(spec: Spec) -> list[str]:
-    """The command columns that a map names."""
+    """Return the command columns of a map."""
     return list(spec["commands"]["columns"])  # type: ignore[call-overload]
 
 
@@ -117,7 +117,7 @@ def flown(name: str, rows: int = ROWS) -> tuple[Vehicle, pl.DataFrame]:
 
 
 def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
-    """The warnings of an import, and those of the order of thrusters; or its error."""
+    """Return the warnings of an import, and those of the order of thrusters; or its error."""
     source = Log("log", log, "sha256:0")
     try:
         report = log_import.import_log(source, logmap.parse(_toml(spec)))
@@ -130,7 +130,7 @@ def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
 def outcomes(
     vehicle: Vehicle, raw: pl.DataFrame, names: Sequence[str]
 ) -> Iterator[tuple[str, bool, list[str]]]:
-    """Of each mistake: whether it is named, and all that is said."""
+    """Yield for each mistake whether it is named, and all messages."""
     log, spec = log_of(raw)
     for name in names:
         one = MISTAKES[name]

@@ -1,13 +1,14 @@
-"""Keep what `hydro rl eval` wrote as result tables: the tasks, and the settings that they are flown in.
+"""Result tables of `hydro rl eval`: the tasks, and the settings in which they are flown.
 
     hydro rl eval datasets/vehicles/auv151.toml --task slalom --in teacher -o slalom-teacher.parquet
     python -m benchmarks.policies tasks *.parquet --commit COMMIT --command "hydro rl eval ..."
     /usr/bin/time -f "%U %S" -o run-0.time hydro rl train datasets/vehicles/auv151.toml --seed 0 -o run-0
     python -m benchmarks.policies trainings run-* --commit COMMIT --command "hydro rl train ..."
 
-Cells are the share that succeeded with Wilson's 95 % interval, median time to goal, root mean square distance
-from what is to be followed, energy in seconds of all thrusters at full thrust, and the share of collisions.
-Of several trainings they are the median one's by success, and the least and greatest share of all.
+Cells contain the success rate with Wilson's 95 % interval, median time to goal, and root mean square distance
+from the reference path.  They also contain the energy in seconds of all thrusters at full thrust, and the
+collision rate.  With several trainings they are those of the median training by success, with the range of
+success rates.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from hydro.io import table
 
 POLICY = "policy"
 HOLDING = ("station_keeping", "circle", "helix", "lemniscate")
-"""Tasks that go on to their end, so that no time tells."""
+"""Tasks with a fixed duration, for which a time has no meaning."""
 
 
 def arrivals(row: Row) -> list[str]:
@@ -50,7 +51,7 @@ def of_seeds(rows: Sequence[Row]) -> Row:
 
 
 def spread(row: Row) -> str:
-    """The range of several trainings in words; of one nothing."""
+    """Return the range of several trainings in words; empty for one."""
     shares = row["all"]
     return f" [{100.0 * shares[0]:.3g} to {100.0 * shares[-1]:.3g}]" if len(shares) > 1 else ""
 
@@ -70,12 +71,12 @@ def medians(found: pl.DataFrame) -> list[Row]:
 
 
 def flyer(row: Row) -> str:
-    """Who flew, a policy by the physics that it was trained under."""
+    """Return the name of the flyer; of a policy, the physics of its training."""
     return str(row["condition"] if row["flown_by"] == POLICY else row["flown_by"])
 
 
 def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
-    """A row for each task and who flies it: cells in student and teacher."""
+    """Return a row for each task and flyer, with cells for the MuJoCo model and the reference simulator."""
     rows: dict[tuple[str, str], Row] = {}
     for row in medians(found.filter(setting="nominal")):
         key = named(row, counted), flyer(row)
@@ -85,7 +86,7 @@ def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 
 
 def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
-    """A row for each task, who flies it and where: successes and their time by setting."""
+    """Return a row for each task, flyer and place: success rates and times by setting."""
     rows: dict[tuple[str, str, str], Row] = {}
     for row in medians(found):
         key = named(row, counted), flyer(row), row["plant"]

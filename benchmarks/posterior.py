@@ -1,9 +1,10 @@
-"""Do policies hold better in other vehicles where they were trained under what a fit leaves open?
+"""Effect of posterior randomisation on the robustness of policies in other vehicles.
 
-Trained alike (`--recipe demos`), on the values of a vehicle file or with each episode's vehicle drawn from
-the covariance beside it (`--randomise posterior`); flown through the forest in vehicles that are drawn
-likewise (within what the fit leaves open), in the teacher that the file was fitted to, and there with changes
-beyond: a current, a payload, a dead thruster.  The pilots with and without a map fly all of it too.
+All policies use `--recipe demos`.  They are trained either on the values of a vehicle file, or with each
+episode's vehicle drawn from the covariance of the fit (`--randomise posterior`).  They fly through the forest
+in vehicles drawn from that covariance.  They also fly in the reference simulator to which the file was
+fitted.  The latter is also changed: a current, a payload, a dead thruster.  Expert pilots with and without a
+map fly all settings too.
 
     hydro collect --vehicle datasets/vehicles/auv151.toml --rows 3000 --seed 44 --noise dvl -o minute.parquet
     hydro fit datasets/vehicles/auv151.toml minute.parquet --effect added_mass --effect linear_damping
@@ -25,17 +26,17 @@ from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
-"""What a policy was trained on, and by which options."""
+"""Training distribution of a policy, and its options."""
 RECIPE = ("--recipe", "demos", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),
     "teacher": ("teacher", ("nominal", "current", "load", "dead_thruster")),
 }
-"""Where, and in which settings."""
+"""Flight conditions and settings."""
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Train and fly what is not there, seed by seed."""
+    """Train and fly the missing runs, seed by seed."""
     for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
         for name, options in TRAINED.items():
             folder = place(chosen.out, name, seed)
@@ -49,7 +50,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def flights(folder: Path) -> list[Row]:
-    """Every evaluation of a study, with what its policy was trained on."""
+    """Return every evaluation of a study, with the training distribution of its policy."""
     rows = []
     for name in TRAINED:
         for path in sorted(folder.glob(f"{place(Path(), name, '*')}.parquet")):
@@ -59,7 +60,7 @@ def flights(folder: Path) -> list[Row]:
 
 
 def by_flyer(found: list[Row]) -> list[Row]:
-    """A row for each pilot and each way of training: of the median training and of all, by place."""
+    """Yield a row for each pilot and each training distribution: the median training and all, by place."""
     places: dict[str, dict[str, list[Row]]] = {}
     for row in found:
         who = f"policy trained on {row['trained']}" if row["trained"] else str(row["flown_by"])

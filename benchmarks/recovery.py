@@ -1,13 +1,14 @@
-"""Does `hydro fit` find what is there?  Seeded trials for every effect of the catalogue, in every form.
+"""Test of `hydro fit`: seeded trials for every effect of the catalogue, in every form.
 
-Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file does not
-have, adds ordinary sensor noise, makes the file's damping up to 25 % wrong, and fits the effect together with
-the damping.  A trial succeeds when every number of the effect lies within three standard errors of the truth.
+Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file lacks, and
+adds ordinary sensor noise.  The file's damping has an error of up to 25 %.  The effect is fitted together
+with the damping.  A trial succeeds if every number of the effect lies within three standard errors of the
+truth.
 
     python -m benchmarks.recovery --trials 20 --out recovery.parquet
 
-The file grows by one row per trial; the same command goes on where an earlier one stopped.  Seeds take turns
-with the vehicles.
+The file grows by one row per trial; the same command continues an earlier run.  Seeds alternate between
+vehicles.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
 ATTEMPTS = 200
 DEPTH, SHALLOW = 5.0, {"surface_suction": 1.5, "ocean_waves": 3.0}
-"""Where sessions begin [m], and those of some effects."""
+"""Initial depth of sessions, and that for some effects [m]."""
 MIDDLE = 20.0
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
@@ -75,7 +76,7 @@ def vector(rng: np.random.Generator, size: float, count: int = 3) -> list[float]
 
 
 def odd_power(rng: np.random.Generator) -> float:
-    """A power of the speed away from 1 and 2, which are those of the damping that is fitted beside it."""
+    """Return an exponent of the speed away from 1 and 2, which belong to the fitted damping."""
     return float(rng.uniform(1.3, 1.7) if rng.random() < 0.5 else rng.uniform(2.4, 3.2))
 
 
@@ -97,7 +98,7 @@ def semidefinite(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Ar
 
 
 def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
-    """The same with an antisymmetric part, which does no work."""
+    """Return such a matrix with an antisymmetric part, which does no work."""
     matrix = semidefinite(vehicle, share, rng)
     sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     turned = np.triu(0.3 * sizes * rng.uniform(-1.0, 1.0, (6, 6)), 1)
@@ -190,7 +191,7 @@ FORMS: dict[str, Draw] = {
     "linear_damping.matrix": lambda rng, v: {"matrix": lopsided(v, 0.3, rng).tolist()},
     "sensor_scale.s": lambda rng, v: {"s": within(0.01, 0.05)(rng)},
 }
-"""Effects of which a file may state other numbers than TRUTHS does."""
+"""Effects with forms that TRUTHS does not contain."""
 WRITTEN: dict[str, Draw] = {
     "formula": lambda rng, v: {
         "forces": ["Z |u|^n", "X v r", "Y c1"],
@@ -200,9 +201,9 @@ WRITTEN: dict[str, Draw] = {
         "exponents": [odd_power(rng), odd_power(rng)],
     },
 }
-"""Effects that a file has already, or they are not fitted: their terms are its own."""
+"""Effects that the file must already have to be fitted: their terms are written in it."""
 BESIDE = {"current_shear": ("ocean_current",), "current_trend": ("ocean_current",)}
-"""What is fitted besides: a fit counts from another depth or time than the truth does."""
+"""Effects fitted in addition: a fit uses another reference depth or time than the truth."""
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
@@ -226,13 +227,13 @@ def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.Da
 
 
 def hide(name: str, vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, Vehicle]:
-    """The file and the truth: one with the effect or more of it, as the vehicle can have it.
+    """Return the file and the truth, with the effect in a size that the vehicle can have.
 
     Raises:
         DataError: The vehicle cannot.
     """
     effect, _, _ = name.partition(".")
-    if effect == "coupled_damping":  # where the damping of an axis is zero, no coupling with it is passive
+    if effect == "coupled_damping":  # no coupling with an axis of zero damping is passive
         vehicle = joined(vehicle, [{"name": "linear_damping"} | TRUTHS["linear_damping"](rng, vehicle)])
     for attempt in range(ATTEMPTS):
         truth = joined(vehicle, [{"name": effect} | (TRUTHS | FORMS | WRITTEN)[name](rng, vehicle)])
@@ -270,7 +271,7 @@ def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, 
 def recovered(
     name: str, seed: int, vehicle: Vehicle, seconds: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """What a trial finds of an effect, in standard errors from the truth."""
+    """Return the estimates of an effect, in standard errors from the truth."""
     known, truth = hide(name, vehicle, rng)
     effect, _, _ = name.partition(".")
     hidden = next(iter(truth.effects(effect)))
@@ -297,7 +298,7 @@ def recovered(
 
 
 def recovered_sea(file: Vehicle, hidden: Mapping[str, Any], raw: pl.DataFrame) -> dict[str, Any]:
-    """The same of waves, which no fit finds: as a diagnosis estimates them, damping fitted beside them."""
+    """Return the estimates of waves from a diagnosis, with damping fitted too; no fit estimates waves."""
     log = preprocess(file, raw)
     start, problem = stable_start(file, log)
     baseline = allowing_for_waves(refit(file, log, problem, start))
@@ -319,7 +320,7 @@ def recovered_sea(file: Vehicle, hidden: Mapping[str, Any], raw: pl.DataFrame) -
 
 
 def true_values(truth: Vehicle, free: Free) -> Array:
-    """The free entries (P,) as they are in truth; what it or its table leaves out is 0."""
+    """Return the true values of the free entries (P,); missing ones are 0."""
     tables: dict[str, Mapping[str, Any]] = {table["name"]: table for table in truth.effect}
     found = [np.asarray(tables.get(e.effect, {}).get(e.parameter, 0.0), float) for e in free.entries]
     return np.array([v[e.index] if v.ndim else v for v, e in zip(found, free.entries, strict=True)], float)
@@ -332,7 +333,7 @@ def interval(hits: int, count: int) -> str:
 
 
 def summary(rows: pl.DataFrame) -> None:
-    """The table: trials with all numbers, and numbers of all trials, within three standard errors."""
+    """Print the table: trials with all numbers, and numbers of all trials, within three standard errors."""
     print(f"{'effect':22} trials  all within 3 s.e.          numbers within 3 s.e.      determined  s/trial")
     for (name,), group in rows.sort("effect").group_by("effect", maintain_order=True):
         count, hits = group.height, int((group["within"] == group["entries"]).sum())

@@ -1,4 +1,4 @@
-"""How long does an update of soft actor-critic take, beside plain PyTorch?
+"""Time of an update of soft actor-critic, compared with plain PyTorch.
 
 The same networks, batch and optimiser settings, in turn:
 

@@ -1,11 +1,11 @@
-"""What drag leaves unexplained on the Stonefish recordings, and excerpts of them for `hydro explain`.
+"""Residual of drag on the Stonefish recordings, and excerpts of these for `hydro explain`.
 
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
     python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
 
 RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets four
-minutes of `nominal`, ten as the recording before a change (before.parquet), four of other sessions of it
-(held_out.parquet), and four minutes each of the changed vehicles.
+excerpts: four minutes of `nominal`, ten minutes before a change (before.parquet), four minutes of its other
+sessions (held_out.parquet), and four minutes of each changed vehicle.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-EVERY = 37  # rows of the labels from one that is used to the next
+EVERY = 37  # step between the label rows in use
 
 
 def terms(labels: pl.DataFrame) -> None:
-    """Share of the residual wrench that its own axis' damping explains, and all products of velocities."""
+    """Print the shares of the residual wrench explained by damping of its axis and by all products."""
     frame = labels.gather_every(EVERY)
     nu = frame.select("u_s", "v_s", "w_s", "p_s", "q_s", "r_s").to_numpy().astype(float)
     products = [nu[:, i] * nu[:, j] for i, j in itertools.combinations_with_replacement(range(6), 2)]
@@ -54,7 +54,7 @@ def heads(path: Path, sessions: int, rows: int, *, between: bool = False) -> pl.
 
 
 def excerpts(recordings: Path, folder: Path) -> None:
-    """Write what the studies of docs/benchmarks.md are made from."""
+    """Write the inputs of the studies in docs/benchmarks.md."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, rows in (("nominal", 1000), ("before", 2500)):
         heads(recordings / "nominal.parquet", 12, rows).write_parquet(folder / f"{name}.parquet")

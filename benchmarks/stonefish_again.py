@@ -1,11 +1,11 @@
-"""Recordings that Stonefish made, flown in Stonefish again from their commands: how far apart are they?
+"""Difference of recordings made by Stonefish and a repeated flight in Stonefish with their commands.
 
     python -m benchmarks.stonefish_again [RECORDINGS] --keep COMMIT
 
-The bundled replay of 90 s is flown with the bundled vehicle, and with one whose rotors lag exactly in place
-of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
-thruster, which are flown with what is then hidden.  The program is found as `hydro collect --teacher
-stonefish` finds it.
+The bundled replay of 90 s is flown with the bundled vehicle, and with one whose rotors have an exact lag in
+place of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
+thruster, which are flown with the hidden change.  The program is found as by `hydro collect --teacher
+stonefish`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How fast does the MuJoCo student fly, beside MuJoCo without water?
+"""Speed of the MuJoCo model, compared with MuJoCo without water.
 
 The same vehicle is stepped by `mujoco.batch.Batch`, with a new command for every vehicle and control step:
 
@@ -7,15 +7,15 @@ The same vehicle is stepped by `mujoco.batch.Batch`, with a new command for ever
     network    M_A and PhysicsFeature-MLP at every control step, no effects
     both       all effects and the network
 
-A round times every case once, in turning order; given are medians over rounds, of steps per second and of
-each round's ratio to its own bare MuJoCo, so that a busy machine slows all cases of a round alike.  Callbacks
-are taken out of the process while bare MuJoCo runs.  Besides: one vehicle in a loop, with quadratic drag
-compiled and as a Python callback; `hydro simulate`; and the embedded teacher of `hydro collect`.
+A round times every case once, in alternating order.  Results are medians over rounds, of steps per second and
+of each round's ratio to its bare MuJoCo.  So a busy machine slows all cases of a round equally.  Callbacks
+are removed from the process while bare MuJoCo runs.  Also measured: one vehicle in a loop, with quadratic
+drag compiled and as a Python callback; `hydro simulate`; and the reference simulator of `hydro collect`.
 
     python benchmarks/student.py -o student.parquet
 
-With `--processor` all is by the processor time of the threads that fly, for a machine that is busy with
-something else: what two threads do in a second that both have.
+`--processor` uses the processor time of the simulation threads, for a busy machine: the work of two threads
+in a second that both have.
 """
 
 from __future__ import annotations
@@ -58,23 +58,23 @@ ROW = 0.02  # s between commands of `hydro simulate` and of the teacher
 PHYSFEAT = (45, 128, 256, 128, 6)
 Rows = list[dict[str, Any]]
 Work = Callable[[], int]
-"""Does some work and tells how many steps it was."""
+"""Function that does some work and returns the number of steps."""
 
 
 class Clock:
-    """What a rate is taken by: the time of the clock on the wall, or that of the processor."""
+    """Clock of a rate: wall time or processor time."""
 
     now = time.perf_counter
     processor = False
 
     @classmethod
     def of_the_processor(cls) -> None:
-        """Go by the processor time of all threads from now on."""
+        """Use the processor time of all threads from now on."""
         cls.now, cls.processor = time.process_time, True
 
 
 def random_model(kind: str = "physfeat", widths: tuple[int, ...] = PHYSFEAT) -> SimpleNamespace:
-    """A residual model with random weights and a weak output: what it costs does not depend on them."""
+    """Return a residual model with random weights and a weak output, which do not affect its cost."""
     rng = np.random.default_rng(0)
     tensors = {}
     for i, (wide, next_wide) in enumerate(pairwise(widths)):
@@ -98,7 +98,7 @@ def random_model(kind: str = "physfeat", widths: tuple[int, ...] = PHYSFEAT) -> 
 
 
 def bare(vehicle: Vehicle) -> mujoco.MjModel:
-    """The body and its thrusters as a user of MuJoCo would write them, with nothing of hydro's."""
+    """Return the body and its thrusters as in plain MuJoCo, without hydro."""
     spec = mjcf.scene(msgspec.structs.replace(vehicle, effect=()), timestep=TIMESTEP)
     for actuator, thruster in zip(spec.actuators, vehicle.thruster, strict=True):
         actuator.biastype = mujoco.mjtBias.mjBIAS_NONE
@@ -126,7 +126,7 @@ def models(vehicle: Vehicle) -> dict[str, mujoco.MjModel]:
 
 @contextmanager
 def without_callbacks() -> Iterator[None]:
-    """MuJoCo as it is in a process that never heard of hydro."""
+    """Run MuJoCo without hydro's callbacks."""
     slots = [ctypes.c_void_p.in_dll(native._library(), name) for name in SLOTS]
     addresses = [slot.value for slot in slots]
     try:
@@ -275,7 +275,7 @@ def of_batches(
 
 
 def of_callbacks(vehicle: Vehicle, flown: dict[str, mujoco.MjModel], rounds: int, seconds: float) -> Rows:
-    """One vehicle in a loop: what a callback costs, compiled and in Python."""
+    """Return rows of one vehicle in a loop: the cost of a callback, compiled and in Python."""
     drag = tuple(effect for effect in vehicle.effect if effect["name"] == "quadratic_damping")
     dragged = wet(msgspec.structs.replace(vehicle, effect=drag))
     compiled = native.prepare(mjcf.scene(vehicle, dragged, timestep=TIMESTEP).compile())

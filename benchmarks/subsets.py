@@ -1,15 +1,15 @@
-"""Does `hydro fit` find what is there when some sensors are missing, or slow?
+"""Test of `hydro fit` with missing or slow sensors.
 
-Each trial flies a vehicle of `datasets/vehicles` in the benchmark's own simulator with ordinary noise, keeps
-the samples of some of its sensors, and fits the file's damping and added mass from a start that is 20 % wrong
-in every number.  Numbers that the fit calls determined are to lie within three standard errors of the truth.
-The list `sparse` of `benchmarks.judge` diagnoses flights with asynchronous sensors.
+Each trial flies a vehicle of `datasets/vehicles` in the benchmark's own simulator with ordinary noise, and
+keeps the samples of some of its sensors.  Damping and added mass are fitted from initial values with an error
+of 20 %.  Values that the fit calls determined should lie within three standard errors of the truth. The list
+`sparse` of `benchmarks.judge` diagnoses flights with asynchronous sensors.
 
     python -m benchmarks.subsets run --trials 3 -o subsets.parquet
     python -m benchmarks.subsets report subsets.parquet
 
-Results files grow by one row per trial; the same command goes on where an earlier one stopped.  Seeds below
-10,000 are for development, those from 70,000 are held back for published figures.
+Results files grow by one row per trial; the same command continues an earlier run.  Seeds below 10,000 are
+for development, those from 70,000 for published figures.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SUBSETS: dict[str, Every] = {
         **dict.fromkeys(POSITION, (10, 8)),
     },
 }
-"""Of every column that has samples: one row in so many, from which on.  The others have none."""
+"""Sampling of each column with samples: step and first row.  Other columns have no samples."""
 WRONG = 0.2
 SESSIONS = 3
 DEPTH = 8.0
@@ -65,7 +65,7 @@ SCHEMA: dict[str, Any] = {
 
 
 def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
-    """The table with these samples alone, null elsewhere."""
+    """Return the table with these samples alone, null elsewhere."""
     row = pl.int_range(pl.len())
     columns = []
     for name in (*POSE, *VELOCITY):
@@ -75,7 +75,7 @@ def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
 
 
 def misjudged(vehicle: Vehicle, names: Iterable[str], rng: np.random.Generator) -> Vehicle:
-    """The vehicle with every number of some effects 20 % too large or too small."""
+    """Return the vehicle with every number of some effects 20 % too large or too small."""
 
     def wrong(value: Any) -> Any:
         if isinstance(value, list | tuple):
@@ -91,13 +91,13 @@ def misjudged(vehicle: Vehicle, names: Iterable[str], rng: np.random.Generator) 
 
 
 def fitted(vehicle: Vehicle) -> list[str]:
-    """What a trial fits of a file: its damping, and added mass where that is a diagonal."""
+    """Return the fitted effects of a trial: damping, and added mass if it is a diagonal."""
     diagonal = [t["name"] for t in vehicle.effect if t["name"] == "added_mass" and "diagonal" in t]
     return [*damping_of(vehicle), *diagonal]
 
 
 def flown(vehicle: Vehicle, seconds: float, seed: int) -> pl.DataFrame:
-    """A complete flight in sessions, with ordinary noise."""
+    """Return a complete flight in sessions, with ordinary noise."""
     rows = [round(seconds / SESSIONS / flights.DT)] * SESSIONS
     return pl.concat(
         flights.independent(vehicle, vehicle, (), {}, rows=rows, depth=DEPTH, noise=1.0, seed=seed)
@@ -105,7 +105,7 @@ def flown(vehicle: Vehicle, seconds: float, seed: int) -> pl.DataFrame:
 
 
 def trial(seed: int, name: str, subset: str, seconds: float) -> dict[str, Any]:
-    """The row of one trial; what went wrong stands under `failure`."""
+    """Return the row of one trial; errors are in `failure`."""
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {"seed": seed, "preset": name, "subset": subset}
     row |= {"seconds": seconds, "failure": ""}
     clock = time.process_time()
@@ -149,7 +149,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def line(row: Mapping[str, Any]) -> str:
-    """A trial in one line, for whoever watches."""
+    """Describe a trial in one line."""
     head = f"{row['seed']} {row['preset']}, {row['subset']}:"
     if row["failure"]:
         return f"{head} FAILED {row['failure']}"
@@ -163,12 +163,12 @@ def line(row: Mapping[str, Any]) -> str:
 
 
 def off(row: Mapping[str, Any]) -> np.ndarray:
-    """Standard errors between each value and the truth."""
+    """Return the deviation of each value from the truth in standard errors."""
     return (np.array(row["values"]) - np.array(row["truth"])) / np.array(row["errors"])
 
 
 def summary(results: pl.DataFrame) -> Iterator[dict[str, str]]:
-    """A line for each subset: how much is determined, how much of that is right, and how well it is known."""
+    """Yield a line for each subset: share of determined values, share of correct ones, and accuracy."""
     complete = results.filter(subset=COMPLETE, failure="").to_dicts()
     whole = {(row["seed"], row["preset"]): row for row in complete}
     for subset in SUBSETS:

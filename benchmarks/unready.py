@@ -73,7 +73,7 @@ def _commands(kind: str, t: Array, rng: np.random.Generator) -> dict[str, Array]
 
 
 def told(kind: str, seed: int) -> tuple[str, bool]:
-    """Return what a diagnosis says of a recording, and whether it names an effect."""
+    """Return the output of a diagnosis of a recording, and whether it names an effect."""
     try:
         found = hydro.diagnose(hydro.vehicle(VEHICLE), recording(kind, seed))
     except DataError as refusal:

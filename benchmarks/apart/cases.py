@@ -1,7 +1,4 @@
-"""The cases: which change of which vehicle, and how it is flown before and after.
-
-A case is drawn from the seed and its place in `CASES` alone.
-"""
+"""Cases: the change, the vehicle, and the flights before and after."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ PLACES = 48
 FITTED = 0.4
 """Share of files whose effects are fitted to flights; the others are used as stated."""
 SPREAD = {True: 0.3, False: 0.1}
-"""Of the logarithm of what a file's numbers are wrong by, where they are fitted afterwards and where not."""
+"""Log-scale spread of the errors of a file's numbers, for files fitted afterwards and for others."""
 LARGER = 2.2
 """Size that a small weight begins with on an open frame, whose file's error would hide less."""
 SMALL = ("payload_plus", "payload_float", "trapped_water", "net_buoyancy")
@@ -32,7 +29,7 @@ class Case:
 
     Attributes:
         name: Of its folder.
-        kind: What is changed, one of `CHANGES`.
+        kind: Kind of the change, one of `CHANGES`.
         vehicles: Makers that it may be drawn from.
     """
 
@@ -96,7 +93,7 @@ class Drawn:
     Attributes:
         seed: Of all cases.
         place: Of the case in `CASES`.
-        case: What is changed.
+        case: The change.
         maker: Of the vehicle.
         vehicle: The unchanged one.
         fitted: Whether its file is fitted to flights.
@@ -145,7 +142,7 @@ def draw(seed: int, place: int) -> Drawn:
     depth, excursion = MIDDLE, 3.0
     if case.kind == "suction":  # near the surface
         depth, excursion, flown["after"] = 1.8, 1.6, ["way"] * 4
-    if case.kind in ("current_shear", "tether"):  # through the depths that tell them
+    if case.kind in ("current_shear", "tether"):  # over the depths that show them
         excursion, flown["after"] = 5.0, ["way", "axes", "way", "steps"]
     rows = {name: [int(v) for v in rng.integers(3000, 4001, len(each))] for name, each in flown.items()}
     return Drawn(seed, place, case, maker, vehicle, fitted, flown, rows, depth, excursion)

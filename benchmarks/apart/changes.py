@@ -1,8 +1,8 @@
-"""What is changed in a vehicle, its water or its log: one function a kind.
+"""Changes of a vehicle, its water or its log: one function per kind.
 
-A function draws from its generator in the same order whatever the size, so that a case made larger differs in
-size alone.  It changes the parameters of a `Draw` in place and gives the truth in SI units, body frame FRD or
-world NED, as said.
+A function draws from its generator in the same order for any size, so that a larger case differs in size
+alone.  It changes the parameters of a `Draw` in place and returns the truth in SI units, body frame FRD or
+world NED as stated.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ Truth = dict[str, Any]
 
 @dataclass(frozen=True)
 class Draw:
-    """What a change is drawn from.
+    """Source of a random change.
 
     Attributes:
         vehicle: The unchanged one.
         Q: Parameters of the changed one, a copy that a change may alter.
-        rng: Of the case.
+        rng: Generator of the case.
         s: Size, 1 at first.
     """
 
@@ -52,7 +52,7 @@ class Draw:
 
     @property
     def slender(self) -> bool:
-        """Whether it is a torpedo, on which little does much."""
+        """Whether it is a torpedo, which is sensitive to small changes."""
         return self.vehicle.kind == "torpedo"
 
     @property
@@ -242,7 +242,7 @@ def quadratic(d: Draw) -> Truth:
 
 
 def appendage(d: Draw) -> Truth:
-    """Something at the end of an arm that drags, by 20 to 40 % of the hull's in surge."""
+    """Add a drag at the end of an arm, 20 to 40 % of the hull's in surge."""
     L, Wd, H = d.vehicle.box
     met, speeds = d.resistance()
     area = d.sized(0.2, 0.4) * met[0] / (0.5 * d.P["rho"] * speeds[0] ** 2)
@@ -287,7 +287,7 @@ def tether(d: Draw) -> Truth:
 
 
 def memory(d: Draw) -> Truth:
-    """Water that remembers the motion, at two rates."""
+    """Add fluid memory at two rates."""
     a = d.between(0.5, 1.5)
     part = d.sized(0.5, 1.0)
     K = part * np.diag(d.P["Ma"]) * a
@@ -296,7 +296,7 @@ def memory(d: Draw) -> Truth:
 
 
 def inflow(d: Draw) -> Truth:
-    """Thrusters that lose more to the water flowing in, by 0.25 to 0.45 s/m."""
+    """Increase the inflow loss of thrusters by 0.25 to 0.45 s/m."""
     c = d.sized(0.25, 0.45)
     d.Q["thr_c"] = d.P["thr_c"] + c
     return {"c": c}
@@ -309,17 +309,17 @@ def suction(d: Draw) -> Truth:
 
 
 def dvl_scale(d: Draw) -> Truth:
-    """A velocity log that reads 5 to 7 % too much or too little."""
+    """Change the scale of the DVL by 5 to 7 %."""
     return {"sensor": "scale", "s": d.sign() * d.between(0.05, 0.07)}
 
 
 def dvl_yaw(d: Draw) -> Truth:
-    """A velocity log turned by 0.05 to 0.1 rad about the vertical axis."""
+    """Rotate the DVL by 0.05 to 0.1 rad about the vertical axis."""
     return {"sensor": "yaw", "alpha": d.sign() * d.between(0.05, 0.1)}
 
 
 def dvl_late(d: Draw) -> Truth:
-    """A velocity log that is 0.2 s late."""
+    """Delay the DVL by 0.2 s."""
     return {"sensor": "late", "d": 0.2}
 
 
@@ -340,7 +340,7 @@ def reversed_(d: Draw) -> Truth:
 
 
 def unchanged(d: Draw) -> Truth:
-    """Nothing."""
+    """Change nothing."""
     return {}
 
 
@@ -356,7 +356,7 @@ CHANGES: dict[str, Callable[[Draw], Truth]] = {
 
 
 def changed(kind: str, vehicle: Vehicle, rng: np.random.Generator, size: float) -> tuple[Parameters, Truth]:
-    """Parameters of a changed vehicle, and what has been changed.
+    """Return the parameters of a changed vehicle, and the truth of the change.
 
     Args:
         kind: One of `CHANGES`.

@@ -1,6 +1,6 @@
-"""How vehicles are flown: multi-sines or steps on every axis, or way-points held on what is measured.
+"""Flight plans: multi-sines or steps on every axis, or way-points with feedback from measurements.
 
-Commands are made with the unchanged vehicle's allocation, whatever has changed since.
+Commands are computed with the unchanged vehicle's allocation, for any change.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Leg:
 
 
 class Pilot:
-    """Commands of a batch of legs with as many commands each; called with a row and what is measured."""
+    """Commands of a batch of legs with equal numbers of commands; called with a row and its measurements."""
 
     def __init__(self, legs: Sequence[Leg], rows: int) -> None:
         """Draw signals and way-points for all rows."""
@@ -90,7 +90,7 @@ class Pilot:
             self.points[:, b] = way_points(leg, t)
 
     def _steer(self, b: int, leg: Leg, t: Array) -> None:
-        """A propeller at changing speed, and fins: elevator and rudder."""
+        """Set a propeller at changing speed, and fins: elevator and rudder."""
         rng, mode = leg.rng, leg.mode
         self.driven[b] = True
         direct = self.direct[:, b]
@@ -104,7 +104,7 @@ class Pilot:
         self.loop[b] = {"axes": 0.25, "steps": 0.25, "way": 1.0}[mode]
 
     def _push(self, b: int, leg: Leg, t: Array) -> None:
-        """Forces and moments that thrusters share out, and a little of each thruster by itself."""
+        """Set forces and moments of the thrusters, and a small independent part of each."""
         P, kind, n, rng, mode = leg.vehicle.P, leg.vehicle.kind, self.n, leg.rng, leg.mode
         r, d, tops = P["thr_pos"], P["thr_dir"], P["thr_max"]
         each = np.concatenate([d, np.cross(r, d)], 1).T
@@ -135,7 +135,7 @@ class Pilot:
             self.kd[b] = np.array([0.8, 0.8, 0.8, 0, 0, 0.7]) * able
 
     def __call__(self, k: int, m: Array) -> Array:
-        """Commands (B, n) of row k, of what is measured there (B, 12)."""
+        """Return the commands (B, n) of row k from its measurements (B, 12)."""
         psi = m[:, 5]
         e = self.points[k] - np.stack([m[:, 0], m[:, 1], m[:, 2], psi], 1)
         e[:, 3] = np.arctan2(np.sin(e[:, 3]), np.cos(e[:, 3]))

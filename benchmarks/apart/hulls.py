@@ -1,10 +1,9 @@
-"""What the water does to hulls and fins: wrenches on the body of its velocity through the water.
+"""Hydrodynamic wrenches on hulls and fins as functions of the velocity through the water.
 
-Every hull takes the parameters `P` of a batch of B bodies and nu_r (B, 6) [m/s, rad/s], body frame, and
-gives the wrench (B, 6) [N, N m] on the body about the origin.  None of them is a formula of hydro's
-catalogue; all take energy from the body.  Sources: normal force and pressure centre of a plate, Rayleigh
-(1876); cross-flow strips and the drag of bars, Hoerner (1965), chapters 3 and 13; fins that stall, after
-Hoerner (1985), chapter 17.
+Every hull takes the parameters `P` of a batch of B bodies and nu_r (B, 6) [m/s, rad/s], body frame.  It
+returns the wrench (B, 6) [N, N m] on the body about the origin.  None is a formula of hydro's catalogue; all
+dissipate energy.  Sources: normal force and pressure centre of a plate, Rayleigh (1876); cross-flow strips
+and the drag of bars, Hoerner (1965), chapters 3 and 13; fins with stall, after Hoerner (1985), chapter 17.
 """
 
 from __future__ import annotations
@@ -125,7 +124,7 @@ HULLS: dict[str, Callable[[Parameters, Array], Array]] = {"rov": frame, "torpedo
 
 
 def resistance(P: Mapping[str, object], kind: str, speeds: Array) -> Array:
-    """How strongly the hull of one vehicle resists each axis alone at its speed, (6,) [N, N m].
+    """Return the resistance of one vehicle's hull on each axis alone at its speed, (6,) [N, N m].
 
     Args:
         P: Parameters of one vehicle, without the leading B.

@@ -1,6 +1,6 @@
-"""Names that are right for each kind of change, and names that stand for them.
+"""Correct names for each kind of change, and their aliases.
 
-`benchmarks.judge.scores` says how they count.
+`benchmarks.judge.scores` defines how they count.
 """
 
 from __future__ import annotations

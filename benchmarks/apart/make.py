@@ -1,9 +1,9 @@
-"""Make the cases of a seed as files: flights, the owner's file, and flights after a change that tells.
+"""Generation of the cases of a seed as files: flights, the owner's file, and flights after a change.
 
 A case is a folder with `vehicle.toml` (and `start.toml`, what it was fitted from), `fit.parquet`,
-`before.parquet`, `after.parquet`, `stated.json` (what the file is worth) and, written last,
-`truth.json`.  Whatever is there is kept. `hydro fit` and `hydro compare` are run as a user runs them; of a
-build that fits otherwise, files differ, and changes may be sized otherwise.
+`before.parquet`, `after.parquet`, `stated.json` (accuracy of the file) and, written last, `truth.json`.
+Existing files are kept.  `hydro fit` and `hydro compare` run as for a user.  A build with another fit gives
+other files, and possibly other sizes of changes.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from benchmarks.apart.recordings import Flown, Recording, effect, fly, table
 from benchmarks.apart.vehicles import Parameters
 
 SHARE = 0.15
-"""Share of the squared 5 s error that a change is to make."""
+"""Minimum share of the squared 5 s error that a change must cause."""
 LARGER, SMALLER = 1.6, 0.7
-"""Factors on a size that is too small to tell, and on one that no vehicle can be flown with."""
+"""Factors on a size with an effect that is too small, and on one with which the vehicle cannot be flown."""
 ROUNDS = 5
 SHOTS = 70
 """Of the fit of a file."""
@@ -53,10 +53,10 @@ def hydro(*arguments: Any, seconds: float = TOO_LONG) -> subprocess.CompletedPro
 
 
 def make(seed: int, folder: Path, only: Sequence[str] = ()) -> None:
-    """Make what is missing of the cases of a seed.
+    """Make the missing files of the cases of a seed.
 
-    Where a change has to be made larger, the noise hangs on which other cases have to, too: with `only`,
-    those cases get other noise than beside all.
+    If a change must be made larger, the noise depends on the other cases with larger changes.  So with
+    `only`, cases get other noise than in a full run.
 
     Args:
         seed: Of the cases.
@@ -73,7 +73,7 @@ def make(seed: int, folder: Path, only: Sequence[str] = ()) -> None:
 
 
 def unchanged_flights(drawn: Sequence[Drawn], chosen: Sequence[Drawn], folder: Path) -> None:
-    """Write `fit.parquet` and `before.parquet` of those chosen that lack them, in the noise of all."""
+    """Write missing `fit.parquet` and `before.parquet` of chosen cases, with the noise of the full batch."""
     wanted = {each.place for each in chosen}
 
     def lacks(each: Drawn) -> bool:
@@ -140,7 +140,7 @@ def error_of(vehicle: Path, before: Path) -> float:
 
 
 def changed_flights(drawn: Sequence[Drawn], chosen: Sequence[Drawn], folder: Path) -> None:
-    """Write `after.parquet` and `truth.json` of those chosen that lack them, with changes that tell."""
+    """Write missing `after.parquet` and `truth.json` of chosen cases, with changes of sufficient effect."""
     done = {each.place: record(folder / each.case.name) for each in drawn}
     waiting = [each for each in chosen if done[each.place] is None]
     size = {each.place: each.size for each in waiting}
@@ -176,7 +176,7 @@ def batch(
     done: dict[int, dict[str, Any] | None],
     number: int,
 ) -> list[Recording]:
-    """Recordings that share the noise of a round: those to fly, and those that took part in it before."""
+    """Return recordings that share the noise of a round: those to fly, and the earlier ones."""
     found = []
     for each in drawn:
         kept = done[each.place]
@@ -188,13 +188,13 @@ def batch(
 
 
 def record(folder: Path) -> dict[str, Any] | None:
-    """What `truth.json` of a case says, if it is there."""
+    """Return `truth.json` of a case, if it exists."""
     path = folder / "truth.json"
     return json.loads(path.read_text()) if path.exists() else None
 
 
 def telling(drawn: Drawn, flown: Sequence[Flown], truth: Truth, folder: Path) -> dict[str, Any]:
-    """What the change makes of the velocity 5 s ahead, and its share beside the file's error."""
+    """Return the effect of a change on the velocity 5 s ahead, and its share of the file's error."""
     stated = json.loads((folder / "stated.json").read_text())
     made: Array = np.full(6, np.nan)
     if all(np.isfinite(each.states).all() for each in flown):
@@ -205,7 +205,7 @@ def telling(drawn: Drawn, flown: Sequence[Flown], truth: Truth, folder: Path) ->
 
 
 def another(drawn: Drawn, truth: Truth, share: float) -> float:
-    """Factor on the size of a change: 1 where it tells enough, or has no size."""
+    """Return the factor on the size of a change: 1 if the effect is sufficient, or without a size."""
     if not np.isfinite(share):
         return SMALLER
     sized = bool(truth) and not {"sensor", "columns"} & set(truth) and drawn.case.kind != "thr_dead"
@@ -213,7 +213,7 @@ def another(drawn: Drawn, truth: Truth, share: float) -> float:
 
 
 def described(drawn: Drawn, truth: Truth) -> dict[str, Any]:
-    """What is true of a case, for `truth.json`."""
+    """Return the truth of a case, for `truth.json`."""
     vehicle, rows = drawn.vehicle, drawn.rows
     return {
         "name": drawn.case.name,
@@ -232,7 +232,7 @@ def described(drawn: Drawn, truth: Truth) -> dict[str, Any]:
 
 
 def plain(x: Any) -> Any:
-    """The same as JSON knows it, numbers to a millionth."""
+    """Convert a value to JSON types, with numbers to a millionth."""
     if isinstance(x, dict):
         return {k: plain(v) for k, v in x.items()}
     if isinstance(x, np.ndarray):
@@ -253,5 +253,5 @@ def keep(frame: pl.DataFrame, path: Path) -> None:
 
 
 def _say(line: str) -> None:
-    """Tell whoever watches."""
+    """Print a progress line."""
     print(f"  {line}", flush=True)

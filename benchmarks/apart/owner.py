@@ -1,7 +1,7 @@
-"""The owner's file of a vehicle: what is stated of it, and effects that are as good as a guess.
+"""Owner's file of a vehicle: stated data, and effects with random errors.
 
-Drag is made linear and quadratic from the true hull, axis by axis, as a towing tank would give it; then every
-number is wrong by chance.  What bars, strips and fins do besides, no file says.
+Drag is linear and quadratic from the true hull, axis by axis, as from a towing tank; then every number gets a
+random error.  No file describes additional forces of bars, strips and fins.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Recordings of cases: sessions flown in batches, what sensors and logs make of them, and what a change does.
+"""Recordings of cases: sessions flown in batches, sensors and logs, and the effect of a change.
 
-Sessions of one kind of hull with as many commands are flown together.  Their noise is drawn for the whole
-batch at once and a session's motion does not hang on who flies beside it, so that some of a batch can be
-flown alone.
+Sessions of hulls of one kind with the same number of commands are flown together.  Their noise is drawn for
+the whole batch at once, and the motion of a session does not depend on others.  So some sessions of a batch
+can be flown alone.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Recording:
     Attributes:
         drawn: The case.
         name: `fit`, `before` or `after`.
-        P: Parameters of what flies; None of a recording that only takes its part of the noise.
+        P: Parameters of the simulated vehicle; None for a recording that only takes its part of the noise.
     """
 
     drawn: Drawn
@@ -64,7 +64,7 @@ class Recording:
 
     @property
     def legs(self) -> list[Leg]:
-        """How each of the sessions is flown."""
+        """Flight plan of each session."""
         drawn = self.drawn
         after = self.name == "after"
         depth, excursion = (drawn.depth, drawn.excursion) if after else (MIDDLE, 3.0)
@@ -116,7 +116,7 @@ def fly(
 
 
 def effect(P: Parameters, kind: str, flown: Sequence[Flown], rows: Sequence[int]) -> Array:
-    """Root mean square (6,) of what a change makes of the velocity 5 s ahead [m/s, rad/s].
+    """Return the root mean square (6,) effect of a change on the velocity 5 s ahead [m/s, rad/s].
 
     Args:
         P: Parameters of the unchanged vehicle, which is flown from states of the changed one.
@@ -138,7 +138,7 @@ def effect(P: Parameters, kind: str, flown: Sequence[Flown], rows: Sequence[int]
 
 
 def table(flown: Sequence[Flown], rows: Sequence[int], truth: Mapping[str, Any], prefix: str) -> pl.DataFrame:
-    """A raw table of sessions, with what the truth says of sensors and command columns.
+    """Return a raw table of sessions, with the true faults of sensors and command columns.
 
     Args:
         flown: Sessions.
@@ -158,7 +158,7 @@ def table(flown: Sequence[Flown], rows: Sequence[int], truth: Mapping[str, Any],
 
 
 def sensed(flown: Flown, count: int, truth: Mapping[str, Any]) -> Array:
-    """What is measured (count, 12) where a velocity log or the heading misreads."""
+    """Return the measurements (count, 12) with errors of the DVL or the heading."""
     measured = flown.measured[:count].copy()
     fault = truth.get("sensor")
     if fault is None:

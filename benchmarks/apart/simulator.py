@@ -1,10 +1,10 @@
-"""Motion of a batch of underwater vehicles, rigid body over ground and fluid through the water apart.
+"""Simulator of a batch of underwater vehicles, with separate equations for rigid body and fluid.
 
-Kirchhoff's equations are written twice, for the body with its velocity over ground and for the added mass
-with that through the water, so that no theorem about currents is used; a fourth-order Runge-Kutta step of
-10 ms under commands that are held for a row of 20 ms.  The state of a body is, in this order: position (3)
-[m], NED; quaternion (4); velocity over ground (6) [m/s, rad/s], FRD; thrust (n) [N]; deflections of fins
-(4) [rad]; and two memories of the water (2, 6).
+Kirchhoff's equations are written twice: for the body with its velocity over ground, and for the added mass
+with the velocity through the water.  So no theorem about currents is used.  Integration is a fourth-order
+Runge-Kutta step of 10 ms, with commands held for a row of 20 ms.  The state of a body is, in this order:
+position (3) [m], NED; quaternion (4); velocity over ground (6) [m/s, rad/s], FRD; thrust (n) [N]; deflections
+of fins (4) [rad]; and two fluid memory states (2, 6).
 """
 
 from __future__ import annotations
@@ -26,18 +26,17 @@ LONGEST = 64
 
 
 def defaults(n: int) -> dict[str, Any]:
-    """Parameters of a vehicle with n thrusters for all that may be there and is not.
+    """Return parameters of a vehicle with n thrusters without optional features.
 
-    Water: `rho` [kg/m^3]; current `vc` (3) [m/s], its `shear` (2) [1/s] from the depth `shear_z0` [m] on
-    and its `trend` (2) [m/s^2] from `trend_t0` [s] on, NED.  Loads, body frame: payload `pay_w` [N] at
-    `pay_r` [m]; tether `tet_k` [N/m] from `tet_r` to `tet_anchor` (NED) with the slack length `tet_L`
-    [m]; suction `suc_A` [N] of the surface, decaying over `suc_d` [m].  Drag beside the hull: `lin`,
-    `quad` (6), and an appendage `app_cda` [m^2] at `app_r`; memory of the water `mem_K` (2, 6) with rates
-    `mem_a` (2) [1/s].  Fins: see `hulls.fins`, `fin_trim` (4) [rad], `fin_cmd` (n, 4), rad per command,
-    `fin_tau` [s].  Thrusters: share left `thr_gain` (n), `thr_delay` [s], factor on reverse thrust
-    `thr_rev`, loss to the inflow `thr_c` (n) [s/m], torque per thrust `thr_k` (n) [m], and the share that
-    tunnels lose under way `thr_cross` (n).  `hull` is a factor on the hull, `vol` the displaced volume
-    [m^3].
+    Water: `rho` [kg/m^3]; current `vc` (3) [m/s], its `shear` (2) [1/s] from the depth `shear_z0` [m] on and
+    its `trend` (2) [m/s^2] from `trend_t0` [s] on, NED.  Loads, body frame: payload `pay_w` [N] at `pay_r`
+    [m]; tether `tet_k` [N/m] from `tet_r` to `tet_anchor` (NED) with the slack length `tet_L` [m]; suction
+    `suc_A` [N] of the surface, decaying over `suc_d` [m].  Drag in addition to the hull: `lin`, `quad` (6),
+    and an appendage `app_cda` [m^2] at `app_r`; memory of the water `mem_K` (2, 6) with rates `mem_a` (2)
+    [1/s]. Fins: see `hulls.fins`, `fin_trim` (4) [rad], `fin_cmd` (n, 4), rad per command, `fin_tau` [s].
+    Thrusters: remaining share `thr_gain` (n), `thr_delay` [s], factor on reverse thrust `thr_rev`, loss to
+    the inflow `thr_c` (n) [s/m], torque per thrust `thr_k` (n) [m], and the share that tunnels lose under way
+    `thr_cross` (n).  `hull` is a factor on the hull, `vol` the displaced volume [m^3].
     """
     z = np.zeros
     return {
@@ -202,7 +201,7 @@ class Simulator:
         return np.concatenate([posdot, qdot, nudot, thrdot, findot, dm.reshape(-1, 12)], -1)
 
     def loads(self, pos: Array, R: Array) -> Array:
-        """Wrench (B, 6) of weight, buoyancy, payload, suction of the surface and water that accelerates."""
+        """Return the wrench (B, 6) of weight, buoyancy, payload, surface suction and accelerating water."""
         P = self.P
         down = R[:, 2, :]
         weight = P["mass_w"][:, None] * G * down
@@ -223,7 +222,7 @@ class Simulator:
         return tau
 
     def thrusts(self, thr: Array, nur: Array) -> Array:
-        """Wrench (B, 6) of thrusters: what the water flowing in leaves of their thrust, and their torque."""
+        """Return the wrench (B, 6) of thrusters: thrust minus inflow loss, and torque."""
         P = self.P
         at = P["thr_pos"]
         flow = nur[:, None, :3] + cross(np.broadcast_to(nur[:, None, 3:], at.shape), at)
@@ -235,7 +234,7 @@ class Simulator:
         return push + np.einsum("bn,bnk->bk", T * P["thr_k"], self.torque)
 
     def tether(self, pos: Array, R: Array) -> Array:
-        """Wrench (B, 6) of an elastic tether to an anchor, slack below its length."""
+        """Return the wrench (B, 6) of an elastic tether to an anchor, slack below its length."""
         P = self.P
         end = pos + np.einsum("bij,bj->bi", R, P["tet_r"])
         way = P["tet_anchor"] - end
@@ -251,18 +250,18 @@ class Simulator:
         noise: Array | None = None,
         past: Array | None = None,
     ) -> tuple[Array, Array, Array]:
-        """Integrate.
+        """Integrate the motion.
 
         Args:
-            x: States to begin from (B, 29 + n).
+            x: Initial states (B, 29 + n).
             rows: Of the recording.
-            command: Of a row's number and what is measured there (B, 12): position, attitude, velocity; it
-                gives the commands (B, n) that hold from that row to the next.
-            noise: Added to what is measured (rows, B, 12).
-            past: Commands before the beginning (B, n), 0 by default.
+            command: Function from a row's number and its measurements (B, 12), position, attitude and
+                velocity, to the commands (B, n) held until the next row.
+            noise: Noise of the measurements (rows, B, 12).
+            past: Commands before the start (B, n), 0 by default.
 
         Returns:
-            States (rows, B, 29 + n), commands (rows, B, n) and what is measured (rows, B, 12).
+            States (rows, B, 29 + n), commands (rows, B, n) and measurements (rows, B, 12).
         """
         P, h = self.P, self.step
         out = np.empty((rows, self.B, x.shape[1]))
@@ -290,7 +289,7 @@ class Simulator:
         return out, commands, measured
 
     def after(self, x: Array, want: Array, dfin: Array, t: float) -> Array:
-        """States a step later, quaternions of length 1."""
+        """Return the states a step later, with normalised quaternions."""
         h = self.step
         k1 = self.rates(x, want, dfin, t)
         k2 = self.rates(x + h / 2 * k1, want, dfin, t + h / 2)

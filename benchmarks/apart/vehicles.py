@@ -1,8 +1,7 @@
 """Vehicles drawn by chance: an open frame, a torpedo with fixed or driven fins, and a flat body that hovers.
 
-Each maker takes a generator and gives the simulator's parameters and what else is known of the
-vehicle.  Added mass of ellipsoids after Lamb (1932), articles 114 and 115, tilted so that no axis is one
-of the file's.
+Each maker takes a generator and gives the simulator's parameters and other known data of the vehicle.  Added
+mass of ellipsoids after Lamb (1932), articles 114 and 115, tilted so that no axis is one of the file's.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ class Vehicle:
         own: Effects of its file, whose numbers are fitted where the file is.
         fin_commands: Which commands turn fins, from 0.
         fin: Area of a fin as a file states it [m^2], its place x [m], angle of stall [rad]; of a torpedo.
-        turn: What a full command turns a fin by [rad].
+        turn: Deflection of a fin at full command [rad].
     """
 
     P: Parameters

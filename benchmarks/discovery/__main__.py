@@ -1,22 +1,22 @@
-"""Does `--discover` find laws that the catalogue has not?  Studies in the benchmarks' own simulator.
+"""Test of `--discover` on laws outside the catalogue, in the benchmarks' own simulator.
 
-Each study flies a vehicle of `datasets/vehicles` with one law that its file does not have, its damping up to
-a quarter wrong, and diagnoses it with `--discover`:
+Each study flies a vehicle of `datasets/vehicles` with one law that its file lacks, and damping with an error
+of up to a quarter.  It is diagnosed with `--discover`.  The laws are:
 
 * a power of a velocity, 1.3 to 3, that acts along its axis and off CO;
 * a power of a velocity on another axis;
 * a product of two velocities;
 * drag that a power of another speed raises;
-* a force that begins at a speed.
+* a force with a threshold speed.
 
-Some have nothing hidden.  Beside what was discovered stand the file, what the catalogue alone makes of it,
-and the true law fitted.
+Some studies have no hidden law.  The discovered terms are compared with the file, with the catalogue's
+effects alone, and with the fitted true law.
 
     python -m benchmarks.discovery run --studies 60 --first-seed 0 -o discovery.parquet
     python -m benchmarks.discovery report discovery.parquet
 
-A results file grows by one row per study; the same command goes on where an earlier one stopped.  Seeds below
-10,000 are for development, those from 70,000 are held back for published figures.
+A results file grows by one row per study; the same command continues an earlier run.  Seeds below 10,000 are
+for development, those from 70,000 for published figures.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from __future__ import annotations
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # studies run beside one another
+    os.environ.setdefault(_name, "1")  # studies run in parallel
 
 import argparse
 from pathlib import Path
@@ -37,11 +37,11 @@ from benchmarks.shares import rate
 from benchmarks.work import Results, add_report, add_workers, done
 
 SEEN = 1.2
-"""Mean squared residual, in units of the noise, that the file's own effects must leave, or nothing shows."""
+"""Minimum reduced chi-square of the file's effects for a detectable law."""
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the studies that the results file lacks."""
     results = Results(chosen.out, SCHEMA)
     known = set(results.table.select("seed", pl.col("kind") == "none").rows())
     wanted = [

@@ -1,4 +1,4 @@
-"""Laws that no effect has: drawn, said as formulas, and held against what was discovered."""
+"""Laws outside the catalogue: random generation, formulas, and comparison with discovered terms."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def form(table: Mapping[str, Any]) -> dict[tuple[Any, ...], float]:
             signs[name] = (signs.get(name, 0) + signed) % 2
         own = VELOCITY[AXES.index(axis)]
         if list(powers) == [own] and signs[own]:
-            continue  # the file's own damping may take it up
+            continue  # the file's damping may absorb it
         key = (axis, tuple(sorted((name, signs[name]) for name in powers)))
         found[key] = sum(powers.values())
     return found

@@ -1,4 +1,4 @@
-"""One study: fly a vehicle with a law of its own, diagnose it, and hold the answer against the truth."""
+"""Study of one vehicle with a law outside the catalogue: flight, diagnosis, comparison with the truth."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ SCHEMA: dict[str, Any] = {
     "cpu": pl.Float64,
     "failure": pl.String,
 }
-"""Columns of a results file.  Errors are root mean squares of velocities 5 s ahead on the session held out:
-of the file, of what the catalogue alone makes of it, of what was discovered, of the true law, of noise."""
+"""Columns of a results file.  Errors are root mean squares of velocities 5 s ahead on the held-out session:
+of the file, of the catalogue's effects, of the discovered terms, of the true law, and of noise."""
 
 
 def study(kind: str, seed: int, seconds: float) -> dict[str, Any]:
-    """The row of one study; what went wrong stands under `failure`."""
+    """Return the row of one study; errors are in `failure`."""
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {
         "kind": kind,
         "seed": seed,
@@ -84,7 +84,7 @@ def study(kind: str, seed: int, seconds: float) -> dict[str, Any]:
 
 
 def flown(kind: str, seed: int, seconds: float, rng: np.random.Generator) -> Any:
-    """A vehicle whose motion has bounds, and what it flies."""
+    """Return a vehicle whose motion does not diverge, and its flights."""
     for _ in range(ATTEMPTS):
         preset = str(rng.choice(vehicles.PRESETS))
         exact = vehicles.preset(preset)
@@ -101,7 +101,7 @@ def flown(kind: str, seed: int, seconds: float, rng: np.random.Generator) -> Any
 
 
 def answer(plain: Diagnosis, found: Diagnosis) -> dict[str, Any]:
-    """What both say, as columns."""
+    """Return the results of both as columns."""
     told = [one for one in found.findings if one.verdict not in ("not_excited", "not_separable")]
     return {
         "verdicts": [one.verdict for one in told],

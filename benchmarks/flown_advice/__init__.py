@@ -1,4 +1,4 @@
-"""Does the flight that a diagnosis advises tell what the first recording could not?
+"""Test of whether the flight that a diagnosis advises identifies effects that the first recording could not.
 
-How to run it: `python -m benchmarks.flown_advice --help`.
+Usage: `python -m benchmarks.flown_advice --help`.
 """

@@ -1,12 +1,12 @@
-"""Make tied studies, fly what their diagnosis advises, diagnose both logs together, and sum up.
+"""Studies of advised flights: make ambiguous recordings, fly the advice, diagnose both logs together.
 
     python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
     python -m benchmarks.flown_advice report flown.parquet
     python -m benchmarks.flown_advice write flown.parquet --commit 1234567
 
-A results file grows by one row per study; the same command goes on where an earlier one stopped.  `--tied N`
-ends a run at so many open studies.  Seeds below 10,000 are for development, those from 70,000 are held back.
-`write` makes benchmarks/results/flown_advice.csv and the page that shows it.
+A results file grows by one row per study; the same command continues an earlier run.  `--tied N` ends a run
+at N open studies.  Seeds below 10,000 are for development, those from 70,000 for published figures.  `write`
+makes benchmarks/results/flown_advice.csv and the page that shows it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # studies run beside one another
+    os.environ.setdefault(_name, "1")  # studies run in parallel
 
 import argparse
 from pathlib import Path
@@ -33,7 +33,7 @@ FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the studies that the results file lacks."""
     results = Results(chosen.out, study.SCHEMA)
     known = set(results.table.select(KEY).rows())
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.studies)
@@ -46,7 +46,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def line(row: dict[str, Any]) -> str:
-    """A study in one line, for whoever watches."""
+    """Describe a study in one line."""
     head = f"{row['seed']} {row['preset']}, {row['family']}: {row['effect']}"
     if row["failure"]:
         return f"{head} FAILED {row['failure']}"
@@ -62,7 +62,7 @@ def line(row: dict[str, Any]) -> str:
 
 
 def summary(results: pl.DataFrame) -> str:
-    """Everything that a table of results says, as Markdown."""
+    """Return the summary of a results table as Markdown."""
     tied = left_open(results)
     lines = [
         f"{results.height} recordings of one manoeuvre, {len(tied)} of them open: the diagnosis has "
@@ -79,12 +79,12 @@ def summary(results: pl.DataFrame) -> str:
 
 
 def left_open(results: pl.DataFrame) -> list[Row]:
-    """Studies whose first diagnosis leaves the truth open."""
+    """Return the studies whose first diagnosis leaves the truth open."""
     return results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
 
 
 def table(results: pl.DataFrame) -> list[Row]:
-    """Open studies, all and by what left them open: what is named after either flight."""
+    """Return rows on open studies, all and by the cause: names after either flight."""
     tied = left_open(results)
     rows: list[Row] = []
     for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):
@@ -103,7 +103,7 @@ def table(results: pl.DataFrame) -> list[Row]:
 
 
 def write(chosen: argparse.Namespace) -> None:
-    """Keep the table, and make the pages that show it anew."""
+    """Write the kept table, and generate the pages that show it."""
     results = pl.read_parquet(chosen.results)
     command = "python -m benchmarks.flown_advice run"
     keep("flown_advice", [row | origin(results, command, chosen.commit) for row in table(results)])

@@ -1,9 +1,9 @@
-"""Recordings whose manoeuvre cannot tell what is hidden: drawn from a seed alone, flown without feedback.
+"""Recordings whose manoeuvre cannot identify the hidden effect: drawn from a seed alone, without feedback.
 
-One manoeuvre is repeated in four sessions: ahead on one heading, where a current, a tether, weight and a bias
-of the log are alike; a circle at one speed, where kinds of drag and lift are; thrusters in step, whose gains,
-curves and losses are.  The vehicle is the benchmark's own simulator, with true damping and what is hidden,
-strong enough to make a tenth of the error under a rich excitation.
+One manoeuvre is repeated in four sessions.  Motion ahead on one heading cannot separate a current, a tether,
+weight and a bias of the log.  A circle at one speed cannot separate kinds of drag and lift.  Thrusters with
+equal commands cannot separate gains, curves and losses.  The vehicle is the benchmark's own simulator, with
+true damping.  The hidden effect causes a tenth of the error under a rich excitation.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     SPEED: ("body_lift", "crossflow_drag", "cross_axis_drag", "coupled_damping", "added_mass_coriolis"),
     STEP: ("thruster_gain", "thruster_inflow", "thruster_asymmetry", "thruster_lag", "sensor_scale"),
 }
-"""What is hidden under each manoeuvre."""
+"""Hidden effects of each manoeuvre."""
 STEADY = {HEADING: ("surge levels", 0.6), SPEED: ("circles", 0.1), STEP: ("surge levels", 0.6)}
-"""The manoeuvre of the library that is repeated, and the part of it that is held where one speed is kept."""
+"""Repeated manoeuvre of the library, and the part of it that is held at one speed."""
 NOISE = 6.0
 """Times ordinary noise."""
 DEPTH = 15.0
@@ -43,7 +43,7 @@ ATTEMPTS, WEAKER = 50, 4
 
 
 def draw(seed: int) -> tuple[Case, str]:
-    """What a seed hides, in which vehicle; and the family of manoeuvres that does not tell it.
+    """Draw the hidden effect of a seed, its vehicle, and the manoeuvres that do not identify it.
 
     Raises:
         DataError: No vehicle can have it.
@@ -64,7 +64,7 @@ def draw(seed: int) -> tuple[Case, str]:
 
 
 def repeated(file: Vehicle, family: str, seconds: float) -> list[Array]:
-    """Commands (N, n) of the sessions of a recording that does not tell."""
+    """Return commands (N, n) of the sessions of an ambiguous recording."""
     name, at = STEADY[family]
     (flown,) = (one for one in library(file, seconds / SESSIONS) if one.name == name)
     steady = flown.commands[int(at * len(flown.commands))]
@@ -74,7 +74,7 @@ def repeated(file: Vehicle, family: str, seconds: float) -> list[Array]:
 
 
 def randomly(file: Vehicle, seconds: float, seed: int) -> list[Array]:
-    """Commands of random walks on all axes, as long as an advised flight: what it is held against."""
+    """Return commands of random walks on all axes, as long as an advised flight: the baseline."""
     plant = build(file)
     share, limits = np.linalg.pinv(plant.thrusts.T), plant.limits.max(axis=1)
     greatest = np.abs(plant.thrusts.T) @ limits
@@ -89,7 +89,7 @@ def randomly(file: Vehicle, seconds: float, seed: int) -> list[Array]:
 
 @njit(cache=True)
 def _follow(plant: Plant, commands: Array, first: Array, dt: float) -> Array:
-    """States (N, 13) under commands (N, n), NaN from where they know no bounds."""
+    """Return states (N, 13) under commands (N, n), NaN from divergence on."""
     states, y = np.full((commands.shape[0], BODY), np.nan), resting(plant, first)
     for k in range(commands.shape[0]):
         if not np.abs(y).max() < 1e6:
@@ -101,7 +101,7 @@ def _follow(plant: Plant, commands: Array, first: Array, dt: float) -> Array:
 
 @dataclass(frozen=True)
 class Sea:
-    """A vehicle with what is hidden, in the benchmark's own simulator."""
+    """Vehicle with a hidden effect, in the benchmark's own simulator."""
 
     case: Case
     actual: Vehicle
@@ -128,7 +128,7 @@ class Sea:
 def first_recording(
     case: Case, given: Vehicle, actual: Vehicle, family: str, seconds: float
 ) -> tuple[Sea, pl.DataFrame]:
-    """What is hidden, weaker where the vehicle cannot be flown with it, and the recording to be diagnosed.
+    """Return the hidden effect, weaker if the vehicle cannot be flown with it, and the recording to diagnose.
 
     Raises:
         DataError: It cannot be flown with any of it.

@@ -1,4 +1,4 @@
-"""One study: a recording that cannot tell what is hidden, the flight that its diagnosis advises, and both."""
+"""Study of one advised flight: an ambiguous recording, the flight that its diagnosis advises, and both."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis
 from hydro.core.experiment.flight import Limits, advise
 
 LIMITS = Limits(depth=(5.0, 25.0), space=30.0, thrust=1.0, seconds=120.0)
-"""Of the advised flight; a random one need not keep to depth and space."""
+"""Limits of the advised flight; a random one need not keep to depth and space."""
 WORDS = ("missing", "suspect", "cannot_tell_apart", "retune")
 TOLD: dict[str, Any] = {"outcome": pl.String, "confidence": pl.Float64, "findings": pl.String}
 SCHEMA: dict[str, Any] = {
@@ -42,15 +42,16 @@ SCHEMA: dict[str, Any] = {
 }
 """Columns of a results file.
 
-An outcome is `named` (the truth first, alone), `tied` (the truth among those of the first finding),
-`wrong: NAME` or `nothing`.  `open` is `rivals` where the first diagnosis has the truth among the rivals of an
-open question, `unseen` where it says that the recording does not show it, else empty.  `expected` is the
-least expected distance between rivals; `inside`, whether the vehicle with what is hidden kept to the limits.
+An outcome is `named` (the truth first, alone), `tied` (the truth among those of the first finding), `wrong:
+NAME` or `nothing`.  `open` is `rivals` if the first diagnosis has the truth among the rivals of an open
+question, `unseen` if it states that the recording does not show it, else empty.  `expected` is the smallest
+expected distance between rivals.  `inside` states whether the vehicle with its hidden effect kept to the
+limits.
 """
 
 
 def outcome(found: Diagnosis, effect: str, misjudged: Sequence[str] = ()) -> dict[str, Any]:
-    """What a diagnosis says, held against the truth; that misjudged effects have other values is true."""
+    """Compare a diagnosis with the truth; different values of misjudged effects count as true."""
     named = (one for one in found.findings if one.verdict in WORDS and math.isfinite(one.confidence))
     told = [one for one in named if not (one.verdict == "retune" and one.effect in misjudged)]
     said = [f"{one.verdict} {'/'.join(one.members)} {one.confidence:.2f}" for one in told]
@@ -67,7 +68,7 @@ def outcome(found: Diagnosis, effect: str, misjudged: Sequence[str] = ()) -> dic
 
 
 def run(seed: int, seconds: float) -> dict[str, Any]:
-    """The row of one study; what went wrong stands under `failure`."""
+    """Return the row of one study; errors are in `failure`."""
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {"seed": seed, "seconds": seconds, "failure": ""}
     began = time.process_time()
     try:
@@ -79,7 +80,7 @@ def run(seed: int, seconds: float) -> dict[str, Any]:
 
 
 def _stated(row: dict[str, Any]) -> bool:
-    """Whether the first diagnosis states the truth."""
+    """Return whether the first diagnosis states the truth."""
     return bool(row["first_outcome"] == "named" and row["first_confidence"] >= SURE)
 
 
@@ -97,7 +98,7 @@ def _study(row: dict[str, Any]) -> None:
     found, misjudged = diagnose(given, first), vehicles.damping_of(actual)
     row |= {f"first_{key}": value for key, value in outcome(found, effect, misjudged).items()}
     row["open"] = ""
-    if found.question is None:  # no model fits: there is nothing that a flight would tell apart
+    if found.question is None:  # no model fits: a flight has nothing to separate
         return
     ties = [[one.name for one in tie] for tie in found.question.ties]
     row["rivals"] = ["/".join(tie) for tie in ties]

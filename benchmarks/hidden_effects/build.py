@@ -42,11 +42,11 @@ def build(
     foreign: Mapping[str, float] | None = None,
     laws: Iterable[Sequence[float]] = (),
 ) -> Plant:
-    """Numbers of a vehicle with what its file hides.
+    """Return the numbers of a vehicle with its hidden effects.
 
     Args:
         vehicle: The vehicle file.
-        hidden: `[[effect]]` tables that act besides the file's own.
+        hidden: `[[effect]]` tables in addition to those of the file.
         foreign: Numbers of `FOREIGN` by name.
         laws: Rows of `Plant.laws`.
     """

@@ -1,4 +1,4 @@
-"""What is hidden in each study: drawn from its kind and seed alone, never from the order of the work."""
+"""Hidden effects of each study: drawn from its kind and seed alone, not from the order of the work."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NEWEST = (
 LATER = ("thruster_curve", *NEWEST)
 """Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
 BY_LAW = tuple(name for name in TRUTHS if not CATALOGUE[name].is_random)
-"""Effects that a flight here can hide: what acts by chance is drawn by the plant, not by a case."""
+"""Effects that a flight here can hide; random effects are drawn by the plant, not by a case."""
 HIDDEN = tuple(name for name in BY_LAW if name not in LATER)
 FIXED = {
     "tether": ("slack", "attachment", "anchor"),
@@ -45,7 +45,7 @@ FIXED = {
 }
 """Parameters that say where or how fast an effect acts, not how strongly."""
 ALSO = {"current that grows with depth": ("current_shear",)}
-"""What else a form may be called since the catalogue has it."""
+"""Additional names of a form that the catalogue now has."""
 SIZES = (
     "cubic",
     "power",
@@ -89,7 +89,7 @@ ATTEMPTS = 200
 
 @dataclass(frozen=True)
 class Case:
-    """One study's truth.
+    """Truth of one study.
 
     Attributes:
         kind: One of KINDS.
@@ -100,8 +100,8 @@ class Case:
         depth: Where sessions begin [m].
         hidden: `[[effect]]` tables that the file lacks.
         foreign: Numbers of the benchmark's simulator that no effect stands for.
-        called: What a diagnosis should call it: effects of the catalogue, none for what it does not have.
-        title: What is hidden, in a few words.
+        called: Correct names: effects of the catalogue, none for effects that it lacks.
+        title: The hidden effect in a few words.
     """
 
     kind: str
@@ -200,7 +200,7 @@ def times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _unknown(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """What the catalogue does not have, or did not have at first."""
+    """Return effects that the catalogue lacks, or lacked at first."""
     mass, size = vehicle.rigid_body.mass, float(np.exp(rng.uniform(np.log(0.2), np.log(STRONGEST))))
     east = float(rng.uniform(-0.3, 0.3))
     titles: dict[str, dict[str, float]] = {

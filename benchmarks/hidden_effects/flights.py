@@ -1,4 +1,4 @@
-"""Recordings of the benchmark: one vehicle with something hidden, flown in one of three simulators.
+"""Recordings of the benchmark: one vehicle with a hidden effect, flown in one of three simulators.
 
 `independent` is the benchmark's own (`plant`), under steps, several sines and chirps with a slack hold of
 depth and attitude; `simulate` is `hydro simulate` under commands without feedback; `by_teacher` flies the
@@ -57,12 +57,12 @@ def independent(
     seed: int,
     laws: Sequence[Sequence[float]] = (),
 ) -> list[pl.DataFrame]:
-    """Sessions in the benchmark's own simulator.
+    """Fly sessions in the benchmark's own simulator.
 
     Args:
-        believed: What the commands are made with.
+        believed: The vehicle file used for the commands.
         actual: The vehicle with its true damping.
-        hidden: `[[effect]]` tables besides.
+        hidden: Additional `[[effect]]` tables.
         foreign: Numbers that the catalogue has no effect for.
         rows: Rows of each session.
         depth: Where they begin, and are held [m].
@@ -105,7 +105,7 @@ def holds(file: Plant) -> Array:
 
 
 def reached(file: Plant) -> Array:
-    """The wrench that a demand of 1 asks for, (6,): all authority, or what tilts the vehicle by TILT."""
+    """Return the wrench of a demand of 1, (6,): full authority, or that which tilts the vehicle by TILT."""
     out = authority(file.thrusts, file.limits.min(axis=1))
     righting = float((file.weights[:, 0] * file.weights[:, 3]).sum())
     out[3:5] = np.minimum(out[3:5], TILT * (righting + holds(file)[1:, 0]))
@@ -146,7 +146,7 @@ def angles(q: Array) -> Array:
 
 
 def logged(states: Array, hidden: Tables) -> Array:
-    """Velocity (N, 6) as the log writes it: (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b."""
+    """Return the logged velocity (N, 6): (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b."""
     scale, tilt, lever, bias, delay = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0
     for effect in hidden:
         match effect["name"]:

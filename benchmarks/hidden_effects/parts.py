@@ -1,4 +1,4 @@
-"""Forces of the benchmark's simulator on what is beside the hull's damping: a part off CO, a fin, a power.
+"""Forces of the benchmark's simulator in addition to hull damping: a part off CO, a fin, a power law.
 
 As `plant`, it shares no code with `hydro.core`.  Body FRD, forces ON the vehicle.
 """
@@ -21,7 +21,7 @@ SLOPE, PROFILE, BLEND = (
 
 
 class Parts(NamedTuple):
-    """What drags and lifts beside the hull, in numbers.
+    """Parameters of drag and lift in addition to the hull.
 
     Attributes:
         power: Drag of the six axes at 1 m/s and 1 rad/s, and the power of the speed, (7,).

@@ -1,9 +1,9 @@
-"""A simulator of its own for the benchmark: Fossen's equations of motion written once more.
+"""Independent simulator of the benchmark: a second implementation of Fossen's equations of motion.
 
-It shares no code with `hydro.core`: a diagnosis that is right on the data of its own simulator alone has
-shown little.  Besides the catalogue's effects it knows others (`FOREIGN`).  World NED, body FRD, eta = (p,
-quaternion), nu = (u, v, w, p, q, r) of the body's origin, over ground; forces are those ON the vehicle
-(T. I. Fossen: Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011).
+It shares no code with `hydro.core`, since a diagnosis validated only on its own simulator is not convincing.
+It also has effects that the catalogue lacks (`FOREIGN`).  World NED, body FRD, eta = (p, quaternion), nu =
+(u, v, w, p, q, r) of the body's origin, over ground; forces are those ON the vehicle (T. I. Fossen: Handbook
+of Marine Craft Hydrodynamics and Motion Control, Wiley 2011).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ FOREIGN = (
     "stiffening",  # 1/m, growth of the tether's stiffness with its stretch
     "taper",  # share of cross-flow drag that the bow lacks and the stern has more
 )
-"""Numbers of what the catalogue does not have, or has in another form; 0: not there."""
+"""Parameters of effects that the catalogue lacks, or has in another form; 0 if absent."""
 (
     CUBIC, POWER, WASH, WASH_PITCH, TIDE, TIDE_EAST, TIDE_RATE, SLOSH_MASS, SLOSH_RATE, SLOSH_Z, WALL, WALL_X,
     WALL_WIDTH, HYSTERESIS_FORCE, HYSTERESIS_PATH, SWELL, SWELL_RATE, SHEAR, DEPTH, GAIN_DRIFT, SECOND_LAG,
@@ -82,7 +82,7 @@ class Plant(NamedTuple):
         tether: k, slack, attachment, anchor, (8,).
         suction: A, decay and the point, (5,).
         memory: K of six axes and the rate, (7,).
-        parts: What drags and lifts off CO, and drag of any power.
+        parts: Drag and lift away from CO, and drag of any power.
         thrusts: Unit wrenches of the thrusters, (n, 6).
         reactions: Torque of each thruster about its axis per thrust, (n,) [m].
         limits: Greatest thrust ahead and astern, (n, 2).
@@ -91,7 +91,7 @@ class Plant(NamedTuple):
         asymmetry: Share of reverse thrust lost.
         inflow: Loss to the water's speed [s/m].
         delay: Of the commands [s].
-        foreign: What no catalogue has, in the order of FOREIGN.
+        foreign: Effects that the catalogue lacks, in the order of FOREIGN.
         laws: Further forces, a row each, (K, 8): the axis, a coefficient, an odd velocity with its power and
             the size below which it does nothing; another velocity, or -1, its power and whether it is odd.
     """
@@ -170,7 +170,7 @@ def water(plant: Plant, z: float, sink: float, t: float) -> tuple[Array, Array]:
 
 @njit(cache=True)
 def static(chain: Array, limit: Array, n: float) -> float:
-    """Thrust on which a rotor settles: dead band and curve."""
+    """Return the steady thrust of a rotor: dead band and curve."""
     size, band = abs(n), chain[3]
     if size <= band:
         return 0.0
@@ -262,14 +262,14 @@ def surround(plant: Plant, p: Array, R: Array, t: float, tau: Array) -> None:
 
 @njit(cache=True)
 def rested(plant: Plant, R: Array) -> Array:
-    """Where loose ballast comes to lie at an attitude: weight times way along x and y (2,)."""
+    """Return the steady displacement of loose ballast at an attitude: weight times distance (2,)."""
     e = np.exp(2.0 * R[2, :2] / plant.ballast[2])
     return plant.ballast[:2] * (e - 1.0) / (e + 1.0)
 
 
 @njit(cache=True)
 def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
-    """Time derivative of the state; `target` is what the rotors' lags settle on, (n,)."""
+    """Return the time derivative of the state; `target` holds the steady lag states of the rotors, (n,)."""
     count, f = target.size, plant.foreign
     out = np.zeros(y.size)
     p, q, nu = y[:3], y[3:7], y[7:BODY]
@@ -352,7 +352,7 @@ def march(plant: Plant, y: Array, target: Array, t: float, span: float) -> Array
 
 @njit(cache=True)
 def settled(plant: Plant, command: Array) -> Array:
-    """What the lags of all rotors settle on."""
+    """Return the steady lag states of all rotors."""
     out = np.empty(command.size)
     for i in range(command.size):
         n = min(max(command[i], -1.0), 1.0)

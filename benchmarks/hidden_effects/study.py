@@ -1,4 +1,4 @@
-"""Recordings of one study: a vehicle with hidden effects that show and that it can be flown with."""
+"""Recordings of one study: a vehicle with detectable hidden effects that can be flown."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STRONGER = 5
 
 @dataclass(frozen=True)
 class Flown:
-    """What a study has recorded.
+    """Recordings of a study.
 
     Attributes:
         given: The vehicle file, its damping wrong.
@@ -56,7 +56,7 @@ def fly(case: Case, seconds: float) -> Flown:
 
 
 def flyable(case: Case, seconds: float) -> tuple[Case, Flown]:
-    """Record a case; halve what is hidden while the motion diverges.
+    """Record a case; halve the hidden effects while the motion diverges.
 
     Returns:
         The case as it was flown, and its recordings.

@@ -1,4 +1,4 @@
-"""Vehicles of the benchmark, how wrong their files are, and files with what was hidden from them."""
+"""Vehicles of the benchmark, errors of their files, and files completed by the hidden effects."""
 
 from __future__ import annotations
 

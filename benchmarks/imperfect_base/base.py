@@ -1,8 +1,8 @@
 """Vehicles with hulls of panels, and the files that describe them as well as the catalogue can.
 
-The embedded teacher flies a tapered hull.  What its panels do has no exact form in the catalogue, so that the
-best of files leaves an error far above the noise.  The file is made as a user would make it: the effects of
-the preset are fitted to flights of the unchanged vehicle, and written with their standard errors.
+The reference simulator flies a tapered hull of panels.  Its forces have no exact form in the catalogue, so
+even the best file has an error far above the noise.  The file is made as by a user: the effects of the preset
+are fitted to flights of the unchanged vehicle, and written with their standard errors.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Base:
     Attributes:
         believed: The preset, which the commands are made with.
         vehicle: The file fitted to the unchanged flights.
-        hull: Vertices [m] and faces of what flies.
+        hull: Vertices [m] and faces of the simulated hull.
         unchanged: Path of the flights that the file was fitted to, a raw table.
     """
 

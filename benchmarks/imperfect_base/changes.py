@@ -1,4 +1,4 @@
-"""What is changed in each study: drawn from its kind and seed alone, never from the order of the work."""
+"""Changes of each study: drawn from its kind and seed alone, not from the order of the work."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from hydro.core.evaluation.replay_error import Ahead
 NOISES = (1.0, 0.5, 0.25, 0.1)
 """Times ordinary noise: the greatest in which the base error stands out."""
 STANDS_OUT = 5.0
-"""Base error over what noise alone makes of it, at least."""
+"""Minimum ratio of the base error to the error from noise alone."""
 SHARE = 0.1
 """Share of the given file's squared 5 s error that a change is to make."""
 
@@ -40,7 +40,7 @@ def fly(case: Case, known: Base, seconds: float) -> list[pl.DataFrame]:
 
 
 def standing_out(case: Case, known: Base, seconds: float) -> tuple[Case, float, float]:
-    """The case in as much noise as the base error stands out of; that error, and what noise alone makes.
+    """Return the case with the most noise in which the base error stands out, with both errors.
 
     Raises:
         DataError: It never does.
@@ -55,7 +55,7 @@ def standing_out(case: Case, known: Base, seconds: float) -> tuple[Case, float, 
 
 
 def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Ahead]:
-    """The case so strong that the change makes its share, and so weak that the vehicle can be flown.
+    """Return the case with a change strong enough to make its share, and weak enough to fly the vehicle.
 
     Raises:
         DataError: The vehicle cannot be flown with any of it.

@@ -1,9 +1,9 @@
-"""Flights under feedback: a vehicle that keeps its station, and one that goes from way-point to way-point.
+"""Flights under feedback: station keeping, and way-points.
 
-The vehicle is the benchmark's own simulator (`hidden_effects.plant`), with what is hidden.  The controller
-knows the file as it is given to be diagnosed, and sees pose and velocity with the very noise that is logged,
-so that commands answer to motion, disturbance and noise, as they do at sea.  The gains are those of a
-second-order motion on each axis (Fossen 2011, 15.3) with an integrator on position.
+The vehicle is the benchmark's own simulator (`hidden_effects.plant`), with its hidden effect.  The controller
+uses the file of the diagnosis, and sees pose and velocity with the noise of the log.  So commands depend on
+motion, disturbance and noise, as at sea.  The gains are those of a second-order motion on each axis (Fossen
+2011, 15.3) with an integrator on position.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ def sessions(
     noise: float,
     seed: int,
 ) -> Iterator[pl.DataFrame]:
-    """Sessions under feedback, each from rest with a heading of its own.
+    """Fly sessions under feedback, each from rest with a heading of its own.
 
     Args:
         given: The file that the controller knows.
         actual: The vehicle with its true damping.
-        hidden: `[[effect]]` tables besides.
+        hidden: Additional `[[effect]]` tables.
         task: STATION or WAY_POINTS.
         rows: Rows of each session.
         depth: Where they begin [m].
@@ -121,7 +121,7 @@ def stations(rows: int, depth: float, heading: float, rng: np.random.Generator) 
 
 @njit(cache=True)
 def wrapped(angle: float) -> float:
-    """The same angle within half a turn [rad]."""
+    """Return the angle wrapped to half a turn [rad]."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
@@ -141,8 +141,8 @@ def fly(
     """Fly one session under feedback.
 
     Args:
-        plant: What flies.
-        file: What the controller knows.
+        plant: The simulated vehicle.
+        file: The vehicle file known to the controller.
         allocation: From a wrench to thrusts, (n, 6).
         gains: Stiffness and damping of heave, roll and pitch, (3, 2); those of the attitude are used.
         inertia: Diagonal of M as the file has it, (6,).

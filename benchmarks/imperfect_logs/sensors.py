@@ -1,6 +1,6 @@
-"""A clean log as other sensors and loggers would have written it.
+"""Corruption of a clean log by other sensors and loggers.
 
-Each function takes a raw table and a generator of random numbers and gives the raw table spoilt in one way,
+Each function takes a raw table and a generator of random numbers and returns the table corrupted in one way,
 session by session.  `dvl` are u, v, w; the rates p, q, r come from a gyroscope.
 """
 
@@ -41,13 +41,13 @@ def replaced(raw: pl.DataFrame, names: tuple[str, ...], values: Array) -> pl.Dat
 
 
 def heavy_tailed(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """Student-t(3) noise on the DVL besides the log's own."""
+    """Add Student-t(3) noise to the DVL, on top of the noise of the log."""
     noise = HEAVY / np.sqrt(3.0) * rng.standard_t(3, (raw.height, 3))  # the variance of t(3) is 3
     return replaced(raw, DVL, raw.select(DVL).to_numpy() + noise)
 
 
 def _readings(part: pl.DataFrame, late: float, phase: float) -> tuple[Array, Array]:
-    """Times at which late readings at 5 Hz come in, and what they say, (K,) and (K, 3)."""
+    """Return times and values of late readings at 5 Hz, (K,) and (K, 3)."""
     t = part["t"].to_numpy()
     ticks = np.arange(t[0] + phase - EVERY, t[-1] + 2.0 * EVERY, EVERY)
     values = part.select(DVL).to_numpy()
@@ -108,7 +108,7 @@ def invalid(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
 
 
 def repeated(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """One in twenty rows is the one before it once more, but for its time."""
+    """Repeat one in twenty rows, except for its time."""
 
     def change(part: pl.DataFrame) -> pl.DataFrame:
         again = rng.random(part.height) < REPEATED
@@ -142,4 +142,4 @@ SPOILT: dict[str, Spoil] = {
     "repeated rows": repeated,
     "dead-reckoned": dead_reckoned,
 }
-"""What may happen to a clean log, by name."""
+"""Corruptions of a clean log, by name."""

@@ -1,7 +1,7 @@
 """Recordings of one study under one condition: a log with faults of sensors, or flown under feedback control.
 
-Cases, vehicles and clean flights are those of `hidden_effects` in its own simulator; a study of a seed hides
-the same under every condition, and a spoilt log is that of the very flight that is clean under `CLEAN`.
+Cases, vehicles and clean flights are those of `hidden_effects` in its own simulator.  A seed hides the same
+effects under every condition, and a corrupted log is that of the clean flight of `CLEAN`.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ ALSO = {
     "filtered": "sensor_delay",
     **{name: "ocean_current" for name in CLOSED if name.endswith(IN_CURRENT)},
 }
-"""What a condition itself hides, as the catalogue calls it: true as well, and no alarm."""
+"""Hidden effects of a condition itself, in the catalogue's names: they are true, not false alarms."""
 OF_LOG = ("sensor_delay",)
 """Those of them that only the log has; a held-out flight is clean."""
 SHARE = 0.1
-"""Share of the given file's squared 5 s error that what is hidden is to make in the clean flight."""
+"""Share of the given file's squared 5 s error that the hidden effect must cause in the clean flight."""
 
 
 def clean(case: Case, seconds: float) -> tuple[Case, Flown]:
@@ -48,9 +48,9 @@ def clean(case: Case, seconds: float) -> tuple[Case, Flown]:
 
 
 def under_feedback(case: Case, flown: Flown, condition: str, seconds: float) -> tuple[Case, Flown]:
-    """The same vehicle under a controller, in the current that the condition has.
+    """Record the same vehicle under a controller, in the current of the condition.
 
-    What is hidden becomes weaker where the controller cannot hold the vehicle.
+    The hidden effect becomes weaker if the controller cannot hold the vehicle.
 
     Raises:
         DataError: It cannot hold it with any of it.
@@ -84,7 +84,7 @@ def logged(case: Case, condition: str, seconds: float) -> tuple[Case, Flown]:
     """Record a case under a condition.  The held-out session has no faults of sensors.
 
     Raises:
-        DataError: The vehicle cannot be flown with any of what is hidden.
+        DataError: The vehicle cannot be flown with any hidden effect.
     """
     case, flown = clean(case, seconds)
     if condition in CLOSED:

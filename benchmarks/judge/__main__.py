@@ -6,7 +6,7 @@
     python -m benchmarks.judge show now.parquet --rescore confidence.NEAR=0.9
     python -m benchmarks.judge write --list panel-before --seed 12 -o study/
 
-`run` adds the studies that the results file lacks, so the same command goes on where it stopped.  `--base`
+`run` adds the studies that the results file lacks, so the same command continues an earlier run.  `--base`
 compares studies that both files have, in pairs.  `--rescore` repeats the decisions on the kept candidates
 with other constants; it needs no new fits.  `--keep` writes the scoreboard as a kept table.  `write` writes
 one study as files, for `hydro diagnose` and other programs.
@@ -20,7 +20,7 @@ from __future__ import annotations
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # studies run beside one another
+    os.environ.setdefault(_name, "1")  # studies run in parallel
 
 import argparse
 import time
@@ -52,7 +52,7 @@ def run(chosen: argparse.Namespace) -> None:
         for name, count in sizes(chosen.list).items()
         for number in range(count)
     ]
-    wanted.sort(key=lambda one: one[0])  # all lists grow alike, so that a part of the run tells of all
+    wanted.sort(key=lambda one: one[0])  # all lists grow at one rate: a partial run represents all
     tasks: list[Task] = [task[1:] for task in wanted if task[1:4] not in known]
     make_bases(tasks, chosen)
     begun = time.monotonic()
@@ -94,7 +94,7 @@ def sizes(chosen: Sequence[str]) -> dict[str, int]:
 
 
 def show(chosen: argparse.Namespace) -> None:
-    """Print the scoreboard of results, re-scored or beside a base where asked for."""
+    """Print the scoreboard of results, optionally re-scored or compared with a base."""
     table = results.read(chosen.results)
     now = scored(table)
     if chosen.rescore:

@@ -72,7 +72,7 @@ def table(scored: Sequence[Score]) -> list[dict[str, str]]:
 
 
 def confusions(scored: Sequence[Score]) -> str:
-    """Return as Markdown what was named first for each truth, most often first and right answers bold.
+    """Return the first names for each truth as Markdown, most frequent first and right answers bold.
 
     Studies that hide several effects are left out.
     """
@@ -104,8 +104,8 @@ def paired(base: Sequence[Score], now: Sequence[Score], one: str, other: str) ->
     Args:
         base: Scores to compare with.
         now: Scores to judge.
-        one: What the first are, in words.
-        other: What the second are.
+        one: Description of the first scores.
+        other: Description of the second scores.
     """
     earlier = {each.key: each for each in base if not each.failed}
     pairs = [(earlier[each.key], each) for each in now if each.key in earlier and not each.failed]

@@ -69,7 +69,7 @@ def parsed(settings: Sequence[str]) -> dict[str, float]:
     """Return `MODULE.CONSTANT=VALUE` settings as numbers.
 
     Raises:
-        SystemExit: A constant is unknown, or a value is no number.
+        SystemExit: A constant is unknown, or a value is not a number.
     """
     found = dict[str, float]()
     for one in settings:
@@ -113,7 +113,7 @@ def changed(settings: Mapping[str, float]) -> Iterator[None]:
 
 
 def agreement(stated: Sequence[Score], again: Sequence[Score]) -> str:
-    """Return how many studies name first by kept candidates what the diagnosis itself named first."""
+    """Return how many studies have the same first name by kept candidates and by the diagnosis."""
     fine = [(a, b) for a, b in zip(stated, again, strict=True) if not a.failed]
     same = sum(_first(a) == _first(b) for a, b in fine)
     both = [(a.named[0], b.named[0]) for a, b in fine if a.named and b.named and _first(a) == _first(b)]
@@ -196,7 +196,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
 
 
 def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
-    """Yield names and confidences of a search for changes beside a hull model."""
+    """Yield names and confidences of a search for changes with a hull model."""
     found: list[Change] = []
     steps = list(_steps(tried))
     given = steps[0][0]["chi2"] if steps else math.nan

@@ -1,4 +1,4 @@
-"""Results files of the scoreboard: read several as one table, and tell which command made it."""
+"""Results files of the scoreboard: reading several as one table, and the command that made it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of a study: what its diagnosis states, every candidate it fitted, and the errors after adding."""
+"""Rows of a study: the statements of its diagnosis, every fitted candidate, and the errors after adding."""
 
 from __future__ import annotations
 

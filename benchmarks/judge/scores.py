@@ -1,4 +1,4 @@
-"""Score of one study: whether what is stated is true, whose values are right, and whether adding it helps.
+"""Score of one study: whether its statements are true, their values are right, and adding them helps.
 
 The first finding that names an effect counts as the answer.  Findings name by `missing`, `suspect`, `retune`
 or, as a tie, `cannot_tell_apart`.  A name in `alias`, or a `retune` of a value that the file has wrong by
@@ -38,7 +38,7 @@ class Named:
     Attributes:
         members: Effects that it may be.
         confidence: As stated; 0 where none was.
-        right: Whether it names what is hidden; None where it counts as neither.
+        right: Whether it names the hidden effect; None if it counts as neither.
         tie: Whether it names several effects.
         effect: The best of the effects, which the confidence is of.
         unsure: Whether no confidence was stated.
@@ -65,7 +65,7 @@ class Score:
 
     Attributes:
         row: The columns of the study.
-        named: What is named, in the order of the diagnosis.
+        named: Named effects, in the order of the diagnosis.
         off: Differences of right names' values from the truth in standard errors, of affected entries,
         unaffected: and of entries that the hidden effect does not change.
         verdicts: Verdicts of all findings.
@@ -79,7 +79,7 @@ class Score:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What tells studies apart."""
+        """Keys that identify a study."""
         return self.row["list"], self.row["seed"], self.row["seconds"]
 
     @property
@@ -115,7 +115,7 @@ class Score:
 
     @property
     def exact(self) -> bool:
-        """Whether exactly what is hidden is named."""
+        """Whether exactly the hidden effects are named."""
         told = [one for one in self.named if one.right is not None]
         names = {name for one in told for name in one.members}
         return not any(one.tie for one in told) and names == set(self.row["called"])
@@ -152,8 +152,8 @@ class Score:
     def helped(self) -> bool | None:
         """Return whether adding findings halves the error above the floor, where the true effects would.
 
-        What is added is the first finding, or all stated findings where several effects are hidden.  None
-        where the true effects would not halve the error, or where it is not known.
+        The added findings are the first one, or all stated ones if several effects are hidden.  None where
+        the true effects would not halve the error, or where it is not known.
         """
         added = "after" if len(self.row["called"] or ()) > 1 else "after_top"
         before, floor, truth, after = (self.row[k] for k in ("before", "floor", "with_truth", added))
@@ -165,7 +165,7 @@ class Score:
 
     @property
     def ratio(self) -> float | None:
-        """Held-out error after adding what is stated over the error of the file; None where unknown."""
+        """Held-out error after adding the statements over the error of the file; None if unknown."""
         before, after = self.row["before"], self.row["after"]
         return None if before is None or after is None else float(after / before)
 
@@ -194,13 +194,13 @@ def scored(table: pl.DataFrame) -> list[Score]:
 
 
 def hidden(row: Row) -> dict[str, Any]:
-    """Return what a study hides, `hidden` effects and `foreign` numbers; empty if its rows do not say."""
+    """Return the hidden `hidden` effects and `foreign` numbers of a study; empty if its rows lack them."""
     found: dict[str, Any] = json.loads(row["hidden"]) if row["hidden"] else {}
     return found
 
 
 def _named(one: Row, row: Row) -> Named | None:
-    """Return what a finding names; None where it names nothing, or what counts as neither right nor wrong."""
+    """Return the named effects of a finding; None for no names, aliases, or values wrong by design."""
     truth, verdict = set(row["called"]), one["verdict"]
     members = {part.split(":")[0] for part in (one["members"] or [])}
     if verdict == FAULT and row["list"].startswith("apart"):

@@ -1,4 +1,4 @@
-"""Lists of studies: what each hides, how it is recorded, and what a right answer is.
+"""Lists of studies: hidden effects, recordings, and right answers.
 
 A study is drawn from its list and seed alone.  The suites that draw and fly the vehicles are
 `hidden_effects`, `imperfect_base`, `imperfect_logs`, `subsets` and `apart`.
@@ -76,10 +76,10 @@ class Studies:
     """A list of studies.
 
     Attributes:
-        about: What they show, in a few words.
+        about: Their purpose in a few words.
         count: Number of studies in the frozen table.
         seconds: Length of a recording by default [s].
-        prepare: Draws and flies the study of a seed, given the seconds and a folder for what studies share.
+        prepare: Draws and flies the study of a seed, given the seconds and a folder for common files.
     """
 
     about: str
@@ -163,7 +163,7 @@ def _log(kind: str, only: str | None = None) -> Callable[[int, float, Path], Stu
 
 
 def _sparse(seed: int, seconds: float, folder: Path) -> Study:
-    """Prepare a study of sensors that sample at 5, 10 and 50 Hz beside one another."""
+    """Prepare a study of sensors that sample at 5, 10 and 50 Hz in one log."""
     case, flown = logs.clean(cases.draw("one", seed, "independent"), seconds)
     errors = Ahead(flown.held_out, flown.exact)
     share = shares(case, flown, errors, errors.of(flown.given))[0]
@@ -182,7 +182,7 @@ def _sparse(seed: int, seconds: float, folder: Path) -> Study:
 def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
     """Return the preparation of a case of the independent simulator.
 
-    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.  Without the earlier recording, a `retune` tells of
+    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.  Without the earlier recording, a `retune` concerns
     the file, whose values are wrong by design.
     """
 
@@ -229,7 +229,7 @@ def _facts(case: cases.Case, share: float) -> dict[str, Any]:
 
 
 def _hidden(effects: Sequence[Mapping[str, Any]], foreign: Mapping[str, Any]) -> str:
-    """Return as JSON what is hidden: tables of effects, and numbers that no effect stands for."""
+    """Return the hidden tables of effects, and numbers without an effect, as JSON."""
     return json.dumps({"hidden": effects, "foreign": foreign})
 
 

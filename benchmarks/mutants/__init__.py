@@ -5,8 +5,8 @@
     python -m benchmarks.mutants -o mutants.csv --again alive      # after new tests
 
 Why not mutmut or cosmic-ray: mutmut wraps every function in a trampoline, which Numba cannot compile.  Both
-start the test command anew for each mutant: a change of a kernel compiles for a minute, any other change
-imports torch and MuJoCo for five seconds.  Neither chooses tests by import.  This package forks a process
-that holds the libraries already, keeps the kernels that a change cannot reach (`locator`), and runs the
-others as Python (`trial`): most mutants take a few seconds.
+restart the test command for each mutant: a change of a kernel compiles for a minute, any other change imports
+torch and MuJoCo for five seconds.  Neither chooses tests by import.  This package forks a process that holds
+the libraries already, keeps the kernels that a change cannot reach (`locator`), and runs the others as Python
+(`trial`): most mutants take a few seconds.
 """

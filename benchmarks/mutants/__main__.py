@@ -66,7 +66,7 @@ def _row(path: Path, source: str, site: sites.Site) -> Row:
 
 
 def located(tree: Tree, row: Row) -> Change | None:
-    """Where a row's change stands now, though lines before it came or went."""
+    """Return the present place of a row's change, for any lines added or removed before it."""
     path = Path(row["file"])
     if not (tree.root / path).exists():
         return None
@@ -82,9 +82,9 @@ def located(tree: Tree, row: Row) -> Change | None:
 
 
 class Known:
-    """What runs have shown of single tests, kept beside the tree: it spares most runs without a change.
+    """Known results of single tests, stored next to the tree, which avoid most runs without a change.
 
-    What was shown holds as long as the package and the file of the test stay as they are.
+    Results are valid until the package or the file of the test changes.
 
     Args:
         tree: The tree.
@@ -143,7 +143,7 @@ class Tester:
         self.known = Known(self.tree)
 
     def tested(self, row: Row) -> Row:
-        """A row with what became of its mutant."""
+        """Return a row with the result of its mutant."""
         change = located(self.tree, row)
         if change is None:
             return row | {"status": "gone"}
@@ -178,7 +178,7 @@ class Tester:
     def _passes(self, plan: trial.Plan, way: str, test: str, hung: bool) -> bool:
         """Whether a test, or a file that was not collected, passes without the change."""
         if not test or (test in self.known.sound.get(way, ()) and not hung):
-            return True  # where no test began, the change broke what all of them import
+            return True  # if no test began, the change broke a common import
         outcome = trial.run(plan, [test])
         self.known.passed(way, outcome.passed)
         return outcome.status == "passed" or ("::" not in test and bool(outcome.passed))

@@ -1,7 +1,7 @@
 """Kernel cache of a mutation test: a change keeps all compiled kernels that it cannot reach.
 
-Hydro names its cache by a digest of all sources that kernels see, and Numba stamps each entry with a digest
-of its file.  Either would throw away all kernels here.  Numba loads this class by the variable
+Hydro names its cache by a digest of all kernel sources, and Numba stamps each entry with a digest of its
+file.  Either would discard all kernels here.  Numba loads this class by the variable
 NUMBA_CACHE_LOCATOR_CLASSES.
 """
 
@@ -17,12 +17,12 @@ from typing import Any
 from numba.core.caching import _CacheLocator  # the documented base of classes named in the variable
 
 PLAN = "HYDRO_MUTANT"
-"""Variable with the file that tells of the change: `kernels`, `scratch` and `affected`."""
+"""Environment variable of the file that describes the change: `kernels`, `scratch` and `affected`."""
 
 
 @cache
 def plan() -> dict[str, Any]:
-    """What is told of the change."""
+    """Return the description of the change."""
     return dict(json.loads(Path(os.environ[PLAN]).read_text()))
 
 
@@ -51,7 +51,7 @@ class Locator(_CacheLocator):  # type: ignore[misc]
         return self._folder
 
     def get_source_stamp(self) -> str:
-        """The same for all versions of a source: the folder holds one version alone."""
+        """Return one stamp for all versions of a source: the folder has only one version."""
         return "one version"
 
     def get_disambiguator(self) -> str:

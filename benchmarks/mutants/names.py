@@ -23,7 +23,7 @@ class Module:
 
     Attributes:
         path: Its file.
-        uses: What each name's definition mentions.
+        uses: Names mentioned in each name's definition.
         compiled: Functions that Numba compiles.
         made: Names whose value a function of the module compiles from generated source.
         imports: Modules that are imported, in functions too.
@@ -79,7 +79,7 @@ class Names:
         }
 
     def _compiled_under(self, start: Iterable[Node]) -> set[Node]:
-        """Compiled functions that some names lead to: what generated source calls."""
+        """Return the compiled functions reached from some names: those called by generated source."""
 
         def uses(node: Node) -> set[Node]:
             module = self.modules.get(node[0])
@@ -150,7 +150,7 @@ def _module(name: str, path: Path, paths: Mapping[str, Path]) -> Module:
 
 
 def _node(target: Node, paths: Mapping[str, Path]) -> Node:
-    """What an import binds: a module, or a name of one."""
+    """Return the target of an import: a module, or a name of one."""
     whole = f"{target[0]}.{target[1]}"
     return (whole, "") if target[1] and whole in paths else target
 

@@ -1,4 +1,4 @@
-"""Which tests to run for a change, nearest first, from what test files import."""
+"""Selection of tests for a change, nearest first, by the imports of test files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FARTHEST = 3
 
 @dataclass(frozen=True)
 class TestFile:
-    """What one file of tests imports.
+    """Imports of one file of tests.
 
     Attributes:
         path: Relative to the tree.
@@ -101,7 +101,7 @@ class Tests:
         return [path for *_, path in sorted(ranked)]
 
     def _away(self, module: str) -> dict[str, int]:
-        """How many imports lead from each module to one."""
+        """Return the number of imports from each module to one."""
         found, edge = {module: 0}, {module}
         for steps in range(1, FARTHEST + 1):
             edge = {

@@ -26,7 +26,7 @@ BINARY: dict[type[ast.operator], tuple[str, str]] = {
     ast.BitOr: ("|", "&"),
     ast.BitXor: ("^", "|"),
 }
-"""Operator of each node, and what replaces it."""
+"""Operator of each node, and its replacement."""
 TERMS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 """Operators whose right operand may be dropped."""
 COMPARISONS: dict[type[ast.cmpop], tuple[str, tuple[str, ...]]] = {
@@ -41,7 +41,7 @@ COMPARISONS: dict[type[ast.cmpop], tuple[str, tuple[str, ...]]] = {
     ast.In: ("in", ("not in",)),
     ast.NotIn: ("not in", ("in",)),
 }
-"""Comparison of each node, and what may replace it: its boundary moved, or its sense reversed."""
+"""Comparison of each node, and its replacements: its boundary moved, or its sense reversed."""
 NAMES = {
     **{"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"},
     **{"any": "all", "all": "any", "sin": "cos", "cos": "sin", "floor": "ceil", "ceil": "floor"},
@@ -64,7 +64,7 @@ class Site:
         line: Line of the change, from 1.
         start: Where the text to replace begins, as an offset into the source.
         stop: Where it ends.
-        new: What stands there instead.
+        new: Replacement text.
         kind: `operator`, `comparison`, `condition`, `constant`, `term` or `function`.
         within: Qualified name of the enclosing function; empty at the level of the module.
     """
@@ -199,7 +199,7 @@ class _Finder:
             yield site(stop - len(name), stop, NAMES[name], "function")
 
     def _token(self, text: str, start: int, stop: int) -> int | None:
-        """Where an operator stands between its operands."""
+        """Return the place of an operator between its operands."""
         first = bisect.bisect_left(self.tokens, (start, ""))
         for at, token in self.tokens[first:]:
             if at >= stop:
@@ -209,7 +209,7 @@ class _Finder:
         return None
 
     def _after(self, two: str, at: int) -> int:
-        """Where an operator of two words ends."""
+        """Return the end of an operator of two words."""
         last = two.split()[1]
         return next(a for a, token in self.tokens if a > at and token == last) + len(last)
 
@@ -225,16 +225,16 @@ class _Finder:
 
 
 def _called(node: ast.Call) -> str:
-    """Last name of what is called; empty where it has none."""
+    """Return the last name of a call's function; empty if it has none."""
     if isinstance(node.func, ast.Attribute):
         return node.func.attr
     return node.func.id if isinstance(node.func, ast.Name) else ""
 
 
 def other(value: object, text: str) -> str | None:
-    """Another constant: a switch turned, the next integer, twice a number, 1 for a power of ten.
+    """Return another constant: a negated switch, the next integer, twice a number, 1 for a power of ten.
 
-    A number written with an exponent is a tolerance or a limit, and twice of it is no mistake that matters.
+    A number written with an exponent is a tolerance or a limit, and doubling it is not a relevant mistake.
     """
     if isinstance(value, bool):
         return str(not value)

@@ -22,7 +22,8 @@ from benchmarks.mutants.trial import Plan
 IGNORED = (".*", "__pycache__", "build", "dist", "site", "demo-out", "runs", "*.egg-info")
 """Names that are not copied."""
 FEW = 6
-"""Affected kernels that are compiled anew, a second or two each; of more all run as Python."""
+"""Maximum number of affected kernels that are recompiled, a second or two each; more of them run as Python.
+"""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Change:
 
     Attributes:
         file: Relative to the tree.
-        site: What changes.
+        site: The change.
     """
 
     file: Path
@@ -39,10 +40,10 @@ class Change:
 
 
 class Tree:
-    """The copy, with what is known of its names and tests.
+    """Copy of the checkout, with data on its names and tests.
 
     Args:
-        checkout: What is copied.
+        checkout: The checkout to copy.
         work: Folder for the copy, its kernels and its passing files.
         package: Importable name of the package that is changed.
     """
@@ -79,7 +80,7 @@ class Tree:
         return found
 
     def plan(self, change: Change, seconds: float, per_test: float) -> Plan:
-        """How the tests of a change run: which kernels it reaches, and whether those are compiled."""
+        """Return the plan of the tests of a change: affected kernels, and whether they are compiled."""
         kernels = self.names.compiled(self.names.affected(self.nodes(change)))
         affected = frozenset(f"{module}:{name}" for module, name in kernels)
         told = {"kernels": str(self.kernels), "scratch": str(self.scratch), "affected": sorted(affected)}

@@ -54,7 +54,7 @@ FIRST_BATCH = 2
 
 @dataclass
 class Outcome:
-    """What became of the tests.
+    """Result of the tests.
 
     Attributes:
         status: `passed`, `failed`, `hung` or `crashed`.
@@ -73,11 +73,11 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Plan:
-    """How the tests run.
+    """Plan of a test run.
 
     Attributes:
         tree: The tree that is tested.
-        plan: File that tells `locator` of the change.
+        plan: File that describes the change to `locator`.
         affected: Compiled functions, `module:name`, that the change reaches.
         interpreted: Whether those run as Python.
         seconds: Processor time after which no further test begins [s].

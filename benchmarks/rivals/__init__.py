@@ -1,4 +1,4 @@
-"""What others do with the studies of `imperfect_base` and `imperfect_logs`: one script per rival.
+"""Rival methods on the studies of `imperfect_base` and `imperfect_logs`: one script per rival.
 
-How to run them: `python -m benchmarks.rivals.output_error --help`, likewise `regression` and `sindy`.
+Usage: `python -m benchmarks.rivals.output_error --help`, likewise `regression` and `sindy`.
 """

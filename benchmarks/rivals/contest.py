@@ -1,7 +1,7 @@
-"""The studies as a rival sees them, what its answer is worth, and how a results file grows with it.
+"""Studies as seen by a rival method, evaluation of its answer, and its results file.
 
-A rival is given the vehicle file and the log, and answers with the name of one effect, or none, and a model.
-Whatever it names is taken as a statement; its error is that of predictions 5 s ahead on the held-out session.
+A rival gets the vehicle file and the log, and returns the name of one effect, or none, and a model.  Every
+name counts as a statement.  Its error is that of predictions 5 s ahead on the held-out session.
 """
 
 from __future__ import annotations
@@ -51,11 +51,12 @@ KEY = ("rival", "condition", "kind", "seed", "seconds")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a rival says.
+    """Answer of a rival.
 
     Attributes:
-        name: The effect that it blames; empty where it blames none.
-        error: From the held-out session, and its raw table, to the root mean square velocity error 5 s ahead.
+        name: The named effect; empty if none.
+        error: Function from the held-out session and its raw table to the root mean square velocity error 5 s
+            ahead.
     """
 
     name: str
@@ -100,7 +101,7 @@ def recorded(
 def run(
     name: str, rival: Rival, condition: str, kind: str, seed: int, seconds: float, folder: Path
 ) -> dict[str, Any]:
-    """The row of one study; what went wrong stands under `failure`."""
+    """Return the row of one study; errors are in `failure`."""
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {
         **{"rival": name, "condition": condition, "kind": kind, "seed": seed, "seconds": seconds},
         "failure": "",
@@ -122,7 +123,7 @@ def run(
 
 
 def summary(results: pl.DataFrame) -> str:
-    """How often each rival names what is hidden, and (an alarm) anything where nothing is, as Markdown."""
+    """Return how often each rival names a hidden effect, and its false alarms, as Markdown."""
     head = ("rival", "studies", "named first", "nothing named", "alarm", "error after / before", "cpu, s")
     lines = [f"| {' | '.join(head)} |", "|---|---|---:|---:|---:|---:|---:|"]
     for (rival, condition), part in results.group_by("rival", "condition", maintain_order=True):

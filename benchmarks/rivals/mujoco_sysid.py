@@ -1,4 +1,4 @@
-"""MuJoCo's own system identification (`mujoco.sysid`): a body in MuJoCo's water, fitted to short rollouts.
+"""MuJoCo's system identification (`mujoco.sysid`): a body with a fluid model, fitted to short rollouts.
 
     python -m benchmarks.rivals.mujoco_sysid --studies 30 -o rivals.parquet
 
@@ -6,7 +6,7 @@ A floating ellipsoid of the hull's size with MuJoCo's fluid model, and all that 
 mass and moments of inertia (with the added ones, which MuJoCo has not), linear damping along the body's axes,
 the ellipsoid's five coefficients, wind in the place of a current, buoyancy and its centre, and a gain per
 thruster.  They are fitted from the file's values by `sysid.optimize`; thrusts come from the file's thrusters.
-Blamed is the group whose parameters moved most in standard errors; none if none moved by four.
+The named group is the one whose parameters moved most in standard errors; none if none moved by four.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ITERATIONS = 12
 FLOAT = 1e-3
 """kg lent to the body that carries buoyancy: gravity compensation is a multiple of a body's weight."""
 VELOCITY = ("vehicle_qvel", sysid.SignalType.MjStateQVel)
-"""What is compared.  MuJoCo's sensors are of the beginning of a step, its states of the end."""
+"""Compared signal.  MuJoCo's sensors refer to the start of a step, its states to the end."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Group:
 
 
 def groups(vehicle: Vehicle) -> list[Group]:
-    """What is fitted."""
+    """Return the fitted groups."""
     mass, moment = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
     return [
         Group("added_mass", np.array([0.3 * mass, *np.full(3, 0.3 * moment)])),
@@ -83,7 +83,7 @@ def scene(vehicle: Vehicle, dt: float, d: dict[str, Array]) -> mujoco.MjSpec:
     body.mass = float(max(mass + d["added_mass"][0], 0.1 * mass)) - FLOAT
     body.ipos = np.array(vehicle.rigid_body.center_of_gravity, float) * HALF_TURN
     body.inertia = np.maximum(inertia.diagonal()[3:] + d["added_mass"][1:], 0.1 * inertia.diagonal()[3:])
-    # Weight stays what it was: what inertia was added to is not heavier.
+    # Weight is unchanged: added inertia adds no weight.
     body.gravcomp = 1.0 - vehicle.rigid_body.mass / body.mass
     half = 0.5 * np.array([hull.length, hull.width, hull.height])
     geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, mass=0.0, contype=0, conaffinity=0)
@@ -145,14 +145,14 @@ class Shots:
             pose[:, 3:], turned[:, :3]
         )  # MuJoCo's linear velocity of a free joint is in the world
         states = np.hstack([np.zeros((len(starts), 1)), pose[starts], world[starts], turned[starts, 3:]])
-        force = thrusts[np.minimum(rows + 1, len(thrusts) - 1)]  # what has built up by the end of the step
+        force = thrusts[np.minimum(rows + 1, len(thrusts) - 1)]  # thrust reached at the end of the step
         controls = np.concatenate([0.5 * (thrusts[rows] + force), np.zeros((*rows.shape, 6))], axis=-1)
         measured = record.nu * FRD_FLU
         measured[:, :3] = _rotated(pose[:, 3:], measured[:, :3])
         return cls(states, controls, measured[rows], record.dt)
 
     def sequences(self, spec: mujoco.MjSpec) -> sysid.ModelSequences:
-        """The same for `sysid.residual`."""
+        """Return the shots in the form of `sysid.residual`."""
         model, t = spec.compile(), np.arange(self.controls.shape[1]) * self.dt
         velocities = {VELOCITY[0]: (VELOCITY[1], np.arange(6))}
         controls = sysid.TimeSeries.compute_all_control_mapping(model)

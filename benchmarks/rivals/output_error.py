@@ -3,10 +3,11 @@
     python -m benchmarks.rivals.output_error --studies 30 -o rivals.parquet
 
 Added mass, linear and quadratic damping on six axes, current, buoyancy and its centre, a gain per thruster,
-lag and delay are fitted together by `scipy.optimize.least_squares` in the benchmark's own simulator, from
-the file's values with a wide prior, as all forces and inertias together have no scale.  Predictions begin at
-the smoothed motion.  Blamed is the group whose parameters moved most in standard errors; none if none moved
-by four.  Jategaonkar: Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 4.
+lag and delay are fitted together by `scipy.optimize.least_squares` in the benchmark's own simulator.  The fit
+starts from the file's values with a wide prior, since all forces and inertias together have no scale.
+Predictions start from the smoothed motion.  The named group is the one whose parameters moved most in
+standard errors; none if none moved by four.  Jategaonkar: Flight Vehicle System Identification, 2nd ed., AIAA
+2015, ch. 4.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Group:
 
 
 def parameters(vehicle: Vehicle) -> list[Group]:
-    """What is fitted; all are changes of the file's values, 0 at its own."""
+    """Return the fitted parameters, as changes from the file's values."""
     mass, moment = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
     sizes = np.repeat([mass, moment], 3)
     return [

@@ -2,11 +2,11 @@
 
     python -m benchmarks.rivals.regression --studies 30 -o rivals.parquet
 
-The wrench that the file leaves unexplained comes from the smoothed and differentiated motion (`labels`), the
-column of a parameter from what a little of it changes there.  Effects join as groups while the Bayesian
-information criterion falls (Schwarz 1978); the first to join is the one that is blamed.  Errors of sensors do
-not show in forces, and cannot be named.  Of the file with one group more each time, the one that predicts the
-log itself best 5 s ahead is the model: a regression may well drive a vehicle out of all bounds.
+The residual wrench of the file comes from the smoothed and differentiated motion (`labels`), the column of a
+parameter from a small change of it.  Effects join as groups while the Bayesian information criterion falls
+(Schwarz 1978); the first one is named.  Sensor errors do not appear in forces, and cannot be named.  Among
+the files with one more group each, the model is the one with the best predictions of the log 5 s ahead, since
+a regression may diverge.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ HELD = ("rates",)  # parameters that are no amounts
 
 
 def groups(vehicle: Vehicle) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """Effects, each as tables of a little of one parameter: what one unit of it does is read off."""
+    """Yield effects, each as tables with a small amount of one parameter."""
     mass, moment = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
     sizes = LITTLE * np.repeat([mass, moment], 3)
     cross, n = LITTLE * float(np.sqrt(mass * moment)), len(vehicle.thruster)
@@ -68,14 +68,14 @@ def groups(vehicle: Vehicle) -> Iterator[tuple[str, list[dict[str, Any]]]]:
 
 
 def left(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """The wrench that a vehicle leaves unexplained, thinned out, (K, 6) [N, N m]."""
+    """Return the residual wrench of a vehicle, thinned out, (K, 6) [N, N m]."""
     found = labels(vehicle, raw, subtract="effects").select("session", *WRENCH)
     parts = found.partition_by("session", maintain_order=True)
     return np.vstack([part.select(WRENCH).to_numpy()[EDGE:-EDGE:EVERY] for part in parts]).astype(float)
 
 
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
-    """Regress what the file leaves unexplained on the catalogue."""
+    """Regress the residual wrench of the file on the catalogue."""
     here = left(given, measured)
     scale = here.std(axis=0) + 1e-9
     columns: dict[str, Array] = {}

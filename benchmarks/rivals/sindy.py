@@ -2,10 +2,10 @@
 
     python -m benchmarks.rivals.sindy --studies 30 -o rivals.parquet
 
-The library holds velocities, their squares with sign, their products, the three directions of the world in
-body axes, and the thrusts.  What the file leaves unexplained of the acceleration is regressed on it, and the
-family of terms that takes most of it away is blamed; a second regression, of the whole acceleration, is the
-model that predicts 5 s ahead.
+The library contains velocities, their signed squares, their products, the world's directions in body axes,
+and the thrusts.  The residual acceleration of the file is regressed on it, and the family of terms that
+explains most is named.  A second regression, of the whole acceleration, is the model for predictions 5 s
+ahead.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ VELOCITY = ("u", "v", "w", "p", "q", "r")
 THRESHOLD = 0.02
 """Share of an axis' acceleration below which a term is left out."""
 EXPLAINED = 0.1
-"""Share of what the file leaves that the terms must take away before one is blamed."""
+"""Share of the residual that the terms must explain for one to be named."""
 PAIRS = tuple(itertools.combinations(range(6), 2))
 
 
@@ -40,7 +40,7 @@ def library(nu: Array, R: Array, thrusts: Array) -> Array:
 
 
 def family(term: int, axis: int, thrusters: int) -> str:
-    """The effect that a term stands for in the equation of an axis."""
+    """Return the effect that a term represents in the equation of an axis."""
     kinds = (6, 6, len(PAIRS), 9, thrusters)
     kind = int(np.searchsorted(np.cumsum(kinds), term, side="right"))
     place = term - sum(kinds[:kind])
@@ -74,7 +74,7 @@ def sparse(terms: Array, target: Array) -> Array:
         optimizer=pysindy.STLSQ(threshold=THRESHOLD, alpha=1e-3), feature_library=pysindy.IdentityLibrary()
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a target of which nothing is left
+        warnings.simplefilter("ignore")  # a target without a remainder
         model.optimizer.fit(terms / size, target / scale)
     found: Array = np.asarray(model.optimizer.coef_) * scale[:, None] / size
     assert found.shape == (target.shape[1], len(names))
@@ -126,7 +126,7 @@ def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> flo
     nu, R = errors.motion.nu[starts].copy(), rotation(*errors.motion.eta[starts, 3:].T)
     length = round(AHEAD / record.dt) + 1
     out = np.empty((starts.size, length, 6))
-    with np.errstate(all="ignore"):  # what leaves all bounds is counted as such
+    with np.errstate(all="ignore"):  # divergence is counted as such
         for k in range(length):
             out[:, k] = nu
             f = thrusts[starts + k]

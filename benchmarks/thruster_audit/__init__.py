@@ -1,4 +1,4 @@
-"""Does the thruster audit find wrong directions, swapped columns and common scales, and nothing else?
+"""Test of the thruster audit: wrong directions, swapped columns, common scales, and false alarms.
 
-How to run it: `python -m benchmarks.thruster_audit --help`.
+Usage: `python -m benchmarks.thruster_audit --help`.
 """

@@ -21,7 +21,7 @@ from __future__ import annotations
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # studies run beside one another
+    os.environ.setdefault(_name, "1")  # studies run in parallel
 
 import argparse
 from pathlib import Path
@@ -36,7 +36,7 @@ from benchmarks.work import Results, add_workers, done
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run what is not in the results file yet."""
+    """Run the studies that the results file lacks."""
     results = Results(chosen.out, SCHEMA)
     known = set(results.table.select("kind", "seed").rows())
     wanted = [

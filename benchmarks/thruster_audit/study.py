@@ -198,7 +198,7 @@ def planted(
 
 
 def is_right(fault: str, found: ThrusterAudit, truth: Wiring, scale: float) -> bool:
-    """Whether just what is true is stated."""
+    """Return whether exactly the truth is stated."""
     if fault == "scale":
         return not found.wrong and found.scale[1] <= scale <= found.scale[2]
     if fault == "none":
@@ -207,7 +207,7 @@ def is_right(fault: str, found: ThrusterAudit, truth: Wiring, scale: float) -> b
 
 
 def study(kind: str, seed: int) -> dict[str, Any]:
-    """Run one study; what went wrong stands under `failure`."""
+    """Run one study; errors are in `failure`."""
     name = VEHICLES[seed % len(VEHICLES)]
     disturbance = DISTURBANCES[seed // len(VEHICLES) % len(DISTURBANCES)]
     rng = np.random.default_rng([seed, 41])
