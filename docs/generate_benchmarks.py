@@ -1,8 +1,8 @@
-"""Write the pages that show kept results, docs/PAGES.md, from their templates, for `make docs`.
+"""Write the pages with result tables, docs/PAGES.md, from their templates, for `make docs`.
 
-A result table is benchmarks/results/NAME.csv: first what was measured, as it is to be read, then its
-origin. A line `{{table:NAME}}` of docs/*.template.md becomes the table with its origin above it. What stands
-between the lines `{{with:NAME}}` and `{{end}}` is left out as long as there is no such table.
+A result table is benchmarks/results/NAME.csv: the measured values first, then their origin. A line
+`{{table:NAME}}` of docs/templates/*.md.in is replaced by the table and a line with its origin. Text between the
+lines `{{with:NAME}}` and `{{end}}` is omitted if that table does not exist.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ PAGES = (
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
 ORIGIN = ("commit", "recorded", "date", "command", "seeds")
-"""The code that was measured, the commit that recorded the figure, its day, the command line, the seeds."""
+"""Columns of the origin: measured code, commit that recorded the figure, day, command line, seeds."""
 
 
 def page(name: str) -> str:
-    """A whole page."""
-    template = measured((DOCS / f"{name}.template.md").read_text())
+    """Return a complete page."""
+    template = measured((DOCS / "templates" / f"{name}.md.in").read_text())
     return re.sub(r"^\{\{table:(\w+)\}\}$", lambda found: table(found[1]), template, flags=re.MULTILINE)
 
 
 def measured(template: str) -> str:
-    """The template without what waits for a table that has not been kept yet."""
+    """Return the template without sections whose table does not exist."""
 
     def part(found: re.Match[str]) -> str:
         return found[2] if (RESULTS / f"{found[1]}.csv").exists() else ""
@@ -39,13 +39,13 @@ def measured(template: str) -> str:
 
 
 def results(name: str) -> list[dict[str, str]]:
-    """Rows of a result table, every cell as it is written."""
+    """Return the rows of a result table, with cells as text."""
     with (RESULTS / f"{name}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
 
 
 def table(name: str) -> str:
-    """A result table in Markdown, the line on its origin before it."""
+    """Return a result table in Markdown, after a line with its origin."""
     rows = results(name)
     columns = [column for column in rows[0] if column not in ORIGIN]
     lines = [columns, ["---"] * len(columns), *([row[column] for column in columns] for row in rows)]
@@ -53,7 +53,7 @@ def table(name: str) -> str:
 
 
 def _cell(text: str) -> str:
-    """A cell's text; an interval stays on one line."""
+    """Return the text of a cell, with non-breaking intervals."""
     return re.sub(r" to (?=[\d.-]+[)\]])", "\u00a0to\u00a0", text.strip())
 
 

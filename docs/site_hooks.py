@@ -1,6 +1,6 @@
-"""What the site shows besides docs/: README as its home, "Add an effect" of CONTRIBUTING, the decisions.
+"""Pages of the site from outside docs/: README, "Add an effect" of CONTRIBUTING, and the list of decisions.
 
-On GitHub the same pages link to files beside docs/; those links become the bare file names here.
+Links to files outside docs/ work on GitHub; on the site they become plain text.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages that are written elsewhere."""
+    """Add the pages from outside docs/."""
     pages = {"index.md": home(), "own-effect.md": own_effect(), "decisions.md": decisions()}
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
@@ -25,7 +25,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
-    """Leave the words of links that lead out of docs/."""
+    """Replace links that lead out of docs/ by their text."""
 
     def kept(link: re.Match[str]) -> str:
         target = link[2].partition("#")[0]
@@ -38,19 +38,19 @@ def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
 
 
 def home() -> str:
-    """README, its links as they are from docs/."""
+    """Return the README with links relative to docs/."""
     text = re.sub(r"\]\(docs/", "](", (ROOT / "README.md").read_text())
     return text.replace("](adr)", "](decisions.md)").replace("](CONTRIBUTING.md)", "](own-effect.md)")
 
 
 def own_effect() -> str:
-    """The section of CONTRIBUTING, as a page; blocks within its list indented as this Markdown asks for."""
+    """Return a section of CONTRIBUTING as a page, with list content indented by four spaces."""
     section = (ROOT / "CONTRIBUTING.md").read_text().split("## Add an effect\n")[1].split("\n## ")[0]
     return "# Your own effect\n" + re.sub(r"^ {3}(?=\s*\S)", " " * 4, section, flags=re.MULTILINE)
 
 
 def decisions() -> str:
-    """A list of all decisions by their titles."""
+    """Return a list of all decisions by title."""
     titles = {
         path.name: path.read_text().splitlines()[0].lstrip("# ") for path in (ROOT / "docs/adr").glob("*.md")
     }
