@@ -126,7 +126,7 @@ def _beside(found: Fit, joint: Fit, lacking: Sequence[str]) -> Fit:
     """Return a joint fit with the requested entries only; a warning names the others."""
     kept = [i for i, entry in enumerate(joint.free.entries) if entry.effect not in lacking]
     names = ", ".join(lacking)
-    told = f"the file lacks {names}: fitted along and not written; hydro diagnose says what is missing"
+    told = f"the file lacks {names}: fitted along and not written; run hydro diagnose to find missing effects"
     values = joint.values[kept]
     return replace(
         found,

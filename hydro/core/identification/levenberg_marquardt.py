@@ -93,8 +93,8 @@ def descend(
     """Minimise by Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
 
     `prior` is the prior of the values, by default a weak one.  `normal` is the problem linearised at the
-    start, if available.  The iteration ends if a step would lower the cost by less than `enough` times the
-    reduced chi-square, or by less than `share` of the cost in excess of the noise.
+    start, if available.  The iteration ends at a step with too small a gain in cost.  The limit is `enough`
+    times the reduced chi-square, or `share` of the cost in excess of the noise, whichever is larger.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)

@@ -27,8 +27,8 @@ CONTRADICTED = 0.95
 """Chi-square probability above which undetermined entries may not return to their initial values."""
 ALIKE = 0.995  # correlation above which the data cannot separate two estimates
 IMPASSIVE = (
-    "the best values would let damping or added mass drive the vehicle; they are the best of what "
-    "a passive hull can have"
+    "the best-fit damping or added mass would add energy to the vehicle; the values given are the best "
+    "ones of a passive hull"
 )
 
 
@@ -197,7 +197,7 @@ def with_uncertainty(
         e.name for e, stuck in zip(unknown.entries, (values <= low) | (values >= high), strict=True) if stuck
     ]
     if at_bound:
-        warnings.append(f"on the bound of what is possible: {', '.join(at_bound)}")
+        warnings.append(f"on a bound of the admissible range: {', '.join(at_bound)}")
     fitted = unknown.at(values)
     warnings += implausible(fitted, [entry.effect for entry in unknown.entries])
     return Fit(
@@ -248,7 +248,7 @@ def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray
     """Return a warning for each pair of entries that the data can hardly separate."""
     correlation = spread / np.outer(errors, errors)
     return [
-        f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be told apart by these data "
+        f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be separated by these data "
         f"(correlation {correlation[i, j]:+.3f})"
         for i in range(len(errors))
         for j in range(i)

@@ -47,7 +47,7 @@ def test_an_entry_is_determined_by_its_standard_error_or_by_a_plain_value(error,
 @pytest.mark.parametrize(("correlation", "told"), [(0.9945, None), (0.9957, "+0.996"), (-0.9957, "-0.996")])
 def test_entries_whose_estimates_are_all_but_one_are_told(correlation, told):
     fit = found([0.1] * 6, [1.0] * 6, correlation)
-    lines = [line for line in fit.warnings if "hardly be told apart" in line]
+    lines = [line for line in fit.warnings if "hardly be separated" in line]
     assert bool(lines) == bool(told)
     if told:
         assert lines[0].startswith("linear_damping.diagonal[1] and linear_damping.diagonal[0] ")
@@ -57,7 +57,7 @@ def test_entries_whose_estimates_are_all_but_one_are_told(correlation, told):
 def test_entries_that_are_not_determined_are_not_called_confused():
     fit = found([0.6] * 6, [0.5] * 6, 0.9955)
     assert not fit.determined.any()
-    assert not [line for line in fit.warnings if "told apart" in line]
+    assert not [line for line in fit.warnings if "be separated" in line]
 
 
 def test_least_standard_errors_widen_the_covariance_and_keep_its_correlations():
