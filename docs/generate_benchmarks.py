@@ -58,7 +58,7 @@ def _cell(text: str) -> str:
 
 
 def _origin(name: str, rows: list[dict[str, str]]) -> str:
-    """One line below the words on the table: file, command lines, seeds, days and commits."""
+    """Return the line with the origin of a table: file, commands, seeds, days and commits."""
     said = {key: _unique(row[key] for row in rows) for key in ORIGIN}
     recorded = ", ".join(sorted(said["date"])) + (
         f" in {', '.join(said['recorded'])}" if said["recorded"] else ""
@@ -73,7 +73,7 @@ def _origin(name: str, rows: list[dict[str, str]]) -> str:
 
 
 def _unique(values: Iterable[str]) -> list[str]:
-    """What differs, in its order, without what is empty, not recorded or not used."""
+    """Return distinct values in order, without empty, unrecorded and unused ones."""
     return [value for value in dict.fromkeys(values) if value not in ("", "not recorded", "not used")]
 
 

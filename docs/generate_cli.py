@@ -53,7 +53,7 @@ def _entry(command: Callable[..., Any]) -> str:
 
 
 def _section(command: Callable[..., Any], example: str) -> str:
-    """One command: what it does, its example, its arguments and options."""
+    """Return the section of a command: description, example, arguments and options."""
     signature, hints = inspect.signature(command), get_type_hints(command, include_extras=True)
     rows = [
         _row(name, hints[name], parameter.default)
@@ -66,7 +66,7 @@ def _section(command: Callable[..., Any], example: str) -> str:
 
 
 def _row(name: str, annotation: Any, default: Any) -> str:
-    """One argument or option, its choices or the name of its value, its meaning and its default."""
+    """Return the table row of an argument or option: name, choices, meaning and default."""
     value, info, *_ = get_args(annotation)
     if isinstance(info, ArgumentInfo):
         return f"| `{info.metavar}` | {info.help} |"

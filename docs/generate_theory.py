@@ -14,9 +14,9 @@ from hydro.core.effects.catalogue import FAMILIES
 PAGE = Path(__file__).with_name("theory.md")
 INTRODUCTION = r"""# Theory
 
-Written by `make docs` from the catalogue itself: do not edit it by hand.
+`make docs` generates this page from the catalogue. Do not edit it.
 
-What `hydro` takes a vehicle in water to be, and every physical effect that a vehicle file can hold. Symbols and signs are those of
+This page contains the equations of motion and every physical effect of a vehicle file. Symbols and signs are those of
 Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2011), and SNAME (1950); all units are SI.
 
 ## Frames and symbols
@@ -32,7 +32,7 @@ Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2011), and 
 | $`M_{RB},\ M_A`$ | mass matrix of the dry vehicle and added mass, both about CO |
 | $`C(\nu)`$ | Coriolis matrix made from a mass matrix by the skew parametrisation (theorem 3.2): $`\nu^T C(\nu)\,\nu = 0`$ |
 
-CO is where the vehicle file puts its coordinates, not the centre of gravity.
+CO is the origin of the coordinates in the vehicle file, not the centre of gravity.
 
 ## The balance
 
@@ -40,51 +40,51 @@ CO is where the vehicle file puts its coordinates, not the centre of gravity.
 M_{RB}\,\dot\nu + C_{RB}(\nu)\,\nu = \tau_{prop} + \tau_{restoring}(\eta) + \sum \tau_{effect}
 ```
 
-Every effect below adds a wrench to the right-hand side, or changes what stands there already. Added mass is solved with the rigid body and not fed
-back as a force, so that the balance that is integrated reads
+Every effect below adds a wrench to the right-hand side or modifies an existing term. Added mass is solved with the rigid body, so the integrated
+balance is
 
 ```math
 M\,\dot\nu_r + C(\nu_r)\,\nu_r = \tau_{prop} + \tau_{restoring} + \sum \tau_{wrench}, \qquad M = M_{RB} + M_A,
 \qquad \dot\nu_r = \dot\nu + [\omega \times R^T v_c;\ 0]
 ```
 
-The dry body may stand in it with $`\nu_r`$ because a steady, uniform current is an inertial frame (property 8.1). The last term is there because the
-current is at rest in the world and so turns in the body.
+The rigid-body terms may use $`\nu_r`$ because a steady, uniform current is an inertial frame (property 8.1). The last term appears because a
+current that is constant in the world rotates in the body frame.
 
 Restoring: weight $`W`$ down at the centre of gravity, buoyancy $`B`$ up at the centre of buoyancy (equation 4.6).
 
-Thrusters: a command $`u_i \in [-1, 1]`$ is clipped, delayed, and passes dead band, curve and first-order lag in the order that the
-vehicle file says; then gain, asymmetry and inflow act, and $`\tau_{prop} = B f`$ with one column of $`B`$ per thruster. The command of a row acts until
-the next row. A curve may be a [table of thrust by command and supply voltage](map.md#thrust-by-supply-voltage): then $`u_i`$ stands for the effective command, that which gives the
-table's thrust by a plain curve, and what acts on it (dead band, power of the curve) acts on shares of full thrust.
+Thrusters: a command $`u_i \in [-1, 1]`$ is clipped and delayed. It then passes dead band, curve and first-order lag in the order of the
+vehicle file. Gain, asymmetry and inflow follow, and $`\tau_{prop} = B f`$ with one column of $`B`$ per thruster. The command of a row acts until
+the next row. A curve may be a [table of thrust by command and supply voltage](map.md#thrust-by-supply-voltage): then $`u_i`$ is the effective command, which gives the
+thrust of the table with a simple curve. Dead band and power of the curve then act on shares of full thrust.
 
 ## The residual
 
-What the known physics leaves of a recording is
+The residual wrench of a recording is
 
 ```math
 \tau_{res} = \tau_{prop} - M\,\dot\nu + \tau_{restoring} \ \approx\ C(\nu)\,\nu + D(\nu)\,\nu
 ```
 
-It stands on the left-hand side and opposes motion: the vehicle feels $`-\tau_{res}`$. `hydro labels` takes away the added mass of the vehicle file through
-$`M`$, and no other wrench. `hydro labels --subtract effects` takes away the rest of the effects too: damping and all other wrenches, $`C_A(\nu_r)\,\nu_r`$,
-and the current's part in $`\dot\nu_r`$. A file that says everything then leaves $`C_{RB}(\nu)\,\nu`$, for the rigid body is no effect.
+It opposes motion: the force on the vehicle is $`-\tau_{res}`$. `hydro labels` subtracts the added mass of the vehicle file through
+$`M`$, and no other wrench. `hydro labels --subtract effects` also subtracts all other effects: damping and other wrenches, $`C_A(\nu_r)\,\nu_r`$,
+and the contribution of the current to $`\dot\nu_r`$. With a complete file the residual is $`C_{RB}(\nu)\,\nu`$, because the rigid body is not an effect.
 
-A simulation with a learned residual brings exactly what the label left out. Either way it has $`M_A`$ in the mass matrix and gives up its own
-$`C_{RB}`$, which the residual holds; with `--subtract effects` all effects act besides, $`C_A`$ among them. A simulation without one
-gives up nothing.
+A simulation with a learned residual uses exactly the terms that its labels exclude. It has $`M_A`$ in the mass matrix and omits
+$`C_{RB}`$, which the residual contains. With `--subtract effects` all effects, including $`C_A`$, also act. A simulation without a residual
+omits nothing.
 
-Velocity and acceleration of a recording without nulls come from one filter per axis with white jerk. Where sensors gave samples of some of the motion
-only, an error-state Kalman filter and a fixed-interval smoother fuse pose, velocity and rates: $`\dot x = R v`$, $`\dot R = R\,[\omega]_\times`$, with white noise in the
-derivatives of $`\dot\nu`$ and $`\ddot\nu`$. A row has a label where attitude, velocity and acceleration are determined to a bound, and the standard deviation
+Velocity and acceleration of a recording without nulls come from one filter per axis with white jerk. For sparse samples, an
+error-state Kalman filter and a fixed-interval smoother fuse pose, velocity and rates: $`\dot x = R v`$, $`\dot R = R\,[\omega]_\times`$, with white noise in the
+derivatives of $`\dot\nu`$ and $`\ddot\nu`$. A row has a label where attitude, velocity and acceleration are sufficiently determined. The standard deviation
 of $`\tau_{res}`$ is that of $`M\,\dot\nu`$ alone.
 
-## What an effect is
+## Effects
 
-Parameters are increments on what the vehicle file says already, so that 0 is absence, and effects of one name add up. Those of inertia and damping
+Parameters are increments on the vehicle file: 0 means no effect, and effects of one name add up. Those of inertia and damping
 are entries of $`M_A`$ and $`D`$, the negatives of the SNAME derivatives, with rows and columns counted from 0: `M_A[1,5]` $`= -Y_{\dot r}`$,
 `D[1,5]` $`= -Y_r`$. The sum of all added mass must be symmetric and positive semi-definite, and so must the symmetric part of the sum of all linear
-damping; `hydro check` holds a file to it.
+damping; `hydro check` tests this.
 
 | kind | acts on |
 |---|---|
@@ -92,12 +92,12 @@ damping; `hydro check` holds a file to it.
 | inertia | the mass matrix, and the Coriolis terms that come with it |
 | flow | the velocity of the water |
 | actuator | the thruster chain |
-| sensor | what the velocity log writes down, never the motion |
+| sensor | the readings of the DVL, never the motion |
 
-A value whose table has a `standard_error` of it (`standard_error = {d = 0.01}`) is another estimate in a fit of a new recording; one that is `known` (`known = true`, or
+A value with a `standard_error` (`standard_error = {d = 0.01}`) is a prior in a fit of a new recording. A `known` value (`known = true`, or
 `known = ["d"]`) is not re-estimated. A vehicle may have several of `payload`, `tether`, `control_surface`, `offset_drag` and `ocean_waves`: one with a label
-(`label = "rudder"`) is called `control_surface:rudder` in findings and on the command line, those without `control_surface:1`, `control_surface:2` in the order of the file; the
-name alone means all of them. What is *plausible* bounds no file and no fit: a fit, a diagnosis and `hydro check` say which values lie beyond it.
+(`label = "rudder"`) is named `control_surface:rudder`, others `control_surface:1`, `control_surface:2` in file order. The
+name alone selects all of them. *Plausible* ranges do not restrict files or fits; `fit`, `diagnose` and `hydro check` report values outside.
 
 For each effect, *needs* is the motion that a recording must contain to determine its parameters, and *easily taken for* names the effects that explain
 similar data. `hydro effects NAME` prints an entry with a table for a vehicle file.
@@ -121,7 +121,7 @@ REFERENCES = """## References
 
 
 def page() -> str:
-    """The whole page: conventions, balance, then one section per family and one entry per effect."""
+    """Return the whole page: conventions, balance, one section per family and one entry per effect."""
     contents = "\n".join(
         f"- [{_title(family)}](#{_title(family).lower().replace(' ', '-')}): "
         + ", ".join(f"[`{effect.name}`](#{effect.name})" for effect in family.EFFECTS)
@@ -132,13 +132,13 @@ def page() -> str:
 
 
 def _section(family: ModuleType) -> str:
-    """A family of effects."""
+    """Return the section of a family of effects."""
     entries = "\n".join(_entry(effect) for effect in family.EFFECTS)
     return f"## {_title(family)}\n\n{_paragraphs(inspect.getdoc(family) or '')}\n\n{entries}"
 
 
 def _entry(effect: Effect) -> str:
-    """One effect: what it is, its equation, its parameters, and how to tell it from others."""
+    """Return the entry of an effect: description, equation, parameters, and similar effects."""
     rows = "\n".join(_row(effect, parameter) for parameter in effect.parameters)
     alike = ", ".join(f"[`{name}`](#{name})" for name in effect.lookalikes)
     plausible = "; ".join(dict.fromkeys(one.plausible.source for one in effect.parameters if one.plausible))
@@ -161,7 +161,7 @@ def _entry(effect: Effect) -> str:
 
 
 def _row(effect: Effect, parameter: Parameter) -> str:
-    """One parameter."""
+    """Return the table row of a parameter."""
     cells = (
         f"`{parameter.name}`",
         describe.unit(parameter),
@@ -175,12 +175,12 @@ def _row(effect: Effect, parameter: Parameter) -> str:
 
 
 def _title(family: ModuleType) -> str:
-    """Heading of a family: the name of its file, as a word."""
+    """Return the heading of a family: the capitalised name of its file."""
     return family.__name__.rpartition(".")[2].capitalize()
 
 
 def _paragraphs(text: str) -> str:
-    """A docstring's paragraphs, each on one line; what is indented in it stays an equation."""
+    """Return the paragraphs of a docstring, each on one line; indented parts stay equations."""
     parts = [part if part.startswith("    ") else " ".join(part.split()) for part in text.split("\n\n")]
     return "\n\n".join(parts)
 

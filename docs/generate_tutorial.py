@@ -1,10 +1,9 @@
-"""Run the commands of docs/tutorial.md and docs/dive.md and put what they print there; a test compares.
+"""Run the commands of docs/tutorial.md and docs/dive.md and update their outputs; a test compares.
 
-An indented block of a page is a shell command line, run in one temporary folder beside `datasets`. A
-```text block after it is what it prints: messages first, then what a terminal of 80 columns shows. In such a
-block a line `…` stands for lines left out: as many as stand before the first one are kept from the beginning,
-as many as follow the last one from the end; what stands between two is found by its
-first word.
+An indented block of a page is a shell command, run in a temporary folder with a link to `datasets`. The
+```text block after it is the output: messages first, then the output of a terminal of 80 columns. A line `…`
+stands for omitted lines. The numbers of lines before the first and after the last `…` are kept; a part between
+two of them is found by its first word.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ ROWS, COLUMNS = 40, 80
 
 
 def page(text: str, program: str = f'"{sys.executable}" -m hydro.cli') -> str:
-    """The page with the output of its commands as it is now; `program` is what `hydro` stands for."""
+    """Return the page with current outputs; `program` is the command line of `hydro`."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "datasets").symlink_to(ROOT / "datasets")
         (Path(folder) / "bin").mkdir()
@@ -40,13 +39,13 @@ def page(text: str, program: str = f'"{sys.executable}" -m hydro.cli') -> str:
 
 
 def _renewed(found: re.Match[str], folder: Path) -> str:
-    """Commands and what they print now, as much of it as the page shows."""
+    """Return commands and their current output, shortened like the page."""
     printed = run(re.sub("^ {4}", "", found[1], flags=re.MULTILINE), folder)
     return found[0] if found[2] is None else f"{found[1]}\n```text\n{excerpt(printed, found[2])}```\n"
 
 
 def excerpt(printed: str, shown: str) -> str:
-    """The parts of an output that an earlier one was shown with.
+    """Return the same parts of an output that the page showed before.
 
     Raises:
         ValueError: A part between two elisions begins with a word that no line begins with any more.
@@ -68,14 +67,14 @@ def excerpt(printed: str, shown: str) -> str:
 
 
 def run(commands: str, folder: Path) -> str:
-    """Messages of commands, then what they print on a terminal.
+    """Return the messages of commands, then their terminal output.
 
     Raises:
         subprocess.CalledProcessError: One of them failed.
     """
     environment = os.environ | {"NO_COLOR": "1", "TERM": "xterm", "PYTHONUTF8": "1", "PYTHONPATH": str(ROOT)}
     environment |= {"PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"}
-    environment |= {"COLUMNS": str(COLUMNS)}  # whatever the caller's are
+    environment |= {"COLUMNS": str(COLUMNS)}  # independent of the caller
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
     with tempfile.TemporaryFile() as messages:
@@ -99,7 +98,7 @@ def run(commands: str, folder: Path) -> str:
 
 
 def _read(terminal: int) -> str:
-    """All that comes out of a terminal until its other end is closed, which Linux tells by an error."""
+    """Return the output of a terminal until its other end is closed, which Linux signals by an error."""
     parts = []
     try:
         while part := os.read(terminal, 65536):

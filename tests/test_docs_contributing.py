@@ -34,8 +34,8 @@ def test_a_file_named_without_its_folder_is_in_the_folder_beside_it() -> None:
         assert (ROOT / "hydro" / "report" / name).exists(), name
 
 
-def test_the_house_has_every_package() -> None:
-    named = {path for row in rows("The house") for path in PATH.findall(row[0])}
+def test_the_architecture_lists_every_package() -> None:
+    named = {path for row in rows("Architecture") for path in PATH.findall(row[0])}
     for folder in [*(ROOT / "hydro").iterdir(), *(ROOT / "hydro" / "core").iterdir()]:
         if (folder / "__init__.py").exists():
             assert str(folder.relative_to(ROOT)) in named
