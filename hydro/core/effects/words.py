@@ -40,6 +40,6 @@ def a_heading_off(parameters: Mapping[str, Any], dt: float) -> str | None:
     if abs(yaw) < ALONE * max(abs(roll), abs(pitch)):
         return None
     return (
-        f"the velocity log is turned by {yaw:.3g} rad in yaw, or the heading is off by {-yaw:.3g} rad "
-        "(compass, declination): the two read alike; put right what is wrong, or add it with `hydro add`"
+        f"the DVL is rotated by {yaw:.3g} rad in yaw, or the heading is off by {-yaw:.3g} rad (compass, "
+        "declination): both give the same data; correct the wrong one, or add it with `hydro add`"
     )
