@@ -85,6 +85,9 @@ def fit(warnings: Sequence[str] = ("one entry is not determined",)) -> hydro.Fit
     return hydro.Fit.of(outcome, VEHICLE, DT)
 
 
+ANSWER = "1 effect is missing: A current of 0.35 m/s (±0.01) flows toward 43° (NE)."
+
+
 def study() -> hydro.Study:
     """A current added in one step: 2.0 to 0.2 m/s on the recording, 1.8 to 0.3 m/s on held-out data."""
     ladder = conform("ladder", studies.ladder())

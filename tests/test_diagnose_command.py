@@ -245,7 +245,8 @@ def test_the_answer_comes_first(tmp_path: Path, capsys, monkeypatch) -> None:
     told = [one for one in capsys.readouterr().err.splitlines() if not one.startswith("hydro: ")]
     assert told[0].startswith("2 effects are missing and 1 has other values: Thruster 5 delivers 70 % (±1)")
     assert len(told) <= 40
-    assert max(map(len, told)) <= 80
+    commands = "    "  # with paths of the test's folder, which cannot be broken
+    assert max(len(one) for one in told if not one.startswith(commands)) <= 80
     text = " ".join(told)
     assert "flows toward 323° (NW)" in text
     assert "1. Thruster gain is missing: certain, 100 %." in text

@@ -195,7 +195,10 @@ def test_a_map_that_does_not_fit_the_log_is_one_line(
 @pytest.mark.parametrize(
     ("blocks", "tells"),
     [
-        ({"position": {"depth": "up"}}, "note: frames and signs not tested: position and attitude have no"),
+        (
+            {"position": {"depth": "up"}},
+            "note: frames and signs not tested: position and attitude come without",
+        ),
         ({"position": {"depth": "up"}, "velocity": {}}, "pose and velocity agree: d(position)/dt to "),
         ({"rates": {}}, "pose and velocity agree: the attitude's rate to "),
     ],

@@ -30,7 +30,7 @@ Discover = Annotated[
     bool,
     typer.Option(
         "--discover",
-        help="Fit a formula where no effect explains the error.",
+        help="Search laws of sparse terms where no effect explains the error.",
         rich_help_panel=ADVANCED,
     ),
 ]

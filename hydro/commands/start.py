@@ -60,12 +60,12 @@ def start(
             "--map", metavar="FILE", show_default=False, help="Map of the log; skips its questions."
         ),
     ] = None,
-    time: Annotated[Line, _line("Column of the clock and its unit")] = None,
-    position: Annotated[Line, _line("Columns of the position or the depth, axes and unit; or none")] = None,
-    attitude: Annotated[Line, _line("Columns of the attitude, axes and unit; or none")] = None,
-    velocity: Annotated[Line, _line("Columns of the velocity over ground, axes and unit; or none")] = None,
-    rates: Annotated[Line, _line("Columns of the angular velocity, axes and unit; or none")] = None,
-    commands: Annotated[Line, _line("Columns of the thrusters' commands and their unit")] = None,
+    time: Annotated[Line, _line("Clock: column and unit")] = None,
+    position: Annotated[Line, _line("Position or depth: columns, axes and unit")] = None,
+    attitude: Annotated[Line, _line("Attitude: columns, axes and unit; or none")] = None,
+    velocity: Annotated[Line, _line("Velocity over ground: columns, axes, unit")] = None,
+    rates: Annotated[Line, _line("Angular velocity: columns, axes and unit")] = None,
+    commands: Annotated[Line, _line("Thruster commands: columns and unit")] = None,
     vehicle: Annotated[
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Vehicle file; skips its questions."),
@@ -110,19 +110,19 @@ def start(
     At most eight questions ask for the columns of each sensor, their axes and units, and the vehicle. Column
     names, values and the motion in the log suggest the answers: press Enter to accept one. The command then
     imports and draws the log, audits the thrusters, searches for missing effects and writes a report. It
-    prints every command that it runs and saves all of them in DIR/commands.sh.
+    prints every command that it runs and saves all of them in DIR/commands.sh. Without a terminal it uses the
+    suggested answers. Every answer has an option. To correct an answer, edit DIR/map.toml or DIR/vehicle.toml
+    and run the same command again: it skips the steps whose inputs have not changed.
 
-    Without a terminal it uses the suggested answers. Every answer has an option. One text names the columns
-    of a sensor, its axes and its unit; braces list or count columns:
+    Details:
+
+    One text names the columns of a sensor, its axes and its unit; braces list or count columns:
 
         hydro start dive.bag -o study
 
         hydro start dive.csv --velocity 'dvl_{x,y,z} FLU' --commands 'motor{1..6} pwm' --preset bluerov2
 
         hydro start dive.csv --position 'depth=press_m' --mass 30 --box 1.2 0.5 0.4 --layout vectored8
-
-    To correct an answer, edit DIR/map.toml or DIR/vehicle.toml and run the same command again. Steps whose
-    inputs have not changed are skipped, so an interrupted run resumes.
     """
     lines = {
         name: text

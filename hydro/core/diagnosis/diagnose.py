@@ -188,6 +188,7 @@ def answered(
     """
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log, progress)
+    progress("done", 1.0)
     left = None if hull is None else diagnosis.chi2[-1]
     return replace(diagnosis, status=status(diagnosis.findings, vehicle, log.record.dt, left))
 
