@@ -2,8 +2,8 @@
 
 An indented block of a page is a shell command, run in a temporary folder with a link to `datasets`. The
 ```text block after it is the output: messages first, then the output of a terminal of 80 columns. A line `…`
-stands for omitted lines. The numbers of lines before the first and after the last `…` are kept; a part between
-two of them is found by its first word.
+stands for omitted lines. The numbers of lines before the first and after the last `…` are kept; a part
+between two of them is found by its first word.
 """
 
 from __future__ import annotations
