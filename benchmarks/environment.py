@@ -1,16 +1,16 @@
-"""How fast is the environment, beside MuJoCo that flies the same vehicles and tells nobody what they see?
+"""Speed of the environment compared with plain MuJoCo without observations.
 
 Eight vehicles, a new action for each at 25 Hz, physics at 500 Hz, two threads.  Control steps per second of
 all vehicles together:
 
     bare        MuJoCo alone, as in benchmarks/student.py: the body and plain first-order thrusters
     R_…         the whole environment under a condition: mixing, physics, sonar, observations, noise,
-                collisions, reward, and episodes that end and begin anew
+                collisions, reward, and episodes that end and restart
 
-A round times every case once, in turning order; given are medians over rounds, and of each round's ratio to
-its own bare MuJoCo.  The profile then shares out the processor time of a step on one thread, which a busy
-machine does not stretch: every part is timed by itself, on the arrays that a step left.  Networks have random
-weights; what they cost does not depend on them.
+A round times every case once, in rotating order. Results are medians over rounds, and medians of the
+ratio to plain MuJoCo in the same round. The profile divides the processor time of a step on one thread,
+which does not depend on other load. Every part is timed separately, on the arrays of a previous step.
+Networks have random weights; their run time does not depend on them.
 
     python benchmarks/environment.py -o environment.parquet
 """

@@ -1,13 +1,13 @@
-"""How fast do vehicles fly on a GPU, beside the processor?
+"""Speed of the simulation on a GPU and on the processor.
 
 One run of one machine: a thousand to a million vehicles under commands that change at every control step of
-0.04 s.  On the GPU they fly by Runge-Kutta steps of 0.01 s, once alone and once with tasks, sonar, rewards
-and new episodes.  On the processor they fly by the same kernels, one after another on one thread, and as
-MuJoCo's students on all threads (implicitfast at 2 ms).  Rounds of all take turns; what is told is medians.
+0.04 s.  The GPU uses Runge-Kutta steps of 0.01 s, with and without tasks, sonar, rewards
+and new episodes.  The processor runs the same kernels on one thread, and MuJoCo on all threads (implicitfast
+at 2 ms).  Rounds alternate; results are medians.
 
     python benchmarks/gpu.py
     python benchmarks/gpu.py --vehicles 1000 --vehicles 100000 -o gpu.parquet
-    python benchmarks/gpu.py --model physfeat.parquet   # under a residual network besides
+    python benchmarks/gpu.py --model physfeat.parquet   # with a residual network
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ TITLES = {"gpu": "GPU", "gpu_tasks": "with tasks", "processor": "simulate, 1 thr
 
 
 def networked(path: Path) -> Ways:
-    """How to fly under a residual network."""
+    """Return the simulations with a residual network."""
     from hydro.io import table
     from hydro.io.model import from_artefact
 
@@ -161,7 +161,7 @@ def measured(
 
 
 def card() -> str:
-    """What the GPU is called."""
+    """Return the name of the GPU."""
     from numba import cuda
 
     name = cuda.get_current_device().name

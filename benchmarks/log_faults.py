@@ -1,9 +1,9 @@
-"""How often faults of a log are found, and how often one is told where there is none.
+"""Detection rate and false-alarm rate of faults of a log.
 
     python -m benchmarks.log_faults --studies 60 --first-seed 65300
 
-Flights of `benchmarks.hidden_effects`, in turn with nothing hidden, one effect and something outside the
-catalogue, are held to `diagnosis.log_faults` as they are, and once more with each fault planted in them.
+Recordings of `benchmarks.hidden_effects` have no hidden effect, one effect, or one outside the catalogue.
+`diagnosis.log_faults` tests each recording unchanged and with every planted fault.
 """
 
 from __future__ import annotations

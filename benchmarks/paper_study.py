@@ -1,11 +1,11 @@
-"""Keep what `hydro rl study` made as result tables: how every condition learnt, and where its policies hold.
+"""Store the results of `hydro rl study` as result tables: training progress and success of policies.
 
     hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet
         --model structured.parquet --identified identified.toml --recipe demos -o study
     python -m benchmarks.paper_study study --commit COMMIT
 
-Cells of flights are those of `benchmarks.policies`: of the median training, with the range of all.  Pilots by
-hand stand beside them, in the student of each condition and once in the teacher.
+Cells have the format of `benchmarks.policies`: the median training, with the range of all. Hand-written
+pilots are the baseline, in MuJoCo under each condition and once in the simulator.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
-"""What a folder of sessions costs: memory of one and of many, and how fast two nodes of a cluster label it.
+"""Memory and run time of labels of session folders, on one machine and on a cluster of two nodes.
 
     python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
     python -m benchmarks.partitions memory FOLDER
     python -m benchmarks.partitions speed FOLDER
 
-`make` writes sessions out of the bundled recording, over and over with a little noise: what they say does not
-matter here, how many rows they have does.  `memory` labels one session as a file, the same in a folder, and
-all of them in a folder, each in a process of its own, and tells the peak of its resident memory.  `speed`
-labels all of them in this process, on a cluster of one node and on one of two, each of one thread and warm;
-rounds take turns, and medians are told: of the time from the first task to the last result, and of the tasks'
-processor time.
+`make` writes sessions from the bundled recording, repeated with a little noise; only the number of rows
+matters here. `memory` labels one session as a file, the same in a folder, and all of them in a folder,
+each in a separate process, and prints the peak of the resident memory. `speed` labels all of them in this
+process, on a cluster of one node and on one of two. Each node has one warm thread. Rounds alternate. The
+command prints medians of the time from the first task to the last result, and of the processor time of
+the tasks.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Which mistakes of a map, a mounting or a clock `hydro import` names.
+"""Detection of mistakes in a map, a mounting or a clock by `hydro import`.
 
     python -m benchmarks.planted_mistakes
 
-Thirteen mistakes, each alone, in logs of three bundled vehicles flown by the teacher with the noise of an
-ordinary navigation suite. A mistake is named where a line of the import, or its error, says what to write;
-`clean` counts the warnings where there is no mistake.
+Thirteen mistakes, one at a time, in simulated logs of three bundled vehicles with the noise of an ordinary
+navigation suite. A mistake counts as detected if a message or error of the import names the correction;
+`clean` counts the warnings without a mistake.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Do policies hold better in other vehicles where they were trained under what a fit leaves open?
+"""Effect of training on a parameter posterior on the success of policies in other vehicles.
 
-Trained alike (`--recipe demos`), on the values of a vehicle file or with each episode's vehicle drawn from
-the covariance beside it (`--randomise posterior`); flown through the forest in vehicles that are drawn
-likewise (within what the fit leaves open), in the teacher that the file was fitted to, and there with changes
-beyond: a current, a payload, a dead thruster.  The pilots with and without a map fly all of it too.
+Policies are trained with `--recipe demos`, on the values of a vehicle file or with vehicles drawn from
+its covariance (`--randomise posterior`). They are tested in the forest in three ways: in drawn vehicles,
+in the simulator that the file was fitted to, and in that simulator with a current, a payload or a dead
+thruster. The pilots with and without a map are tested as well.
 
     hydro collect --vehicle datasets/vehicles/auv151.toml --rows 3000 --seed 44 --noise dvl -o minute.parquet
     hydro fit datasets/vehicles/auv151.toml minute.parquet --effect added_mass --effect linear_damping
@@ -25,7 +25,7 @@ from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
-"""What a policy was trained on, and by which options."""
+"""Training vehicles of a policy, and their options."""
 RECIPE = ("--recipe", "demos", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),

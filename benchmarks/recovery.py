@@ -1,4 +1,4 @@
-"""Does `hydro fit` find what is there?  Seeded trials for every effect of the catalogue, in every form.
+"""Accuracy of `hydro fit` in seeded trials of every effect of the catalogue, in every form.
 
 Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file does not
 have, adds ordinary sensor noise, makes the file's damping up to 25 % wrong, and fits the effect together with
@@ -6,8 +6,8 @@ the damping.  A trial succeeds when every number of the effect lies within three
 
     python -m benchmarks.recovery --trials 20 --out recovery.parquet
 
-The file grows by one row per trial; the same command goes on where an earlier one stopped.  Seeds take turns
-with the vehicles.
+The file grows by one row per trial; the same command resumes an earlier run.  Seeds alternate between
+vehicles.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def semidefinite(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Ar
 
 
 def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
-    """The same with an antisymmetric part, which does no work."""
+    """Return a semidefinite matrix plus a random antisymmetric part, which does no work."""
     matrix = semidefinite(vehicle, share, rng)
     sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     turned = np.triu(0.3 * sizes * rng.uniform(-1.0, 1.0, (6, 6)), 1)
@@ -202,7 +202,7 @@ WRITTEN: dict[str, Draw] = {
 }
 """Effects that a file has already, or they are not fitted: their terms are its own."""
 BESIDE = {"current_shear": ("ocean_current",), "current_trend": ("ocean_current",)}
-"""What is fitted besides: a fit counts from another depth or time than the truth does."""
+"""Effects fitted in addition, because the fit uses another reference depth or time than the truth."""
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
@@ -270,7 +270,7 @@ def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, 
 def recovered(
     name: str, seed: int, vehicle: Vehicle, seconds: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """What a trial finds of an effect, in standard errors from the truth."""
+    """Return the errors of a trial in standard errors."""
     known, truth = hide(name, vehicle, rng)
     effect, _, _ = name.partition(".")
     hidden = next(iter(truth.effects(effect)))
@@ -297,7 +297,7 @@ def recovered(
 
 
 def recovered_sea(file: Vehicle, hidden: Mapping[str, Any], raw: pl.DataFrame) -> dict[str, Any]:
-    """The same of waves, which no fit finds: as a diagnosis estimates them, damping fitted beside them."""
+    """Return the errors of waves, which a diagnosis estimates while damping is fitted."""
     log = preprocess(file, raw)
     start, problem = stable_start(file, log)
     baseline = allowing_for_waves(refit(file, log, problem, start))

@@ -1,11 +1,11 @@
-"""What drag leaves unexplained on the Stonefish recordings, and excerpts of them for `hydro explain`.
+"""Residual of drag models on the Stonefish recordings, and excerpts of them for `hydro explain`.
 
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
     python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
 
-RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets four
-minutes of `nominal`, ten as the recording before a change (before.parquet), four of other sessions of it
-(held_out.parquet), and four minutes each of the changed vehicles.
+RECORDINGS contains nominal.parquet, v1_current.parquet and v3_thruster3.parquet. The command writes to
+FOLDER four minutes of `nominal`, ten minutes as the recording before a change (before.parquet), four
+minutes of other sessions (held_out.parquet), and four minutes of each changed vehicle.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Write the pages with result tables, docs/PAGES.md, from their templates, for `make docs`.
 
 A result table is benchmarks/results/NAME.csv: the measured values first, then their origin. A line
-`{{table:NAME}}` of docs/templates/*.md.in is replaced by the table and a line with its origin. Text between the
-lines `{{with:NAME}}` and `{{end}}` is omitted if that table does not exist.
+`{{table:NAME}}` of docs/templates/*.md.in is replaced by the table and a line with its origin. Text between
+the lines `{{with:NAME}}` and `{{end}}` is omitted if that table does not exist.
 """
 
 from __future__ import annotations

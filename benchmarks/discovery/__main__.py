@@ -1,7 +1,7 @@
-"""Does `--discover` find laws that the catalogue has not?  Studies in the benchmarks' own simulator.
+"""Success of `--discover` on force laws outside the catalogue, in the simulator of the benchmarks.
 
-Each study flies a vehicle of `datasets/vehicles` with one law that its file does not have, its damping up to
-a quarter wrong, and diagnoses it with `--discover`:
+Each study simulates a vehicle of `datasets/vehicles` with one law that its file lacks and damping that is
+up to a quarter wrong, and diagnoses it with `--discover`:
 
 * a power of a velocity, 1.3 to 3, that acts along its axis and off CO;
 * a power of a velocity on another axis;
@@ -9,13 +9,13 @@ a quarter wrong, and diagnoses it with `--discover`:
 * drag that a power of another speed raises;
 * a force that begins at a speed.
 
-Some have nothing hidden.  Beside what was discovered stand the file, what the catalogue alone makes of it,
-and the true law fitted.
+Some studies have no hidden law. Baselines are the file, the diagnosis without `--discover`, and a fit of
+the true law.
 
     python -m benchmarks.discovery run --studies 60 --first-seed 0 -o discovery.parquet
     python -m benchmarks.discovery report discovery.parquet
 
-A results file grows by one row per study; the same command goes on where an earlier one stopped.  Seeds below
+A results file grows by one row per study; the same command resumes an earlier run.  Seeds below
 10,000 are for development, those from 70,000 are held back for published figures.
 """
 

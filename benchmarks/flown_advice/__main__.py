@@ -1,12 +1,12 @@
-"""Make tied studies, fly what their diagnosis advises, diagnose both logs together, and sum up.
+"""Success of recommended experiments: diagnose, run the recommended experiment, diagnose both logs together.
 
     python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
     python -m benchmarks.flown_advice report flown.parquet
     python -m benchmarks.flown_advice write flown.parquet --commit 1234567
 
-A results file grows by one row per study; the same command goes on where an earlier one stopped.  `--tied N`
-ends a run at so many open studies.  Seeds below 10,000 are for development, those from 70,000 are held back.
-`write` makes benchmarks/results/flown_advice.csv and the page that shows it.
+A results file grows by one row per study; the same command resumes an earlier run.  `--tied N`
+ends a run after N open studies.  Seeds below 10,000 are for development, those from 70,000 are held back.
+`write` updates benchmarks/results/flown_advice.csv and its page.
 """
 
 from __future__ import annotations

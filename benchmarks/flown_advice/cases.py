@@ -32,7 +32,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     SPEED: ("body_lift", "crossflow_drag", "cross_axis_drag", "coupled_damping", "added_mass_coriolis"),
     STEP: ("thruster_gain", "thruster_inflow", "thruster_asymmetry", "thruster_lag", "sensor_scale"),
 }
-"""What is hidden under each manoeuvre."""
+"""Hidden effects for each manoeuvre."""
 STEADY = {HEADING: ("surge levels", 0.6), SPEED: ("circles", 0.1), STEP: ("surge levels", 0.6)}
 """The manoeuvre of the library that is repeated, and the part of it that is held where one speed is kept."""
 NOISE = 6.0
@@ -43,7 +43,7 @@ ATTEMPTS, WEAKER = 50, 4
 
 
 def draw(seed: int) -> tuple[Case, str]:
-    """What a seed hides, in which vehicle; and the family of manoeuvres that does not tell it.
+    """Return the hidden effect of a seed, its vehicle, and a family of manoeuvres that does not determine it.
 
     Raises:
         DataError: No vehicle can have it.
@@ -128,7 +128,7 @@ class Sea:
 def first_recording(
     case: Case, given: Vehicle, actual: Vehicle, family: str, seconds: float
 ) -> tuple[Sea, pl.DataFrame]:
-    """What is hidden, weaker where the vehicle cannot be flown with it, and the recording to be diagnosed.
+    """Return the hidden effect, reduced if the vehicle cannot be controlled with it, and the recording.
 
     Raises:
         DataError: It cannot be flown with any of it.
