@@ -15,7 +15,7 @@ from hydro.core.vehicle.description import Vehicle
 
 KINDS = ("power off CO", "power on another axis", "product", "raised drag", "threshold")
 CLOSE = 0.3
-"""How near a power must be."""
+"""Maximum error of a power."""
 Law = tuple[str, list[list[float]], list[dict[str, Any]]]
 
 
