@@ -1,29 +1,16 @@
-<<<<<<< HEAD
 """Speed of the environment, compared with bare MuJoCo with the same vehicles.
-=======
-"""Speed of the environment compared with plain MuJoCo without observations.
->>>>>>> prose
 
 Eight vehicles get a new action each at 25 Hz, with physics at 500 Hz on two threads.  Control steps per
 second of all vehicles together:
 
     bare        MuJoCo alone, as in benchmarks/student.py: the body and plain first-order thrusters
     R_…         the whole environment under a condition: mixing, physics, sonar, observations, noise,
-<<<<<<< HEAD
                 collisions, reward, and new episodes
 
 A round times every case once, in alternating order.  Results are medians over rounds, and medians of each
 round's ratio to its bare MuJoCo.  The profile then divides the processor time of a step on one thread, which
 a busy machine does not change.  Every part is timed by itself, on the arrays of a step.  Networks have random
 weights, which do not affect their cost.
-=======
-                collisions, reward, and episodes that end and restart
-
-A round times every case once, in rotating order. Results are medians over rounds, and medians of the
-ratio to plain MuJoCo in the same round. The profile divides the processor time of a step on one thread,
-which does not depend on other load. Every part is timed separately, on the arrays of a previous step.
-Networks have random weights; their run time does not depend on them.
->>>>>>> prose
 
     python benchmarks/environment.py -o environment.parquet
 """

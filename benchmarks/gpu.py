@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 """Speed of vehicle simulation on a GPU, compared with the processor.
 
 A thousand to a million vehicles fly on one machine, with commands that change at every control step of 0.04
@@ -9,18 +8,6 @@ On the processor they use the same kernels, one after another on one thread, and
     python benchmarks/gpu.py
     python benchmarks/gpu.py --vehicles 1000 --vehicles 100000 -o gpu.parquet
     python benchmarks/gpu.py --model physfeat.parquet   # also with a residual network
-=======
-"""Speed of the simulation on a GPU and on the processor.
-
-One run of one machine: a thousand to a million vehicles under commands that change at every control step of
-0.04 s.  The GPU uses Runge-Kutta steps of 0.01 s, with and without tasks, sonar, rewards
-and new episodes.  The processor runs the same kernels on one thread, and MuJoCo on all threads (implicitfast
-at 2 ms).  Rounds alternate; results are medians.
-
-    python benchmarks/gpu.py
-    python benchmarks/gpu.py --vehicles 1000 --vehicles 100000 -o gpu.parquet
-    python benchmarks/gpu.py --model physfeat.parquet   # with a residual network
->>>>>>> prose
 """
 
 from __future__ import annotations
@@ -139,11 +126,7 @@ TITLES = {"gpu": "GPU", "gpu_tasks": "with tasks", "processor": "simulate, 1 thr
 
 
 def networked(path: Path) -> Ways:
-<<<<<<< HEAD
     """Return the ways to fly with a residual network."""
-=======
-    """Return the simulations with a residual network."""
->>>>>>> prose
     from hydro.io import table
     from hydro.io.model import from_artefact
 

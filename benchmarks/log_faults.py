@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 """Detection rate and false alarms of log faults.
 
     python -m benchmarks.log_faults --studies 60 --first-seed 65300
@@ -6,14 +5,6 @@
 Flights of `benchmarks.hidden_effects` have no hidden effect, one effect, or an effect outside the catalogue,
 in turn.  They are tested by `diagnosis.log_faults` without a fault, and once more with each fault planted in
 them.
-=======
-"""Detection rate and false-alarm rate of faults of a log.
-
-    python -m benchmarks.log_faults --studies 60 --first-seed 65300
-
-Recordings of `benchmarks.hidden_effects` have no hidden effect, one effect, or one outside the catalogue.
-`diagnosis.log_faults` tests each recording unchanged and with every planted fault.
->>>>>>> prose
 """
 
 from __future__ import annotations

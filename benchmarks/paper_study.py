@@ -1,20 +1,11 @@
-<<<<<<< HEAD
 """Result tables of `hydro rl study`: training of every condition, and performance of its policies.
-=======
-"""Store the results of `hydro rl study` as result tables: training progress and success of policies.
->>>>>>> prose
 
     hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet
         --model structured.parquet --identified identified.toml --recipe demos -o study
     python -m benchmarks.paper_study study --commit COMMIT
 
-<<<<<<< HEAD
 Cells of flights are those of `benchmarks.policies`: the median training, with the range of all.  Expert
 pilots are included, in the MuJoCo model of each condition and once in the reference simulator.
-=======
-Cells have the format of `benchmarks.policies`: the median training, with the range of all. Hand-written
-pilots are the baseline, in MuJoCo under each condition and once in the simulator.
->>>>>>> prose
 """
 
 from __future__ import annotations

@@ -1,14 +1,9 @@
-<<<<<<< HEAD
 """Cost of a folder of sessions: memory for one and for many, and labelling speed on two cluster nodes.
-=======
-"""Memory and run time of labels of session folders, on one machine and on a cluster of two nodes.
->>>>>>> prose
 
     python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
     python -m benchmarks.partitions memory FOLDER
     python -m benchmarks.partitions speed FOLDER
 
-<<<<<<< HEAD
 `make` writes sessions from the bundled recording, repeated with a little noise.  Their content is irrelevant,
 only the number of rows matters.
 
@@ -18,14 +13,6 @@ in its own process, and the peak resident memory is reported.
 `speed` labels all of them in this process, on a cluster of one node, and on one of two, each with one warm
 thread.  Rounds alternate.  Medians are reported for the time from the first task to the last result, and for
 the tasks' processor time.
-=======
-`make` writes sessions from the bundled recording, repeated with a little noise; only the number of rows
-matters here. `memory` labels one session as a file, the same in a folder, and all of them in a folder,
-each in a separate process, and prints the peak of the resident memory. `speed` labels all of them in this
-process, on a cluster of one node and on one of two. Each node has one warm thread. Rounds alternate. The
-command prints medians of the time from the first task to the last result, and of the processor time of
-the tasks.
->>>>>>> prose
 """
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 """Detection of mistakes of a map, a mounting or a clock by `hydro import`.
 
     python -m benchmarks.planted_mistakes
@@ -6,15 +5,6 @@
 Thirteen mistakes are planted one by one in logs of three bundled vehicles, flown by the reference simulator
 with the noise of an ordinary navigation suite.  A mistake counts as named if a line of the import, or its
 error, states the correction.  `clean` counts the warnings without a mistake.
-=======
-"""Detection of mistakes in a map, a mounting or a clock by `hydro import`.
-
-    python -m benchmarks.planted_mistakes
-
-Thirteen mistakes, one at a time, in simulated logs of three bundled vehicles with the noise of an ordinary
-navigation suite. A mistake counts as detected if a message or error of the import names the correction;
-`clean` counts the warnings without a mistake.
->>>>>>> prose
 """
 
 from __future__ import annotations

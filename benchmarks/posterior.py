@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 """Effect of posterior randomisation on the robustness of policies in other vehicles.
 
 All policies use `--recipe demos`.  They are trained either on the values of a vehicle file, or with each
@@ -6,14 +5,6 @@ episode's vehicle drawn from the covariance of the fit (`--randomise posterior`)
 in vehicles drawn from that covariance.  They also fly in the reference simulator to which the file was
 fitted.  The latter is also changed: a current, a payload, a dead thruster.  Expert pilots with and without a
 map fly all settings too.
-=======
-"""Effect of training on a parameter posterior on the success of policies in other vehicles.
-
-Policies are trained with `--recipe demos`, on the values of a vehicle file or with vehicles drawn from
-its covariance (`--randomise posterior`). They are tested in the forest in three ways: in drawn vehicles,
-in the simulator that the file was fitted to, and in that simulator with a current, a payload or a dead
-thruster. The pilots with and without a map are tested as well.
->>>>>>> prose
 
     hydro collect --vehicle datasets/vehicles/auv151.toml --rows 3000 --seed 44 --noise dvl -o minute.parquet
     hydro fit datasets/vehicles/auv151.toml minute.parquet --effect added_mass --effect linear_damping
@@ -35,11 +26,7 @@ from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
-<<<<<<< HEAD
 """Training distribution of a policy, and its options."""
-=======
-"""Training vehicles of a policy, and their options."""
->>>>>>> prose
 RECIPE = ("--recipe", "demos", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),

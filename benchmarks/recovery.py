@@ -1,8 +1,4 @@
-<<<<<<< HEAD
 """Test of `hydro fit`: seeded trials for every effect of the catalogue, in every form.
-=======
-"""Accuracy of `hydro fit` in seeded trials of every effect of the catalogue, in every form.
->>>>>>> prose
 
 Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file lacks, and
 adds ordinary sensor noise.  The file's damping has an error of up to 25 %.  The effect is fitted together
@@ -11,11 +7,7 @@ truth.
 
     python -m benchmarks.recovery --trials 20 --out recovery.parquet
 
-<<<<<<< HEAD
 The file grows by one row per trial; the same command continues an earlier run.  Seeds alternate between
-=======
-The file grows by one row per trial; the same command resumes an earlier run.  Seeds alternate between
->>>>>>> prose
 vehicles.
 """
 
@@ -106,11 +98,7 @@ def semidefinite(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Ar
 
 
 def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
-<<<<<<< HEAD
     """Return such a matrix with an antisymmetric part, which does no work."""
-=======
-    """Return a semidefinite matrix plus a random antisymmetric part, which does no work."""
->>>>>>> prose
     matrix = semidefinite(vehicle, share, rng)
     sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     turned = np.triu(0.3 * sizes * rng.uniform(-1.0, 1.0, (6, 6)), 1)
@@ -215,11 +203,7 @@ WRITTEN: dict[str, Draw] = {
 }
 """Effects that the file must already have to be fitted: their terms are written in it."""
 BESIDE = {"current_shear": ("ocean_current",), "current_trend": ("ocean_current",)}
-<<<<<<< HEAD
 """Effects fitted in addition: a fit uses another reference depth or time than the truth."""
-=======
-"""Effects fitted in addition, because the fit uses another reference depth or time than the truth."""
->>>>>>> prose
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
@@ -287,11 +271,7 @@ def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, 
 def recovered(
     name: str, seed: int, vehicle: Vehicle, seconds: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-<<<<<<< HEAD
     """Return the estimates of an effect, in standard errors from the truth."""
-=======
-    """Return the errors of a trial in standard errors."""
->>>>>>> prose
     known, truth = hide(name, vehicle, rng)
     effect, _, _ = name.partition(".")
     hidden = next(iter(truth.effects(effect)))
@@ -318,11 +298,7 @@ def recovered(
 
 
 def recovered_sea(file: Vehicle, hidden: Mapping[str, Any], raw: pl.DataFrame) -> dict[str, Any]:
-<<<<<<< HEAD
     """Return the estimates of waves from a diagnosis, with damping fitted too; no fit estimates waves."""
-=======
-    """Return the errors of waves, which a diagnosis estimates while damping is fitted."""
->>>>>>> prose
     log = preprocess(file, raw)
     start, problem = stable_start(file, log)
     baseline = allowing_for_waves(refit(file, log, problem, start))

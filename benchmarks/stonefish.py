@@ -1,21 +1,11 @@
-<<<<<<< HEAD
 """Residual of drag on the Stonefish recordings, and excerpts of these for `hydro explain`.
-=======
-"""Residual of drag models on the Stonefish recordings, and excerpts of them for `hydro explain`.
->>>>>>> prose
 
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
     python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
 
-<<<<<<< HEAD
 RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets four
 excerpts: four minutes of `nominal`, ten minutes before a change (before.parquet), four minutes of its other
 sessions (held_out.parquet), and four minutes of each changed vehicle.
-=======
-RECORDINGS contains nominal.parquet, v1_current.parquet and v3_thruster3.parquet. The command writes to
-FOLDER four minutes of `nominal`, ten minutes as the recording before a change (before.parquet), four
-minutes of other sessions (held_out.parquet), and four minutes of each changed vehicle.
->>>>>>> prose
 """
 
 from __future__ import annotations

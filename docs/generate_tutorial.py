@@ -1,15 +1,9 @@
 """Run the commands of docs/tutorial.md and docs/dive.md and update their outputs; a test compares.
 
 An indented block of a page is a shell command, run in a temporary folder with a link to `datasets`. The
-<<<<<<< HEAD
 ```text block after it is the output: messages first, then the output of a terminal of 80 columns. A line `…`
 stands for omitted lines. The numbers of lines before the first and after the last `…` are kept; a part
 between two of them is found by its first word.
-=======
-```text block after it is the output: messages first, then the output of a terminal of 170 columns. A line
-`…` stands for omitted lines. The numbers of lines before the first and after the last `…` are kept; a
-part between two of them is found by its first word.
->>>>>>> prose
 """
 
 from __future__ import annotations

@@ -55,13 +55,8 @@ def decisions() -> str:
         path.name: path.read_text().splitlines()[0].lstrip("# ") for path in (ROOT / "docs/adr").glob("*.md")
     }
     lines = [f"- [{title}](adr/{name})" for name, title in sorted(titles.items())]
-<<<<<<< HEAD
     return (
         "# Decisions\n\nDecisions that still hold: context, decision and consequences.\n\n"
         + "\n".join(lines)
         + "\n"
     )
-=======
-    introduction = "# Decisions\n\nDecisions that still hold: context, decision and consequences."
-    return f"{introduction}\n\n" + "\n".join(lines) + "\n"
->>>>>>> prose

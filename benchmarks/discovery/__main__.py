@@ -1,14 +1,7 @@
-<<<<<<< HEAD
 """Test of `--discover` on laws outside the catalogue, in the benchmarks' own simulator.
 
 Each study flies a vehicle of `datasets/vehicles` with one law that its file lacks, and damping with an error
 of up to a quarter.  It is diagnosed with `--discover`.  The laws are:
-=======
-"""Success of `--discover` on force laws outside the catalogue, in the simulator of the benchmarks.
-
-Each study simulates a vehicle of `datasets/vehicles` with one law that its file lacks and damping that is
-up to a quarter wrong, and diagnoses it with `--discover`:
->>>>>>> prose
 
 * a power of a velocity, 1.3 to 3, that acts along its axis and off CO;
 * a power of a velocity on another axis;
@@ -16,24 +9,14 @@ up to a quarter wrong, and diagnoses it with `--discover`:
 * drag that a power of another speed raises;
 * a force with a threshold speed.
 
-<<<<<<< HEAD
 Some studies have no hidden law.  The discovered terms are compared with the file, with the catalogue's
 effects alone, and with the fitted true law.
-=======
-Some studies have no hidden law. Baselines are the file, the diagnosis without `--discover`, and a fit of
-the true law.
->>>>>>> prose
 
     python -m benchmarks.discovery run --studies 60 --first-seed 0 -o discovery.parquet
     python -m benchmarks.discovery report discovery.parquet
 
-<<<<<<< HEAD
 A results file grows by one row per study; the same command continues an earlier run.  Seeds below 10,000 are
 for development, those from 70,000 for published figures.
-=======
-A results file grows by one row per study; the same command resumes an earlier run.  Seeds below
-10,000 are for development, those from 70,000 are held back for published figures.
->>>>>>> prose
 """
 
 from __future__ import annotations

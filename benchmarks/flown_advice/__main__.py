@@ -1,22 +1,12 @@
-<<<<<<< HEAD
 """Studies of advised flights: make ambiguous recordings, fly the advice, diagnose both logs together.
-=======
-"""Success of recommended experiments: diagnose, run the recommended experiment, diagnose both logs together.
->>>>>>> prose
 
     python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
     python -m benchmarks.flown_advice report flown.parquet
     python -m benchmarks.flown_advice write flown.parquet --commit 1234567
 
-<<<<<<< HEAD
 A results file grows by one row per study; the same command continues an earlier run.  `--tied N` ends a run
 at N open studies.  Seeds below 10,000 are for development, those from 70,000 for published figures.  `write`
 makes benchmarks/results/flown_advice.csv and the page that shows it.
-=======
-A results file grows by one row per study; the same command resumes an earlier run.  `--tied N`
-ends a run after N open studies.  Seeds below 10,000 are for development, those from 70,000 are held back.
-`write` updates benchmarks/results/flown_advice.csv and its page.
->>>>>>> prose
 """
 
 from __future__ import annotations

@@ -32,11 +32,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     SPEED: ("body_lift", "crossflow_drag", "cross_axis_drag", "coupled_damping", "added_mass_coriolis"),
     STEP: ("thruster_gain", "thruster_inflow", "thruster_asymmetry", "thruster_lag", "sensor_scale"),
 }
-<<<<<<< HEAD
 """Hidden effects of each manoeuvre."""
-=======
-"""Hidden effects for each manoeuvre."""
->>>>>>> prose
 STEADY = {HEADING: ("surge levels", 0.6), SPEED: ("circles", 0.1), STEP: ("surge levels", 0.6)}
 """Repeated manoeuvre of the library, and the part of it that is held at one speed."""
 NOISE = 6.0
@@ -47,11 +43,7 @@ ATTEMPTS, WEAKER = 50, 4
 
 
 def draw(seed: int) -> tuple[Case, str]:
-<<<<<<< HEAD
     """Draw the hidden effect of a seed, its vehicle, and the manoeuvres that do not identify it.
-=======
-    """Return the hidden effect of a seed, its vehicle, and a family of manoeuvres that does not determine it.
->>>>>>> prose
 
     Raises:
         DataError: No vehicle can have it.
@@ -136,11 +128,7 @@ class Sea:
 def first_recording(
     case: Case, given: Vehicle, actual: Vehicle, family: str, seconds: float
 ) -> tuple[Sea, pl.DataFrame]:
-<<<<<<< HEAD
     """Return the hidden effect, weaker if the vehicle cannot be flown with it, and the recording to diagnose.
-=======
-    """Return the hidden effect, reduced if the vehicle cannot be controlled with it, and the recording.
->>>>>>> prose
 
     Raises:
         DataError: It cannot be flown with any of it.

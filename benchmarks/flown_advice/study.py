@@ -19,11 +19,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis
 from hydro.core.experiment.flight import Limits, advise
 
 LIMITS = Limits(depth=(5.0, 25.0), space=30.0, thrust=1.0, seconds=120.0)
-<<<<<<< HEAD
 """Limits of the advised flight; a random one need not keep to depth and space."""
-=======
-"""Limits of the recommended experiment; the random one has no limits of depth and space."""
->>>>>>> prose
 WORDS = ("missing", "suspect", "cannot_tell_apart", "retune")
 TOLD: dict[str, Any] = {"outcome": pl.String, "confidence": pl.Float64, "findings": pl.String}
 SCHEMA: dict[str, Any] = {
@@ -55,11 +51,7 @@ limits.
 
 
 def outcome(found: Diagnosis, effect: str, misjudged: Sequence[str] = ()) -> dict[str, Any]:
-<<<<<<< HEAD
     """Compare a diagnosis with the truth; different values of misjudged effects count as true."""
-=======
-    """Compare a diagnosis with the truth; new values of effects that are wrong in the file count as right."""
->>>>>>> prose
     named = (one for one in found.findings if one.verdict in WORDS and math.isfinite(one.confidence))
     told = [one for one in named if not (one.verdict == "retune" and one.effect in misjudged)]
     said = [f"{one.verdict} {'/'.join(one.members)} {one.confidence:.2f}" for one in told]
