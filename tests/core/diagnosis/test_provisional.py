@@ -25,6 +25,6 @@ def test_the_best_candidate_is_told_once_and_early():
     assert best.share > 0.8
     assert share < 0.3
     assert shares == sorted(shares), "the bar never goes back"
-    assert max(shares) < 1.0, "what is reported as done is followed by nothing"
+    assert max(shares[:-1]) < 1.0, "what is reported as done is followed by nothing"
     again = diagnose_log(damped(), preprocess(damped(), raw))
     assert again.frame().equals(found.frame())
