@@ -167,7 +167,7 @@ def diagnose(
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
         hydro.core.errors.UsageError: `model` without `before`, or `discover` with it.
     """
-    from hydro.core.diagnosis.diagnose import answered, diagnose_log
+    from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
@@ -175,9 +175,8 @@ def diagnose(
     hull = _hull(vehicle, before, model, discover=discover)
     log = preprocess(vehicle, raw, hull)
     log = log.as_audited() if correct_thrusters else log
-    found = diagnose_log(vehicle, log, hull=hull, progress=progress)
-    if discover and not log.misdirected:
-        found = answered(discovered(vehicle, log, found, progress), vehicle, log, hull=hull)
+    beyond = discovered if discover else None
+    found = diagnose_log(vehicle, log, hull=hull, beyond=beyond, progress=progress)
     return Diagnosis.of(found, vehicle, conform("diagnosis", found.frame()), changed=hull is not None)
 
 

@@ -195,7 +195,7 @@ def diagnose(
 
     On a terminal the answer goes to stdout. In a pipe stdout has the table, and stderr the headline.
     """
-    from hydro.core.diagnosis.diagnose import answered, diagnose_log
+    from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.discover import discovered
     from hydro.core.experiment.flight import Limits, advise
@@ -229,10 +229,8 @@ def diagnose(
         hull = earlier.hull if earlier else None
         log = preprocess(start, source.frame, hull)
         log = log.as_audited() if correct_thrusters else log
-        found = diagnose_log(start, log, hull=hull, progress=advance, provisional=tell_provisional(expected))
-        if discover and not log.misdirected:
-            found = discovered(start, log, found, advance)
-            found = answered(found, start, log, hull=hull)
+        beyond, best = discovered if discover else None, tell_provisional(expected)
+        found = diagnose_log(start, log, hull=hull, beyond=beyond, progress=advance, provisional=best)
     changes = tell_changes(name, log.changes)
     call = called_with(
         vehicle,

@@ -8,14 +8,14 @@ form the ladder (`explanation.ladder`).  A step that raises the held-out error i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import polars as pl
 
 from hydro.core.diagnosis.baseline import LOUD, stable_shots
-from hydro.core.diagnosis.diagnose import diagnose_log
-from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, extended, suspects
+from hydro.core.diagnosis.diagnose import Beyond, diagnose_log
+from hydro.core.diagnosis.findings import UNEXPLAINED, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.provisional import Told
@@ -35,8 +35,6 @@ MOST_STEPS = 6
 TRIED, COMPARED = 0.2, 0.15
 """Approximate shares of the time of a step for trials and for comparisons; the diagnosis takes the rest."""
 NO_BETTER = "no other candidate lowers the held-out prediction error"
-Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
-"""Function that extends the diagnosis of a vehicle and a recording beyond the catalogue."""
 
 
 def explain(
