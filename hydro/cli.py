@@ -71,19 +71,8 @@ FAMILIES = tuple(one for modules in SECTIONS.values() for one in modules if hasa
 """Modules whose commands stand under one name, such as `hydro rl`."""
 
 
-class Sectioned(TyperGroup):
+class Sectioned(help_.Pasted, TyperGroup):
     """Group of commands whose help lists them by section, with the summaries in one column."""
-
-    def format_help_text(self, ctx: Any, formatter: Any) -> None:
-        """Write the summary, and the examples as they are pasted.
-
-        Args:
-            ctx: Context of the parser.
-            formatter: Formatter of the help text; receives them.
-        """
-        formatter.write_paragraph()
-        with formatter.indentation():
-            formatter.write_text(help_.short(self.help or ""))
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the commands; the last line of the help names the options, so that all fits one screen.

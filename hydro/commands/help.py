@@ -41,8 +41,10 @@ def short(text: str) -> str:
     return "\n\n".join(kept)
 
 
-class Screen(TyperCommand):
-    """Command whose help fits one screen."""
+class Pasted:
+    """Command or group whose help shows examples as they are pasted."""
+
+    help: str | None
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
         """Write the summary, the paragraph and the examples.
@@ -54,6 +56,10 @@ class Screen(TyperCommand):
         formatter.write_paragraph()
         with formatter.indentation():
             formatter.write_text(short(self.help or ""))
+
+
+class Screen(Pasted, TyperCommand):
+    """Command whose help fits one screen."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words of the usage line: required arguments as they are, others in brackets.
