@@ -40,15 +40,6 @@ HORIZONS = (1.0, 5.0, 20.0)
 """Prediction horizons [s]."""
 AHEAD = 5.0
 """Prediction horizon at which vehicles are compared [s]."""
-FASTEST = 2.0
-"""Frequency of the fastest change of force that counts [Hz]."""
-BANDS = (
-    ("in motions slower than 10 s", 0.0, 0.1),
-    ("in motions of 2 to 10 s", 0.1, 0.5),
-    ("in motions of 0.5 to 2 s", 0.5, FASTEST),
-    ("in motions faster than 0.5 s", FASTEST, np.inf),
-)
-"""Frequency bands [Hz], named by the period of the motion."""
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 """Bound on errors where a predicted motion diverges [m, rad, m/s, rad/s]."""
 PREDICTIONS_TOGETHER = 64
