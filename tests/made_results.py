@@ -23,20 +23,7 @@ from hydro.io.table import conform
 VEHICLE = vehicles.parse(studies.TEXT)
 CHI2 = (9.0, 4.0, 1.1)
 DT = 0.02
-CURRENT = Finding(
-    "missing",
-    "ocean_current",
-    ("ocean_current",),
-    share=0.41,
-    low=0.33,
-    high=0.52,
-    confidence=0.93,
-    p_value=0.0005,
-    parameters={"v_N": 0.26, "v_E": 0.24, "v_D": 0.0},
-    standard_errors={"v_N": 0.012, "v_E": 0.013, "v_D": 0.01},
-    advice="add it with `hydro add`",
-    error_added=0.06,
-)
+CURRENT = replace(studies.FOUND_CURRENT, members=("ocean_current",), error_added=0.06)
 GAIN = Finding(
     "suspect", "thruster_gain", ("thruster_gain",), share=0.2, confidence=0.7, parameters={"g": [0.0] * 8}
 )

@@ -42,22 +42,25 @@ def comparison(scale: float = 1.0, worst: str = "while turning right above 0.8 m
     )
 
 
+FOUND_CURRENT = Finding(
+    "missing",
+    "ocean_current",
+    ("ocean_current", "tether"),
+    share=0.41,
+    low=0.33,
+    high=0.52,
+    confidence=0.93,
+    p_value=0.0005,
+    parameters={"v_N": 0.26, "v_E": 0.24, "v_D": 0.0},
+    standard_errors={"v_N": 0.012, "v_E": 0.013, "v_D": 0.01},
+    advice="add it with `hydro add`",
+)
+
+
 def found() -> pl.DataFrame:
     """A diagnosis with a finding of every verdict that stands beside others."""
     findings = (
-        Finding(
-            "missing",
-            "ocean_current",
-            ("ocean_current", "tether"),
-            share=0.41,
-            low=0.33,
-            high=0.52,
-            confidence=0.93,
-            p_value=0.0005,
-            parameters={"v_N": 0.26, "v_E": 0.24, "v_D": 0.0},
-            standard_errors={"v_N": 0.012, "v_E": 0.013, "v_D": 0.01},
-            advice="add it with `hydro add`",
-        ),
+        FOUND_CURRENT,
         Finding(
             "cannot_tell_apart",
             "thruster_gain",
