@@ -147,9 +147,9 @@ def diagnose(
 
     The thrusters are audited first, as by hydro check VEHICLE LOG. If their directions or the order of the
     columns contradict the file, that is the only finding, because it would distort all others.
-    --correct-thrusters goes on with directions and order as the audit states them.
+    --correct-thrusters continues with directions and order as the audit states them.
 
-    The file's own effects are re-estimated before the tests, except those that the file holds as `known` or
+    The effects of the file are re-estimated before the tests, except those that the file holds as `known` or
     --known names. A recording that clearly contradicts a known value is a finding. The covariance of all
     values is written next to the table that -o names.
 

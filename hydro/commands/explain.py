@@ -73,16 +73,16 @@ def explain(
 ) -> None:
     r"""Find missing effects, add them one by one and show the errors.
 
-    Step 0 is the vehicle file as given. Each step adds the effect that explains most, re-estimates it
-    together with the file's own effects and all that was added before, and measures the error on held-out
-    data. It ends when nothing more is found, or when a step raises that error.
+    Step 0 is the vehicle file as given. Each step adds the effect that explains most, re-estimates all
+    effects together, and measures the error on held-out data. It ends when nothing more is found, or when a
+    step raises that error.
 
         hydro explain vehicle.toml raw.parquet --holdout other.parquet -o study
         hydro explain vehicle.toml after.parquet --before before.parquet \
           -o study
 
-    The second one adds what has changed since another recording. An interrupted study goes on where it
-    stopped.
+    The second one adds what has changed since another recording. An interrupted study resumes
+    where it stopped.
 
     Details:
 

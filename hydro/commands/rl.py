@@ -79,9 +79,8 @@ def train(
     """Train a policy by SAC; --recipe demos starts with imitation.
 
     Stage 1 is point to point, stage 2 a slalom, stage 3 a forest of pillars. DIR gets the policy, every
-    choice and the evaluations. The same command again goes on where it stopped. --randomise posterior draws
-    the vehicle of each episode from the covariance beside its file, --randomise 0.2 from 20 % about its
-    values.
+    choice and the evaluations. The same command again resumes. --randomise posterior draws the vehicle of
+    each episode from the covariance stored next to its file, --randomise 0.2 from 20 % about its values.
 
         hydro rl train vehicle.toml --recipe demos --randomise posterior -o run
 

@@ -61,7 +61,7 @@ def learnt(before: Mapping[str, Any]) -> str:
 
 
 def told(parameters: Mapping[str, Any], chi2: tuple[float, ...]) -> str:
-    """Return what a recording before has taught, and what a diagnosis leaves after, in sentences.
+    """Return sentences on the hull-force model and on the residual after the changes.
 
     Args:
         parameters: Of the diagnosis.

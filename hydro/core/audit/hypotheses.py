@@ -256,7 +256,7 @@ class _Fit:
     def errors(self, signs: Array) -> tuple[Array, Array]:
         """Slope and curvature of the likelihood in each acceleration per newton, given all signs (6, n).
 
-        The effectivenesses are integrated out: what they may explain is no error.
+        The effectivenesses are integrated out, so a residual that they can explain does not count.
         """
         whole, slope, _ = self.summed()
         scale = SCALES[int(self.evidence(signs[None])[0].argmax())]
