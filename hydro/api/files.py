@@ -114,8 +114,8 @@ def import_log(
             merged by time, and those that do not overlap are sessions, named by their files.
         map: what the columns mean: a map file (`hydro import --write-map` begins one) or a `LogMap`; by
             default guessed from the columns' names.
-        rate: rows per second; by default the median of the channels' own rates, or the fastest of them
-            where it is plainly faster.
+        rate: rows per second; by default the median of the rates of the channels, or the fastest of them
+            if it is clearly faster, but at most 50.
         strict: refuse a log whose motion contradicts the map.
         fill: values in every row, on lines between the samples of a sensor slower than the rows; by default
             such a column is null between its samples.

@@ -44,7 +44,7 @@ def import_(
             min=0.1,
             max=10_000.0,
             show_default=False,
-            help="Rows per second; default: from the channels.",
+            help="Rows per second; default: from the channels, at most 50.",
             rich_help_panel=ADVANCED,
         ),
     ] = None,

@@ -72,6 +72,9 @@ ROUNDED = 1e-6  # rounding tolerance in sample times
 PIECES, LEAST_ROWS = 16, 50_000
 """Maximum number of pieces and minimum rows of a piece in resampling; pieces limit the memory of rotations.
 """
+FASTEST_ROWS = 50.0
+"""Most rows per second unless a rate is given [Hz], the rate of the reference data.  Motion and thrust of an
+underwater vehicle change below 10 Hz; more rows only cost time in every fit."""
 SLOWER = 1.5
 """Ratio of a channel's step to the sample time above which rows between its samples are empty."""
 
@@ -89,7 +92,7 @@ def raw_table(
         logs: The sessions of the log.
         meaning: The map of its columns.
         rate: Rows per second [Hz]; by default the median of the channels' rates, or the fastest rate if it is
-            clearly faster; with `fill` always the median.
+            clearly faster (with `fill` always the median), but at most FASTEST_ROWS.
         fill: Whether to interpolate a value in every row.
 
     Raises:
@@ -106,6 +109,10 @@ def raw_table(
     dt = 1.0 / rate if rate is not None else sample_time(steps)
     if rate is None and not fill and min(steps) * SLOWER <= dt:
         dt = sample_time([min(steps)])
+    notes = samples.notes
+    if rate is None and dt * FASTEST_ROWS < 1.0 - ROUNDED:
+        notes = (*notes, f"{1.0 / dt:.4g} samples/s resampled to {FASTEST_ROWS:g} rows/s; --rate keeps more")
+        dt = 1.0 / FASTEST_ROWS
     extent.require_rows(sum(float(log.t[-1] - log.t[0]) for log in logs if len(log.t)) / dt)
     parts = []
     for log, gated in zip(logs, samples.gated, strict=True):
@@ -129,7 +136,7 @@ def raw_table(
         gaps=tuple(gap for log, t, *_ in full for gap in _gaps(log.name, t, dt)),
         left_out=tuple(log.name for log, t, *_ in parts if not len(t)),
         clipped={command_column(i): int(count) for i, count in enumerate(clipped) if count},
-        notes=samples.notes,
+        notes=notes,
     )
 
 
