@@ -260,6 +260,8 @@ def _searched_for(
     search, outcome = searched(some, progress, provisional)
     if search.baseline is not baseline and outcome.model.normal.chi2 <= LOUD:
         search, outcome = searched(baseline, progress)
+    if not (outcome.found or search.wrong(outcome)):
+        search, outcome = simplest(search, outcome, part(progress, 0.4, 0.45))
     baseline = search.baseline
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, part(progress, 0.4, 1.0))
@@ -323,6 +325,30 @@ def searched(
     if first.waits(found.model, found.found, LOUD):
         found = first.grow(part(progress, 0.3, 0.45), found)
     return first, found
+
+
+def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Search, Outcome]:
+    """Return the search, or a simpler one that changes effects singly, where refitted values are absurd.
+
+    All existing effects of the file are refitted before a search.  Together they can absorb an effect that
+    the file lacks.  Then a second search holds them at the file's values, and refits one of them only if that
+    explains most.  By the penalty for parameters, the simpler explanation is returned.
+
+    Args:
+        search: Search that found nothing.
+        outcome: Its outcome.
+        progress: Called with a short text and the share of the work done.
+    """
+    baseline, refitted = search.baseline, search.baseline.refitted
+    if not refitted.unknown.entries or not np.isfinite(baseline.given.normal.cost):
+        return search, outcome
+    if greatest_change(baseline.beforehand, refitted.unknown.entries, refitted.values).deviations <= ABSURD:
+        return search, outcome
+    held = Search(replace(baseline, effects=(), refitted=baseline.given))
+    other = held.grow(progress)
+    if not other.found or held.wrong(other) or other.model.penalised.sum() > refitted.penalised.sum():
+        return search, outcome
+    return held, other
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:

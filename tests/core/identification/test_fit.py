@@ -13,9 +13,10 @@ import synthetic
 from recordings import DAMPING, damped, moved, noisy
 from scipy.integrate import quad
 from scipy.stats import norm
+from sinks import sunk
 
 from hydro.core.cleaning.cleaned import cleaned
-from hydro.core.columns import POSE, VELOCITY
+from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.findings import extended
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
@@ -409,26 +410,6 @@ def test_columns_that_are_not_what_they_are_called_stop_a_fit():
 
 
 BLUEROV2 = Path(__file__).resolve().parents[3] / "datasets" / "vehicles" / "bluerov2_heavy.toml"
-
-
-def sunk(seed, *, attitude):
-    """Three sinks of 9 s, thrusters off, trimmed by 5 degrees; depth at 3 Hz, attitude at 10 Hz."""
-    rng, parts = np.random.default_rng(seed), []
-    for number in range(3):
-        t = np.arange(90) * 0.1
-        z = 0.12 + 0.113 * t + 0.002 * rng.standard_normal(len(t))
-        angles = np.array([0.0, 0.09, 0.0]) + 0.001 * rng.standard_normal((len(t), 3))
-        shown = np.where(np.arange(len(t)) % 3 == 0, z, np.nan)
-        parts.append(
-            pl.DataFrame({"session": [f"s{number}"] * len(t), "t": t, "z": shown})
-            .with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("x", "y", *VELOCITY))
-            .with_columns(
-                pl.Series(name, column if attitude else np.full(len(t), np.nan))
-                for name, column in zip(POSE[3:], angles.T, strict=True)
-            )
-            .with_columns(pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8))
-        )
-    return pl.concat(parts).with_columns(pl.col("z", *POSE[3:]).fill_nan(None))
 
 
 @pytest.mark.parametrize("seed", range(2))
