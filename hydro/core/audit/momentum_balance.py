@@ -283,6 +283,7 @@ class _Axis:
         weights: Of the windows, by what samples show, (W,).
         filter: Autoregressive coefficients of the errors, (ORDER,).
         spread: Standard deviation of the whitened errors.
+        noise: Autocovariance of the sensor's noise over the windows, (ORDER + 1,).
     """
 
     shown: bool
@@ -293,6 +294,7 @@ class _Axis:
     weights: Array
     filter: Array
     spread: float
+    noise: Array
 
     def filtered(self, values: Array) -> Array:
         """Errors whitened: each window less what those before it foretell, in units of the spread."""
@@ -333,8 +335,15 @@ class _Axis:
             plain = replace(axis, filter=_autoregression(errors, axis.consecutive), spread=1.0)
             squares = float((plain.filtered(errors) ** 2).sum())
             room = max(len(errors) - freedom, 0.1 * len(errors))
-            axis = replace(plain, spread=max(float(np.sqrt(squares / room)), 1e-12))
+            axis = replace(plain, spread=float(np.sqrt(max(squares / room, plain.least_variance, 1e-24))))
         return axis
+
+    @property
+    def least_variance(self) -> float:
+        """Variance of the sensor's noise after the filter: the errors of a short recording can look smaller."""
+        taps = np.concatenate([[1.0], -self.filter])
+        lags = np.abs(np.subtract.outer(np.arange(len(taps)), np.arange(len(taps))))
+        return float(taps @ self.noise[lags] @ taps)
 
     def reduced(self, pushed: Array, count: int) -> tuple[Array, Array]:
         """Products of the thrust columns and the accelerations, nuisance terms integrated out.
@@ -439,6 +448,7 @@ class _Terms:
             weights=weights,
             filter=np.zeros(ORDER) if known is None else known.filter,
             spread=max(float(np.std(left)), 1e-12) if known is None else known.spread,
+            noise=windows.noise(ORDER)[:, axis] * float(np.mean(weights**2)),
         )
 
     def _lever(self, axis: int, nu: Array) -> Array:

@@ -52,6 +52,7 @@ class Windows:
         starts: Place in `rows` of the first row of each window, (W,).
         test: phi at the rows of a window, times dt, (L,).
         slope: phi' at these rows, (L,).
+        sigma: Standard deviation of the white noise of velocity and position, row by row, (9,).
         whitener: W with W^T W the inverse covariance of a window's residuals, (9, 9).
         freedom: Number of independent equations per window, one number or (W,).
         share: Share of all possible windows of the recording.
@@ -65,6 +66,7 @@ class Windows:
     starts: Rows
     test: Array
     slope: Array
+    sigma: Array
     whitener: Array
     freedom: int | Array
     share: float
@@ -105,7 +107,8 @@ class Windows:
         test = (1.0 - s**2) ** 3 * record.dt
         slope = -6.0 * s * (1.0 - s**2) ** 2 / (0.5 * (length - 1))
         known = noise(record) if sigma is None else np.asarray(sigma, float)
-        spread = np.concatenate([known[6:], known[:3]]) * np.linalg.norm(slope)
+        known = np.concatenate([known[6:], known[:3]])
+        spread = known * np.linalg.norm(slope)
         eta, nu = smoothed(record)
         first = room[_runs(room.size, most, run)]
         rows = np.unique(first[:, None] + np.arange(length))
@@ -120,6 +123,7 @@ class Windows:
             starts=np.searchsorted(rows, first),
             test=test,
             slope=slope,
+            sigma=known,
             whitener=np.diag(1.0 / np.maximum(spread, 1e-6)),
             freedom=freedom if weights is None else np.maximum(freedom * (weights > 0.0).mean(axis=1), 1.0),
             share=first.size / room.size,
@@ -171,6 +175,14 @@ class Windows:
         """
         window = self.starts[:, None] + np.arange(self.test.size)
         return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
+
+    def noise(self, lags: int) -> Array:
+        """Return the autocovariance of white velocity noise over neighbouring windows, (lags + 1, 6)."""
+        step, length = self.test.size // 2, self.test.size
+        sums = [
+            float(self.slope[: max(length - k * step, 0)] @ self.slope[k * step :]) for k in range(lags + 1)
+        ]
+        return np.outer(sums, self.sigma[:6] ** 2)
 
     def drifting(self, model: Candidate) -> Array:
         """Return the acceleration of a vehicle without thrust, at the rows of the windows, (K, 6)."""
