@@ -340,7 +340,7 @@ class _Axis:
 
     @property
     def least_variance(self) -> float:
-        """Variance of the sensor's noise after the filter: the errors of a short recording can look smaller."""
+        """Variance of the sensor's noise after the filter; errors of a short recording can look smaller."""
         taps = np.concatenate([[1.0], -self.filter])
         lags = np.abs(np.subtract.outer(np.arange(len(taps)), np.arange(len(taps))))
         return float(taps @ self.noise[lags] @ taps)
