@@ -66,3 +66,15 @@ def test_windows_that_show_half_of_an_equation_count_half_in_its_weight(windows)
     lighter, changed = replace(windows, known=known).reweighted(left(np.full(9, 2.0)))
     assert changed
     np.testing.assert_allclose(lighter.whitener, windows.whitener / (2.0 * np.sqrt(5.0)))
+
+
+def test_the_noise_of_neighbouring_windows_has_the_stated_autocovariance(windows):
+    rng, lags = np.random.default_rng(0), 2
+    noise = rng.standard_normal((len(windows.rows), 6)) * windows.sigma[:6]
+    # Draw many series over the same windows: their sums have the covariance that the formula gives.
+    series = [windows.changes(rng.permutation(noise)) for _ in range(400)]
+    expected = windows.noise(lags)
+    scale = expected[0]
+    for lag in range(lags + 1):
+        found = np.mean([(one[: len(one) - lag] * one[lag:]).mean(axis=0) for one in series], axis=0)
+        np.testing.assert_allclose(found / scale, expected[lag] / scale, atol=0.15)
