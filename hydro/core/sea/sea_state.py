@@ -69,9 +69,8 @@ DRIFT_MARGIN = 0.05
 FIT_OPTIONS = {"ftol": 1e-9, "maxiter": 500}  # tolerance and iteration limit of the likelihood fit
 LEAST_START_RATIO = 12.0
 """Minimum of twice the log likelihood ratio at the initial values for a fit to start."""
-EIGENVALUE_FLOOR = (
-    1e-12  # lower bound of the eigenvalues of a spectral matrix, relative to the largest: rounding
-)
+EIGENVALUE_FLOOR = 1e-12
+"""Lower bound of the eigenvalues of a spectral matrix relative to the largest, against rounding."""
 
 
 @dataclass(frozen=True)
