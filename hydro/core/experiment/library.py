@@ -1,8 +1,8 @@
 """Open-loop manoeuvres that a vehicle's thrusters can fly: named command tables.
 
 Each excites the differences between some effects.  Heading sweeps show a current, coasting separates the
-kinds of damping, and drift angles show lift.  Static tilts show weight and trim, chirps show lags and added mass,
-and single thrusters show their gains.  Sines on all axes show effects that need several motions at once.
+kinds of damping, and drift angles show lift.  Static tilts show weight and trim, chirps show lags and added
+mass, and single thrusters show their gains.  Sines on all axes show effects that need several motions.
 """
 
 from __future__ import annotations
