@@ -89,7 +89,7 @@ def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = 
     flying = [Variant(_name(model), model.name, model) for model in models]
     known = {variant.name: variant for variant in (*BASELINES, *flying, EFFECTS)}
     if len(known) < len(BASELINES) + len(flying) + 1:
-        raise UsageError("two models of one kind cannot be told apart in one replay; replay them one by one")
+        raise UsageError("two models of one kind have the same name in one replay; replay them one by one")
     unknown = [name for name in names or () if name not in known]
     if unknown:
         raise UsageError(

@@ -46,7 +46,7 @@ class Physics:
         count = round(period / self.timestep)
         if count < 1 or abs(count * self.timestep - period) > 1e-6 * period:
             raise UsageError(
-                f"{what} of {period:g} s is no multiple of the physics step of {self.timestep:g} s; "
+                f"{what} of {period:g} s is not a multiple of the physics step of {self.timestep:g} s; "
                 "choose another step"
             )
         return count

@@ -51,9 +51,7 @@ class Craft(NamedTuple):
         )
         taken = inertia - coriolis + cancelled
         if felt.control is None and taken.any():
-            raise UsageError(
-                f"{vehicle.name}: inertia without its Coriolis forces flies beside a residual network alone"
-            )
+            raise UsageError(f"{vehicle.name}: inertia without its Coriolis forces needs a residual network")
         program = felt.program.flat.copy()
         constants, M = constants_of(program), mass_matrix(vehicle) + inertia
         if not np.array_equal(constants[MASS_MATRIX : MASS_MATRIX + 36], M.ravel()):

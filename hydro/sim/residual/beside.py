@@ -52,7 +52,7 @@ def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
     if refused:
         raise DataError(
             f"{', '.join(dict.fromkeys(refused))} of {vehicle.name}: not as in the vehicle file that the "
-            "network's labels were made with, and cannot act beside it; replay with that file, or train on "
+            "network's labels were made with, and cannot be added to it; replay with that file, or train on "
             "labels of this one (`hydro labels --subtract effects`)"
         )
     return tuple(new)

@@ -53,7 +53,9 @@ class StonefishPlant:
         """
         ticks = round(period * RATE)
         if ticks < 1 or abs(ticks - period * RATE) > 1e-6:
-            raise UsageError(f"the control step of {period:g} s is no multiple of Stonefish's {1 / RATE:g} s")
+            raise UsageError(
+                f"the control step of {period:g} s is not a multiple of Stonefish's {1 / RATE:g} s"
+            )
         if count > MAX_VEHICLES:
             raise UsageError(
                 f"{count} vehicles are {count} processes of Stonefish: ask for {MAX_VEHICLES} at most"

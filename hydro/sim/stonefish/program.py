@@ -69,7 +69,7 @@ def installed() -> str:
     named = os.environ.get(VARIABLE)
     found = shutil.which(named or NAME)
     if found is None:
-        where = f"{VARIABLE}={shown(named)} is no program" if named else f"{NAME} is not on the PATH"
+        where = f"{VARIABLE}={shown(named)} is not a program" if named else f"{NAME} is not on the PATH"
         raise UsageError(
             f"{where}: build it from bridge/stonefish of hydro's repository, with Stonefish "
             f"{'.'.join(map(str, OLDEST))} or later (docs/stonefish.md), and put it on the PATH or name "
