@@ -193,7 +193,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def content_hash(frame: pl.DataFrame) -> str:
-    """SHA-256 of a table's columns in canonical form.
+    """Return the SHA-256 of a table's columns in canonical form.
 
     Each column is hashed separately: its logical type, its missing rows, and its values.  Values are
     little-endian float64 or int64, or UTF-8 with their lengths.  The hash of the table is one hash over these
