@@ -18,9 +18,9 @@ import pytest
 
 from hydro import cli
 from hydro.core.errors import DataError, UsageError
+from hydro.io.file_kind import kind
 from hydro.io.files import bundled, read_bytes
 from hydro.io.log import opened
-from hydro.io.mistaken import kind
 
 RAW = bundled("stonefish") / "sample.parquet"
 VEHICLE = bundled("stonefish") / "vehicle.toml"
@@ -98,7 +98,7 @@ def test_a_terminal_as_stdin_is_told_as_what_it_is() -> None:
 
 
 def test_the_null_device_is_empty() -> None:
-    with pytest.raises(DataError, match="empty, not a single byte"):
+    with pytest.raises(DataError, match="empty file"):
         read_bytes(os.devnull)
 
 

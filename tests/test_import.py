@@ -142,7 +142,7 @@ def test_commands_beyond_full_thrust_are_clipped_and_counted(
 
 BAD = {
     "unknown names": ("a,b\n1,2\n", None, "the columns' names do not identify time, position, attitude"),
-    "no data": ("t,x\n", None, "no rows below the names of its columns"),
+    "no data": ("t,x\n", None, "no rows after the header"),
     "not a log": ("hello", None, "not a table"),
     "bad map": ("t,x\n1,2\n", "[time]\ncolumn = 't'\nunit = 'h'", "map.toml: time.unit: expected s or ms"),
 }
@@ -169,7 +169,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
-        ('"dvl_z"', '"dvl_q"', "no column is called dvl_q, as the map says in velocity: did you mean dvl_"),
+        ('"dvl_z"', '"dvl_q"', "no column is called dvl_q, which the map names in velocity: did you mean dv"),
         ('"servo7_raw", "servo8_raw",', "", "the map names 6 commands, but"),
         ('unit = "pwm"', "", "column servo1_raw, the command of thruster 1, reaches 1"),
         ('column = "run"', 'name = "all"', "example.csv: column time_ms goes backwards"),

@@ -108,7 +108,7 @@ def test_a_late_sensor_is_refused_under_strict_and_put_right_by_its_line(
     [
         ("drive_{session}", "wrench_{session}", "drive_0.csv: fits none of the map's tables"),
         ("drive_{session}", "*_{session}", "state_0.csv: fits several of the map's tables"),
-        ('"force.y"]', '"force.q"]', "no file has a column that the map calls force.q"),
+        ('"force.y"]', '"force.q"]', "no file has the column force.q of the map"),
         (
             'columns = ["x", "y", "z"]',
             'columns = ["%time", "y", "z"]',

@@ -257,9 +257,9 @@ BAD = {
     "no such map": (["dive.csv", "--map", "nowhere.toml"], 1, "nowhere.toml: no such file"),
     "a map that is none": (["dive.csv", "--map", VEHICLE], 1, "bluerov2_heavy.toml"),
     "a map of another log": (["alien.csv", "--map", MAP], 1, "no column is called"),
-    "an empty log": (["empty.csv", "--map", MAP], 1, "empty.csv: empty, not a single byte"),
+    "an empty log": (["empty.csv", "--map", MAP], 1, "empty.csv: empty file"),
     "what is no log": (["noise.bin", "--map", MAP], 1, "its first bytes are of no known format"),
-    "a folder": (["folder", "--map", MAP], 1, "a folder without metadata.yaml"),
+    "a folder": (["folder", "--map", MAP], 1, "without metadata.yaml this folder is not"),
 }
 
 

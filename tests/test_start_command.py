@@ -327,7 +327,7 @@ def test_thrusters_of_no_known_vehicle_ask_for_one(here: Path) -> None:
     [
         (["none.csv"], 1, "none.csv: no such file or folder"),
         (["rov.toml"], 1, "rov.toml"),
-        (["empty.csv"], 1, "empty.csv: empty, not a single byte"),
+        (["empty.csv"], 1, "empty.csv: empty file"),
         (["-"], 2, "give a file, not -"),
         (
             ["dive.csv", "--map", "rov.toml", "--rates", "none"],

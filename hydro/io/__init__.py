@@ -1,1 +1,1 @@
-"""Artefacts in and out: schemas, Parquet tables, provenance, vehicle files, models."""
+"""Reading and writing of artefacts: schemas, Parquet tables, provenance, vehicle files, models."""

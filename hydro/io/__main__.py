@@ -1,4 +1,4 @@
-"""`python -m hydro.io` writes the schema files that are made from structs: vehicle, map and footer."""
+"""`python -m hydro.io`: write the schema files generated from structs (vehicle, map and footer)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.io.schema import FOLDER
 
 
 def generated() -> dict[str, bytes]:
-    """Content by file name."""
+    """Return the content of each generated schema file by file name."""
     schemas = {
         "vehicle.schema.json": vehicle.json_schema(),
         "map.schema.json": logmap.json_schema(),

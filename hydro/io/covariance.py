@@ -1,7 +1,7 @@
-"""The covariance of estimated numbers, in a file of its own beside the vehicle file or diagnosis with them.
+"""Covariance of estimated values, in a separate file next to their vehicle file or diagnosis.
 
-`vehicle.toml` has `vehicle.covariance.parquet` beside it.  A vehicle file may be edited since: a covariance
-of other values than the file's is not used, and that is said.
+The covariance of `vehicle.toml` is in `vehicle.covariance.parquet`.  The vehicle file may have been edited
+since.  A covariance of other values than those of the file is ignored, with a warning.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ KIND = "covariance"
 
 
 def beside(path: str | Path) -> Path:
-    """Where the covariance of a vehicle file, or of a diagnosis, is."""
+    """Return the path of the covariance of a vehicle file or diagnosis."""
     return Path(path).with_name(f"{Path(path).stem}.{KIND}.parquet")
 
 
@@ -36,15 +36,17 @@ def write(
     vehicle_text: str,
     parameters: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a covariance beside a vehicle file or a diagnosis; none of no numbers, nor beside a device.
+    """Write a covariance next to a vehicle file or diagnosis.
+
+    Nothing is written if there are no values or the file is a device.
 
     Args:
-        estimates: The numbers as the file has them.
-        path: The file that it is for.
-        stage: The command.
-        inputs: What the numbers were estimated from.
+        estimates: Estimated values as the file has them.
+        path: The vehicle file or diagnosis.
+        stage: Command.
+        inputs: Artefacts that the values were estimated from.
         vehicle_text: Text of the vehicle file.
-        parameters: What else its footer says.
+        parameters: Further parameters in the footer.
     """
     if not (estimates.entries and Path(path).is_file()):
         return
@@ -56,17 +58,17 @@ def write(
 
 
 def read(path: str | Path, vehicle: Vehicle | None = None) -> tuple[Estimates | None, str]:
-    """The covariance beside a vehicle file or a diagnosis.
+    """Read the covariance of a vehicle file or diagnosis.
 
     Args:
-        path: The file that it is for.
-        vehicle: What the file says, to hold the values against.
+        path: The vehicle file or diagnosis.
+        vehicle: Vehicle of the file, whose values the covariance must match.
 
     Returns:
-        The estimates, None where there is no such file or it is of other values; and then what to say of it.
+        Estimates, or None if there is no such file or it is of other values; and a warning, or an empty text.
 
     Raises:
-        DataError: There is such a file, but it is broken.
+        DataError: The covariance file is damaged.
     """
     place = beside(path)
     if not place.exists():
@@ -77,10 +79,10 @@ def read(path: str | Path, vehicle: Vehicle | None = None) -> tuple[Estimates | 
 
 
 def of(artefact: Artefact, name: str = KIND) -> Estimates:
-    """The estimates of a covariance table.
+    """Return the estimates of a covariance table.
 
     Raises:
-        DataError: The rows are of different lengths, or no covariance has such correlations.
+        DataError: The rows have different lengths, or the correlations are not symmetric.
     """
     lengths = artefact.frame["correlation"].list.len().to_list()
     if lengths != [artefact.frame.height] * artefact.frame.height:
@@ -92,7 +94,7 @@ def of(artefact: Artefact, name: str = KIND) -> Estimates:
 
 
 def with_errors(vehicle: Vehicle, estimates: Estimates) -> Vehicle:
-    """The vehicle with the standard errors of estimates in its tables, where these state none."""
+    """Return the vehicle with standard errors from estimates in the tables that have none."""
     stated = {table["name"] for table in vehicle.effect if "standard_error" in table}
     errors: dict[str, dict[str, object]] = {}
     for entry, error in zip(estimates.entries, estimates.errors, strict=True):

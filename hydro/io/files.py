@@ -1,4 +1,4 @@
-"""Bytes in and out of files and pipes: whole or not at all, and every failure reported in one line."""
+"""Reading and atomic writing of files and pipes; every failure is an error of one line."""
 
 from __future__ import annotations
 
@@ -37,29 +37,29 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def bundled(name: str) -> Path:
-    """A bundled data set or vehicle file, inside an installed package or beside it in a checkout."""
+    """Return the path of a bundled data set or vehicle file, in a package or a checkout."""
     packaged = _PACKAGE / "_datasets"
     return (packaged if packaged.is_dir() else _PACKAGE.parent / "datasets") / name
 
 
 def name_of(place: Source, stream: str = "stdin") -> str:
-    """What an error line calls this place: the path as given, or `stream` for a stream."""
+    """Return the name of a place in error messages: the path as given, or `stream` for a stream."""
     return shown(os.fspath(place)) if isinstance(place, str | Path) else stream
 
 
 def explained(name: str, error: OSError) -> DataError:
-    """The one-line error for a failure of the operating system at `name`."""
+    """Return an error of one line for a failure of the operating system at `name`."""
     reason = (error.strerror or str(error) or type(error).__name__).splitlines()[0]
     remedy = _REMEDIES.get(error.errno or 0, f"{reason}: check the device and run again")
     return DataError(f"{name}: {remedy}")
 
 
 def read_bytes(source: Source) -> bytes:
-    """All bytes of a file, or of a stream up to its end.
+    """Read all bytes of a file or stream.
 
     Raises:
-        DataError: the path cannot be read or is a device, or nothing came in.
-        UsageError: the stream is a terminal.
+        DataError: The path cannot be read or is a device, or there are no bytes.
+        UsageError: The stream is a terminal.
     """
     name = name_of(source)
     try:
@@ -68,19 +68,17 @@ def read_bytes(source: Source) -> bytes:
     except OSError as error:
         raise explained(name, error) from error
     if not content:
-        raise DataError(
-            f"{name}: empty, not a single byte: did the command that should have written it fail?"
-        )
+        raise DataError(f"{name}: empty file: did the command that should have written it fail?")
     return content
 
 
 def refuse_device(source: Source) -> None:
-    """Refuse an input that may never end: a disk, a terminal or /dev/zero; files and pipes pass.
+    """Refuse an input that may never end: a disk, a terminal or /dev/zero.  Files and pipes are allowed.
 
     Raises:
-        DataError: it is a device, and not the null device, which is empty.
-        UsageError: the stream is a terminal.
-        OSError: there is no such path.
+        DataError: It is a device other than the null device, which is empty.
+        UsageError: The stream is a terminal.
+        OSError: There is no such path.
     """
     if isinstance(source, str | Path):
         found = os.stat(source)
@@ -97,10 +95,10 @@ def refuse_device(source: Source) -> None:
 
 
 def check_file(destination: str | Path) -> None:
-    """Refuse a place that `whole_file` could not write to; nothing is written.
+    """Check that `whole_file` could write to a place, without writing.
 
     Raises:
-        DataError: it is a folder, or its folder is missing or cannot be written to.
+        DataError: It is a folder, or its folder is missing or not writable.
     """
     name = os.fspath(destination)
     try:
@@ -112,10 +110,10 @@ def check_file(destination: str | Path) -> None:
 
 
 def check_folder(destination: str | Path) -> None:
-    """Refuse a place that no folder of results can be made at; nothing is made.
+    """Check that a folder of results could be made at a place, without making it.
 
     Raises:
-        DataError: it or a part of its path is a file, or the last folder that exists cannot be written to.
+        DataError: It or a part of its path is a file, or the last existing folder is not writable.
     """
     name = os.fspath(destination)
     target = Path(os.path.realpath(name))
@@ -125,7 +123,7 @@ def check_folder(destination: str | Path) -> None:
 
 
 def _check_writable(name: str, folder: Path) -> None:
-    """Refuse a folder in which no file can be made."""
+    """Check that a file can be made in a folder."""
     if not folder.exists():
         raise explained(name, FileNotFoundError(errno.ENOENT, "no such folder"))
     if not folder.is_dir():
@@ -136,14 +134,14 @@ def _check_writable(name: str, folder: Path) -> None:
 
 @contextlib.contextmanager
 def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
-    """Open a temporary file beside `destination` and rename it when the block ends well.
+    """Open a temporary file in the same folder and rename it to `destination` when the block succeeds.
 
-    Whatever ends the block early (an error, Ctrl-C) removes the temporary file and leaves a former file at
-    `destination` as it was.  The new file has the rights of the former one, and takes the place of none that
-    may not be written.  A symbolic link is followed; a device or a pipe is written to directly.
+    If the block fails (an error, Ctrl-C), the temporary file is removed and an existing file at `destination`
+    stays unchanged.  The new file has the permissions of the old one; a read-only file is not replaced.  A
+    symbolic link is followed.  A device or pipe is written to directly.
 
     Raises:
-        DataError: the operating system refused; the line says what to do.
+        DataError: The operating system refused; the message has the remedy.
     """
     name = os.fspath(destination)
     try:
@@ -161,12 +159,12 @@ def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
 
 
 def _found(name: str) -> os.stat_result | None:
-    """Return what is at a place that is to be written; None where nothing is.
+    """Return the status of an output path, or None if nothing is there.
 
-    The system follows links, as that of /dev/stdout to a pipe, which has no path of its own.
+    The system follows links, such as that of /dev/stdout to a pipe, which has no path of its own.
 
     Raises:
-        OSError: It is a folder, or may not be written.
+        OSError: It is a folder, or it is not writable.
     """
     try:
         found = os.stat(name)
@@ -181,7 +179,7 @@ def _found(name: str) -> os.stat_result | None:
 
 @contextlib.contextmanager
 def _replacing(target: Path, former: os.stat_result | None) -> Iterator[BinaryIO]:
-    """Yield the temporary file that takes the place of `target` at the end, with the rights of the former."""
+    """Yield a temporary file that replaces `target` at the end, with the permissions of the old file."""
     ours = f".{target.name}.{_machine()}-"
     _sweep(target.parent, ours)
     temporary = target.with_name(f"{ours}{os.getpid()}-{secrets.token_hex(2)}{_UNFINISHED}")
@@ -200,7 +198,7 @@ def _replacing(target: Path, former: os.stat_result | None) -> Iterator[BinaryIO
 
 
 def _machine() -> str:
-    """Eight letters for this machine: processes are numbered on it."""
+    """Return eight letters that identify this machine, because process numbers are local to it."""
     import socket
     import zlib
 
@@ -208,7 +206,7 @@ def _machine() -> str:
 
 
 def _sweep(folder: Path, ours: str) -> None:
-    """Remove the temporary files of this name that processes of this machine left when they were killed."""
+    """Remove temporary files of this name whose process on this machine no longer exists."""
     for left in os.listdir(folder) if os.name == "posix" else ():
         if left.startswith(ours) and left.endswith(_UNFINISHED):
             owner = left.removeprefix(ours).partition("-")[0]
@@ -218,7 +216,7 @@ def _sweep(folder: Path, ours: str) -> None:
 
 
 def _alive(process: int) -> bool:
-    """Whether there is a process of this number."""
+    """Check whether a process of this number exists."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
@@ -229,12 +227,12 @@ def _alive(process: int) -> bool:
 
 
 def write_bytes(content: bytes | memoryview, destination: Source) -> None:
-    """Write all of `content` to a file (whole or not at all) or to a binary stream.
+    """Write all of `content` to a file (atomically) or to a binary stream.
 
     Raises:
-        DataError: the operating system refused; the line says what to do.
-        UsageError: the stream is a terminal.
-        BrokenPipeError: the reader of the stream is gone; the shell ends quietly.
+        DataError: The operating system refused; the message has the remedy.
+        UsageError: The stream is a terminal.
+        BrokenPipeError: The reader of the stream has closed; the command then ends without a message.
     """
     if isinstance(destination, str | Path):
         with whole_file(destination) as stream:

@@ -1,4 +1,4 @@
-"""Several files of one recording, each with its own clock, as one log: rows of all in the order of time."""
+"""One log from several files of a recording, each with its own clock: all rows in order of time."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from hydro.io.log import Log, together
 from hydro.io.sessions import clock, named_columns
 
 TIME, SESSION = "time of the row", "session of the file"
-"""Columns of the joined log: nanoseconds since any epoch, and what `{session}` stands for."""
+"""Columns of the joined log: nanoseconds since any epoch, and the text that matched `{session}`."""
 
 
 def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
-    """The rows of several logs in one, with the columns that the map names, and the map that reads it.
+    """Join several logs into one with the columns that the map names, and return a map for it.
 
-    A row has the columns of its own file; those of the others are empty.
+    A row has the columns of its own file; the columns of other files are empty.
 
     Args:
-        logs: The logs, in any order.
-        meaning: The map; its `[[table]]`s say which file has which clock.
+        logs: Logs in any order.
+        meaning: Map, whose `[[table]]`s assign a clock to each file.
 
     Raises:
-        DataError: a file fits no table or several, a table has no file, or a column is in none or in several.
+        DataError: A file fits no table or several, a table has no file, or a column is in no file or several.
     """
     wanted = {name for _, name in named_columns(meaning)}
     where: dict[str, Table] = {}
@@ -60,7 +60,7 @@ def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
 
 
 def _place(log: Log, meaning: LogMap) -> tuple[Table, str]:
-    """The table that a file is of, and its session."""
+    """Return the table that matches a file, and its session."""
     found = []
     name = PurePath(log.name).name
     for table in meaning.table:
@@ -78,19 +78,19 @@ def _place(log: Log, meaning: LogMap) -> tuple[Table, str]:
 
 
 def _columns(log: Log, table: Table, wanted: set[str]) -> dict[str, str]:
-    """Columns of a file that the map names, by what it calls them."""
+    """Return the columns of a file that the map names, by their names in the map."""
     prefix = f"{table.name}." if table.name is not None else ""
     return {prefix + own: own for own in log.frame.columns if prefix + own in wanted}
 
 
 def _require_all(meaning: LogMap, logs: Sequence[Log], wanted: set[str], where: dict[str, Table]) -> None:
-    """Refuse tables without a file, and columns that no file has."""
+    """Check that each table has a file, and each column is in a file."""
     there = {_place(log, meaning)[0] for log in logs}
     for table in meaning.table:
         if table not in there:
-            raise DataError(f"no file is called like {table.files}, a [[table]] of the map: give it too")
+            raise DataError(f"no file matches {table.files} of a [[table]] of the map: give it too")
     if missing := sorted(wanted - where.keys()):
         raise DataError(
-            f"no file has a column that the map calls {', '.join(map(shown, missing))}; columns of a table "
+            f"no file has the column {', '.join(map(shown, missing))} of the map; columns of a table "
             "with a name are called NAME.COLUMN"
         )

@@ -1,7 +1,6 @@
-"""A folder of results for one command at a time.
+"""Lock on a folder of results, so that one command uses it at a time.
 
-The operating system lets go of a lock when its process ends, however it ends: what a kill leaves behind holds
-nobody up.
+The operating system releases the lock when its process ends, even after a kill.
 """
 
 from __future__ import annotations
@@ -21,18 +20,17 @@ from hydro.core.errors import DataError
 from hydro.io.files import explained, name_of
 
 LOCK, OWNER = ".lock", ".owner"
-"""Of a folder that is in use: the lock, and a line about who holds it."""
+"""Files in a locked folder: the lock, and a line that describes its process."""
 
 
 @contextlib.contextmanager
 def alone(folder: str | Path) -> Iterator[None]:
-    """Hold a folder for this process while the block runs; make it where it is missing.
+    """Lock a folder for this process during the block; create the folder if it is missing.
 
-    Folders that were made for it go again if nothing is in them at the end: a command that is refused leaves
-    none.
+    Folders created here are removed at the end if they are empty, so a refused command leaves none.
 
     Raises:
-        DataError: Another process holds it, or the operating system refuses.
+        DataError: Another process holds the lock, or the operating system refuses.
     """
     place = Path(folder)
     made = [one for one in (place, *place.parents) if not one.exists()]
@@ -48,14 +46,14 @@ def alone(folder: str | Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _held(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder that is there."""
+    """Hold the lock of an existing folder."""
     lock, owner = filelock.FileLock(folder / LOCK), folder / OWNER
     try:
         lock.acquire(blocking=False)
-        owner.write_text(_myself(), encoding="utf-8")
+        owner.write_text(_description(), encoding="utf-8")
     except filelock.Timeout:
         raise DataError(
-            f"{name_of(folder)}: in use by {_told(owner)}: wait until it has ended, or name another folder"
+            f"{name_of(folder)}: in use by {_owner(owner)}: wait until it has ended, or name another folder"
         ) from None
     except OSError as error:
         raise explained(str(folder), error) from error
@@ -67,15 +65,15 @@ def _held(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def _myself() -> str:
-    """This process in one line, for whoever comes second."""
+def _description() -> str:
+    """Describe this process in one line, for the error of another process."""
     words = ["hydro", *sys.argv[1:]]
     since = time.strftime("%Y-%m-%d %H:%M:%S")
     return f"process {os.getpid()} on {socket.gethostname()} since {since} (`{shlex.join(words)}`)"
 
 
-def _told(owner: Path) -> str:
-    """What the holder says of itself; it may have ended since."""
+def _owner(owner: Path) -> str:
+    """Return the description of the process that holds the lock; it may have ended meanwhile."""
     try:
         return owner.read_text(encoding="utf-8").strip() or "another process"
     except OSError:

@@ -1,4 +1,4 @@
-"""Logs in any format that a reader knows, and their columns as numbers."""
+"""Logs in any readable format, and their columns as numbers."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from hydro.io.readers.messages import Options, Selection
 from hydro.io.readers.tables import Tables
 
 NOT_A_NUMBER = ("nan", "NaN", "NAN")
-"""What a cell of text says that holds no number."""
+"""Texts of a cell that mean NaN."""
 Reading = Callable[[float], None]
-"""What is called with the share of a file that is read."""
+"""Callback of progress, with the share of a file that has been read."""
 
 
 @dataclass(frozen=True)
 class Log:
-    """A log as it stands.
+    """Log as read from a file.
 
     Attributes:
-        name: What error lines call it.
-        table: Its columns: of a CSV all text, of other tables typed; of messages those of each topic.
-        digest: `sha256:` and the hash of its bytes.
-        more: Lists the columns that it has besides, which nobody wanted; that takes a pass over the log.
-        notes: What its reader has to say, a line each.
-        files: `digest` of every file that it was made of, where there are several.
+        name: Name of the log in error messages.
+        table: Columns: text from a CSV, typed from other tables; of messages, those of each topic.
+        digest: `sha256:` and the hash of the file's bytes.
+        more: Return the columns that were not read, which needs a pass over the log.
+        notes: Notes of the reader, a line each.
+        files: `digest` of every file, if the log was made of several.
     """
 
     name: str
@@ -52,25 +52,25 @@ class Log:
 
     @cached_property
     def frame(self) -> pl.DataFrame:
-        """Its columns in one table: of messages a row for each, which takes memory for all of them."""
+        """All columns in one table; of messages a row for each, which needs memory for all of them."""
         return self.table.wide() if isinstance(self.table, Tables) else self.table
 
     @property
     def names(self) -> list[str]:
-        """All its columns, also those that were not read."""
+        """All columns, including those that were not read."""
         return list(dict.fromkeys((*self.table.columns, *self.more())))
 
     def row(self, index: int) -> str:
-        """What error lines call a row: of a CSV from 1 below its header, of other tables from 0 as in polars.
+        """Return the name of a row in error messages: in a CSV from 1 after the header, elsewhere from 0.
 
         Args:
-            index: from 0.
+            index: Row from 0.
         """
         csv = isinstance(self.table, pl.DataFrame) and set(self.table.dtypes) <= {pl.String}
         return f"row {index + 1}" if csv else f"row {index}"
 
     def texts(self) -> frozenset[str]:
-        """Columns whose first entry is neither a number nor a time of a typed column."""
+        """Return the columns whose first entry is text and not a number."""
         found: list[str] = []
         if isinstance(self.table, Tables):
             return frozenset(found)
@@ -84,12 +84,12 @@ class Log:
 
 @dataclass(frozen=True)
 class LogFile:
-    """A file, or a ROS 2 recording's folder, with the reader that it needs.
+    """File, or folder of a ROS 2 recording, with its reader.
 
     Attributes:
-        name: What error lines call it.
-        path: Where it is.
-        reader: What reads it.
+        name: Name of the file in error messages.
+        path: Path of the file.
+        reader: Reader of its format.
         definitions: Folder with `.msg` files, or None.
     """
 
@@ -100,12 +100,12 @@ class LogFile:
 
     @property
     def stem(self) -> str:
-        """What a session of it is called."""
+        """Name of a session from this file."""
         return self.path.stem if self.name != "stdin" else self.name
 
     @property
     def parts(self) -> list[Path]:
-        """The files that it consists of."""
+        """All files that the log consists of."""
         return (
             sorted(each for each in self.path.rglob("*") if each.is_file())
             if self.path.is_dir()
@@ -114,21 +114,21 @@ class LogFile:
 
     @property
     def size(self) -> int:
-        """Its bytes."""
+        """Size in bytes."""
         return sum(part.stat().st_size for part in self.parts)
 
     def topics(self, progress: Reading | None = None) -> tuple[list[collect.Listed], list[str]]:
-        """What a log of messages has, and what its reader says; none of a table."""
+        """Return the topics of a log of messages, and the reader's notes; a table has no topics."""
         options = self._options(progress)
         if self.reader.messages is None:
             return [], []
         return registry.topics(self.path, self.reader, options), options.notes
 
     def header(self, progress: Reading | None = None) -> Log:
-        """The log's columns: of messages without rows, of a table with them.
+        """Return the log's columns: without rows for messages, with rows for a table.
 
         Raises:
-            DataError: the file cannot be read, or has no messages.
+            DataError: The file cannot be read, or has no messages.
         """
         if self.reader.messages is None:
             return self.read(None, progress)
@@ -139,24 +139,24 @@ class LogFile:
         return Log(self.name, pl.DataFrame(schema=dict.fromkeys(names, pl.Float64)), "")
 
     def read(self, wanted: Iterable[str] | None = None, progress: Reading | None = None) -> Log:
-        """The log, of messages with the wanted columns alone.
+        """Read the log; from messages, only the wanted columns.
 
         Args:
             wanted: Columns; all by default. A table is read whole.
-            progress: Called with the share of the file that is read.
+            progress: Called with the share of the file that has been read.
 
         Raises:
-            DataError: the file cannot be read, is no log, has no rows, or names a column twice.
+            DataError: The file cannot be read, is not a log, has no rows, or names a column twice.
         """
         options = self._options(progress)
         selection = Selection(None if wanted is None else frozenset(wanted))
         found = registry.read(self.path, self.reader, selection, options)
         if found.height == 0 and (wanted is None or self.reader.messages is None):
-            raise DataError(f"{self.name}: no rows below the names of its columns: give a log with data")
+            raise DataError(f"{self.name}: no rows after the header: give a log with data")
         return Log(self.name, found, self._digest(), self._names, tuple(options.notes))
 
     def _names(self) -> Sequence[str]:
-        """Its columns, for hints; none of a file that is gone by now."""
+        """Return all columns for hints; none if the file no longer exists."""
         if self.reader.messages is None or not self.path.exists():
             return ()
         return self.header().frame.columns
@@ -168,7 +168,7 @@ class LogFile:
         return options
 
     def _digest(self) -> str:
-        """The hash of its bytes; of a folder, of all files in it by name."""
+        """Return the hash of the file's bytes; of a folder, of all its files with their names."""
         whole = hashlib.sha256()
         try:
             for part in self.parts:
@@ -184,11 +184,11 @@ class LogFile:
 
 @contextmanager
 def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]:
-    """A log ready to be read; a stream is put into a temporary file first.
+    """Open a log for reading; a stream is copied into a temporary file first.
 
     Raises:
-        DataError: the path cannot be read or is a device, nothing came in, or no reader knows the format.
-        UsageError: the stream is a terminal.
+        DataError: The path cannot be read or is a device, it is empty, or no reader knows the format.
+        UsageError: The stream is a terminal.
     """
     name = name_of(source)
     with tempfile.TemporaryDirectory() as folder:
@@ -196,9 +196,7 @@ def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]
             refuse_device(source)
             path = Path(source) if isinstance(source, str | Path) else _spooled(source, Path(folder))
             if path.is_file() and not path.stat().st_size:
-                raise DataError(
-                    f"{name}: empty, not a single byte: did the command that should have written it fail?"
-                )
+                raise DataError(f"{name}: empty file: did the command that should have written it fail?")
             if not path.is_file() and not path.is_dir():
                 with path.open("rb") as pipe:
                     path = _spooled(pipe, Path(folder))
@@ -209,7 +207,7 @@ def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]
 
 
 def _spooled(stream: BinaryIO, folder: Path) -> Path:
-    """The bytes of a stream in a file, for readers that go back and forth."""
+    """Copy the bytes of a stream into a file, for readers that seek."""
     path = folder / "stream"
     with path.open("wb") as file:
         shutil.copyfileobj(stream, file)
@@ -217,27 +215,27 @@ def _spooled(stream: BinaryIO, folder: Path) -> Path:
 
 
 def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Path | None = None) -> Log:
-    """Read a log in any format that its first bytes tell.
+    """Read a log in any format that its first bytes identify.
 
     Args:
         source: File, folder of a ROS 2 recording, or binary stream.
-        wanted: Of a log of messages, the columns to read; all by default.
+        wanted: Columns to read of a log of messages; all by default.
         definitions: Folder with `.msg` files for ROS messages that the log does not describe.
 
     Raises:
-        DataError: the file cannot be read, is no log, has no rows, or names a column twice.
-        UsageError: the stream is a terminal.
+        DataError: The file cannot be read, is not a log, has no rows, or names a column twice.
+        UsageError: The stream is a terminal.
     """
     with opened(source, definitions) as file:
         return file.read(wanted)
 
 
 def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
-    """A log of several, under the name of the first; its digest does not depend on their order.
+    """Return one log of several, named after the first; its digest does not depend on their order.
 
     Args:
-        logs: What it was made of, at least one.
-        frame: The columns of all.
+        logs: Logs that it was made of, at least one.
+        frame: Columns of all.
     """
     if len(logs) == 1:
         return replace(logs[0], table=frame)
@@ -253,44 +251,45 @@ def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
 
 
 def column(log: Log, name: str, where: str) -> pl.Series:
-    """A column of the log.
+    """Return a column of the log.
 
     Args:
         log: The log.
-        name: What the map calls the column.
-        where: The place in the map, for the error line.
+        name: Name of the column in the map.
+        where: Place in the map, for the error message.
 
     Raises:
-        DataError: there is no such column.
+        DataError: There is no such column.
     """
     require(log, name, where)
     return log.frame[name]
 
 
 def require(log: Log, name: str, where: str) -> None:
-    """Refuse a log without a column; arguments as those of `column`.
+    """Check that a log has a column; arguments as those of `column`.
 
     Raises:
-        DataError: there is no such column.
+        DataError: There is no such column.
     """
     if name not in log.table.columns:
         near = difflib.get_close_matches(name, [each for each in log.names if each != name], 1)
         hint = f"did you mean {shown(near[0])}?" if near else f"it has {listed(log.names)}"
         raise DataError(
-            f"{log.name}: no column is called {shown(name) or repr(name)}, as the map says in {where}: {hint}"
+            f"{log.name}: no column is called {shown(name) or repr(name)}, which the map names in {where}: "
+            f"{hint}"
         )
 
 
 def numbers(log: Log, name: str, where: str) -> Array:
-    """A column as numbers, NaN where a cell is empty.
+    """Return a column as numbers, NaN where a cell is empty.
 
     Args:
         log: The log.
-        name: What the map calls the column.
-        where: The place in the map, for the error line.
+        name: Name of the column in the map.
+        where: Place in the map, for the error message.
 
     Raises:
-        DataError: there is no such column, or a cell holds what is no number.
+        DataError: There is no such column, or a cell is not a number.
     """
     values = column(log, name, where)
     if values.dtype == pl.String:
@@ -308,7 +307,7 @@ def numbers(log: Log, name: str, where: str) -> Array:
 
 
 def values(log: Log, name: str) -> Array | None:
-    """Return a column as numbers in the order of the log, NaN in empty cells; None without numbers."""
+    """Return a column as numbers in the order of the log, NaN in empty cells; None if it is not numeric."""
     if name not in log.table.columns:
         return None
     if isinstance(log.table, Tables):
@@ -320,7 +319,7 @@ def values(log: Log, name: str) -> Array | None:
 
 
 def unset(log: Log, name: str) -> Mask:
-    """Return the rows in which a column says NaN, (n,); empty cells say nothing."""
+    """Return the rows in which a column is an explicit NaN, (n,); empty cells do not count."""
     values = column(log, name, "commands")
     if values.dtype == pl.String:
         return stripped(values).is_in(NOT_A_NUMBER).fill_null(False).to_numpy()
@@ -330,7 +329,7 @@ def unset(log: Log, name: str) -> Mask:
 
 
 def numeric(values: pl.Series) -> bool:
-    """Whether a column holds numbers, as text or typed, in its first entry at least."""
+    """Check whether a column holds numbers, as text or typed, by its first entry."""
     if values.dtype != pl.String:
         return values.dtype.is_numeric() or values.dtype in (pl.Boolean, pl.Duration)
     first = stripped(values.drop_nulls().head(1))
@@ -343,15 +342,15 @@ def seconds(values: pl.Series) -> pl.Series:
 
 
 def stripped(values: pl.Series) -> pl.Series:
-    """Text without spaces around it; nothing where nothing is left."""
+    """Return text without surrounding spaces; null if it is empty."""
     return values.str.strip_chars().replace("", None)
 
 
 def refuse(log: Log, name: str, text: pl.Series, read: pl.Series, expected: str, remedy: str) -> None:
-    """Refuse a column of text some of whose entries could not be read.
+    """Refuse a column of text if some entries could not be read.
 
     Raises:
-        DataError: an entry of `text` is nothing in `read`.
+        DataError: An entry of `text` is null in `read`.
     """
     bad = (read.is_null() & text.is_not_null()).arg_true()
     if bad.len():

@@ -1,4 +1,4 @@
-"""A log and its map to a raw table, with an account of what was done: what `hydro import` does."""
+"""Import of a log with its map as a raw table, with a report: the core of `hydro import`."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from hydro.core.preprocessing.late_velocities import on_time
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
-from hydro.io.clock_account import Clocks, clocks
+from hydro.io.clock_report import Clocks, clocks
 from hydro.io.log import Log, values
 from hydro.io.sessions import sessions
 
 
 @dataclass(frozen=True)
 class ImportReport:
-    """How a raw table came about.
+    """Raw table of a log, with the results of its checks.
 
     Attributes:
-        map: What the columns were taken for.
-        imported: The raw table, its sessions, sample time [s], gaps and clipped commands.
-        verdict: What the kinematics of the log say of the map's frames, units and signs.
-        clocks: How late its sensors are on the pose, and the motion on the commands.
-        cuts: Sessions that begin where the log's clock jumped, a line each.
+        map: Map of the columns.
+        imported: Raw table, its sessions, sample time [s], gaps and clipped commands.
+        verdict: Result of the kinematic check of the map's frames, units and signs.
+        clocks: Lags of the sensors relative to the pose, and of the motion relative to the commands.
+        cuts: Sessions that start because the log's clock jumped, a line each.
     """
 
     map: LogMap
@@ -46,45 +46,45 @@ class ImportReport:
     cuts: tuple[str, ...] = ()
 
     def lines(self) -> Iterator[str]:
-        """The report in words, a line each: rows, gaps and warnings, then the check of the conventions."""
+        """Yield the report line by line: rows, gaps, warnings, and the check of the conventions."""
         yield from (f"note: {line}" for line in self.cuts)
-        yield from _account(self.imported)
-        yield from _judged(self.verdict)
+        yield from _size_lines(self.imported)
+        yield from _verdict_lines(self.verdict)
         yield from self.clocks.lines()
 
 
 def declared(file: str | Path | LogMap, name: str) -> LogMap:
-    """Return the map of a log as given.
+    """Return the given map of a log.
 
     Args:
-        file: A map, or its file.
-        name: What a session is called that nobody names.
+        file: Map, or its file.
+        name: Name of a session that has none.
 
     Raises:
-        DataError: the file or the map breaks a rule of maps.
+        DataError: The file or the map breaks a rule of maps.
     """
     if not isinstance(file, LogMap):
-        return _titled(logmap.read(file), name)
+        return _with_session(logmap.read(file), name)
     logmap.check(file)
-    return _titled(file, name)
+    return _with_session(file, name)
 
 
 def guessed(
     source: Log, name: str, preset: str | None = None, thrusters: int | None = None
 ) -> tuple[dict[str, dict[str, Any]], LogMap]:
-    """Guess the map of a log from its columns' names.
+    """Guess the map of a log from the names of its columns.
 
     Args:
         source: The log.
-        name: What a session is called that nobody names.
-        preset: Whose names a guess takes the columns to have; by default those of any.
-        thrusters: How many the vehicle has, if that is known.
+        name: Name of a session that has none.
+        preset: Naming scheme of the columns; by default any.
+        thrusters: Number of thrusters of the vehicle, if known.
 
     Returns:
-        The blocks, as `aliases.guess` gives them, and the map that they make.
+        Blocks as from `aliases.guess`, and the map made of them.
 
     Raises:
-        DataError: the names do not suffice for a guess.
+        DataError: The names do not suffice for a guess.
     """
     names = source.table.columns
     try:
@@ -92,26 +92,26 @@ def guessed(
         plain = {
             name: {key: block[key] for key in block if key != "pressure"} for name, block in blocks.items()
         }
-        return blocks, _titled(logmap.from_guess(plain, names), name)
+        return blocks, _with_session(logmap.from_guess(plain, names), name)
     except DataError as error:
         raise DataError(f"{source.name}: {error}") from error
 
 
-def looked_at(source: Log, blocks: Mapping[str, dict[str, Any]], name: str) -> tuple[LogMap, list[str]]:
-    """Refine guessed blocks by the log's numbers; return the map that they make and what was changed.
+def refined_map(source: Log, blocks: Mapping[str, dict[str, Any]], name: str) -> tuple[LogMap, list[str]]:
+    """Refine guessed blocks by the log's numbers; return the map and a line for each change.
 
     Raises:
-        DataError: what is left does not suffice.
+        DataError: The remaining blocks do not suffice.
     """
     found, notes = refined(blocks, lambda column: values(source, column))
     try:
-        return _titled(logmap.from_guess(found, source.table.columns), name), notes
+        return _with_session(logmap.from_guess(found, source.table.columns), name), notes
     except DataError as error:
         raise DataError(f"{source.name}: {error}") from error
 
 
-def _titled(meaning: LogMap, name: str) -> LogMap:
-    """Return a map that names its session where nothing else does."""
+def _with_session(meaning: LogMap, name: str) -> LogMap:
+    """Return a map with a session name if it has none."""
     if meaning.session.column is None and meaning.session.name is None:
         session = msgspec.structs.replace(meaning.session, name=name)
         meaning = msgspec.structs.replace(meaning, session=session)
@@ -125,13 +125,13 @@ def import_log(
 
     Args:
         source: The log.
-        meaning: What its columns mean.
-        rate: Rows per second; by default as `raw_table` has it.
+        meaning: Map of its columns.
+        rate: Rows per second [Hz]; by default as in `raw_table`.
         strict: Refuse a log whose motion contradicts the map.
-        fill: Draw lines between the samples of a slow sensor instead of leaving rows empty.
+        fill: Interpolate between the samples of a slow sensor instead of leaving nulls.
 
     Raises:
-        DataError: a column is missing or not numbers, time goes backwards, or, with `strict`, the motion
+        DataError: A column is missing or not numeric, time goes backwards, or, with `strict`, the motion
             contradicts the map.
     """
     logs = sessions(source, meaning)
@@ -153,11 +153,11 @@ def import_log(
 
 
 def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
-    """Yield what the audit of the thrusters contradicts, and what it cannot see.
+    """Yield the contradictions and limits that the thruster audit finds.
 
     Args:
-        report: The import of the log.
-        vehicle: The vehicle file, with as many thrusters as there are commands.
+        report: Import of the log.
+        vehicle: Vehicle with as many thrusters as there are commands.
         file: Name of the vehicle file.
     """
     try:
@@ -175,7 +175,7 @@ def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
 
 
 def described(meaning: LogMap) -> Iterator[str]:
-    """What each block of a map says, in a few words."""
+    """Describe each block of a map in a few words."""
     yield f"time {meaning.time.column} [{meaning.time.unit}]"
     if meaning.session.column is not None:
         yield f"session {meaning.session.column}"
@@ -189,7 +189,7 @@ def described(meaning: LogMap) -> Iterator[str]:
 
 
 def _settings(block: Block) -> str:
-    """Frames and units of a block."""
+    """Return frames and units of a block as text."""
     match block:
         case Position():
             return f"{block.world}, {block.unit}"
@@ -199,8 +199,8 @@ def _settings(block: Block) -> str:
             return f"{block.frame}, {block.unit}"
 
 
-def _account(imported: Imported) -> Iterator[str]:
-    """How many rows there are, and what is missing."""
+def _size_lines(imported: Imported) -> Iterator[str]:
+    """Yield the number of rows, missing sensors and gaps."""
     sessions, rate = len(imported.logs), 1.0 / imported.dt
     yield (
         f"{imported.frame.height:,} rows at {rate:g} Hz in {sessions} session{'s' if sessions > 1 else ''}"
@@ -211,7 +211,7 @@ def _account(imported: Imported) -> Iterator[str]:
         yield f"no sensor, null in every row: {', '.join(none)}"
     if rare := {name: count for name, count in rare.items() if count}:
         counts = ", ".join(f"{name} {count:,}" for name, count in rare.items())
-        yield f"slower sensors, null between their samples (--fill draws lines): {counts}"
+        yield f"slower sensors, null between their samples (--fill interpolates): {counts}"
     yield from imported.notes
     if imported.gaps:
         longest = max(imported.gaps, key=lambda gap: gap.stop - gap.start)
@@ -221,13 +221,13 @@ def _account(imported: Imported) -> Iterator[str]:
             f"{longest.stop - longest.start:.3g} s, after {longest.start:.5g} s of {longest.session}"
         )
     if imported.left_out:
-        yield f"left out, for no two rows have all columns: {', '.join(imported.left_out)}"
+        yield f"left out, because no two rows have all columns: {', '.join(imported.left_out)}"
     for name, count in imported.clipped.items():
         yield f"warning: {name} is beyond -1 to 1 in {count:,} rows and clipped: check commands.unit and pwm"
 
 
-def _judged(verdict: Verdict) -> Iterator[str]:
-    """What the kinematics say."""
+def _verdict_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the results of the kinematic check."""
     yield from (f"warning: {line}" for line in verdict.contradictions)
     names = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))
     tested = [

@@ -1,4 +1,4 @@
-"""What a log has, in plain text: what `hydro import LOG --topics` prints."""
+"""Contents of a log in plain text, for `hydro import LOG --topics`."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from hydro.io.log import LogFile, Reading, numeric
 from hydro.io.readers.collect import Listed
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]((?:\.[^\[\]]*)?)$")
-_EPOCH = 946_684_800.0  # a clock beyond the year 2000 counts from 1970 [s]
+_EPOCH = 946_684_800.0  # clocks above the year 2000 count from 1970 [s]
 
 
 def lines(file: LogFile, progress: Reading | None = None) -> Iterator[str]:
-    """Topics of a log with their types, counts, rates [Hz], spans [s] and numeric fields; columns of a table.
+    """Yield the topics of a log with type, count, rate [Hz], span [s] and numeric fields, or table columns.
 
     Raises:
-        DataError: the file cannot be read.
+        DataError: The file cannot be read.
     """
     if file.reader.messages is None:
         yield from _table_lines(file)
@@ -47,7 +47,7 @@ def lines(file: LogFile, progress: Reading | None = None) -> Iterator[str]:
 
 
 def _table_lines(file: LogFile) -> Iterator[str]:
-    """Columns of a table."""
+    """Yield the columns of a table."""
     log = file.read()
     numbers = [name for name in log.frame.columns if numeric(log.frame[name])]
     others = [name for name in log.frame.columns if name not in numbers]
@@ -59,21 +59,21 @@ def _table_lines(file: LogFile) -> Iterator[str]:
 
 
 def _row(each: Listed, begun: float) -> tuple[str, str, str]:
-    """Name, type, and figures of a topic."""
+    """Return name, type and figures of a topic."""
     rate = "-" if math.isnan(each.rate) else f"{each.rate:.4g}"
     span = f"{each.first - begun:.1f} to {each.last - begun:.1f} s"
     return each.topic.name, each.topic.kind, f"{each.count:>9,}  {rate:>7} Hz  {span}"
 
 
 def _since(begun: float) -> str:
-    """When a log began, where its clock says so."""
+    """Return the start date of a log as text, if its clock has one."""
     if not _EPOCH < begun < 1e11:
         return ""
     return f", from {datetime.fromtimestamp(begun, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def ranges(paths: Iterable[str]) -> list[str]:
-    """Paths with the indices of an array in one word: `channels[0..7]`."""
+    """Return paths with the indices of an array merged: `channels[0..7]`."""
     found: dict[tuple[str, str], list[int]] = {}
     for path in paths:
         match = _INDEX.match(path)

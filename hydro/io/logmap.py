@@ -1,4 +1,4 @@
-"""Map files: TOML text to a checked `LogMap`, and their JSON Schema."""
+"""Map files: parsing of TOML to a checked `LogMap`, and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from hydro.core.logs.logmap import (
     stretches,
 )
 from hydro.core.logs.mixer import PRESETS
-from hydro.io import mistaken, toml
+from hydro.io import file_kind, toml
 from hydro.io.files import read_bytes, shown
 
 NEEDED = ("time", "commands")
-"""The blocks that a guess must find, besides one of those of pose and velocity."""
+"""Blocks that a guess must find, in addition to one of pose or velocity."""
 
 ORTHOGONAL = 1e-3
-"""How far a matrix may be from a rotation, for it is written by hand."""
+"""Maximum deviation of a hand-written matrix from a rotation."""
 
 
 def is_map(path: str | Path) -> bool:
-    """Whether a TOML file calls itself a map of a log.
+    """Check whether a TOML file declares itself a map of a log.
 
     Raises:
-        DataError: the file cannot be read.
+        DataError: The file cannot be read.
     """
     return b"hydro-map/" in read_bytes(path)
 
@@ -48,32 +48,32 @@ def read(path: str | Path) -> LogMap:
     """Read a map file.
 
     Raises:
-        DataError: the file cannot be read, or is not a map; the line names the path in the file.
+        DataError: The file cannot be read or is not a map; the message has the path in the file.
     """
     try:
         return parse(toml.read(path), os.fspath(path))
     except DataError as error:
-        raise mistaken.explained(error, path, mistaken.MAP) from error
+        raise file_kind.explained(error, path, file_kind.MAP) from error
 
 
 def parse(text: str, name: str = "map") -> LogMap:
-    """The map that a text describes.
+    """Parse the text of a map.
 
     Args:
         text: TOML.
-        name: what error lines call it, usually the file's name.
+        name: Name in error messages, usually the file's name.
 
     Raises:
-        DataError: the text is not TOML or not a map; the line names the path in the file.
+        DataError: The text is not TOML or not a map; the message has the path in the file.
     """
     return toml.parse(text, LogMap, name, check)
 
 
 def check(found: LogMap) -> None:
-    """What types alone do not say: how many columns, one way to give each quantity, pulse widths in order.
+    """Check the rules that types cannot express: counts of columns, exclusive keys, order of pulse widths.
 
     Raises:
-        DataError: the line begins with the path in the file.
+        DataError: A rule is broken; the message starts with the path in the file.
     """
     for path, number in toml.numbers(msgspec.to_builtins(found)):
         if not math.isfinite(number) or (number == 0.0 and path.endswith(".scale")):
@@ -108,10 +108,10 @@ def check(found: LogMap) -> None:
 
 
 def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
-    """The map that guessed blocks make.
+    """Return the map made of guessed blocks.
 
     Raises:
-        DataError: clock, commands or all of pose and velocity are missing; the line says what the log has.
+        DataError: Time, commands or all of pose and velocity are missing; the message lists the columns.
     """
     missing = [name for name in NEEDED if name not in blocks]
     if not any(name in blocks for name in BLOCKS):
@@ -128,13 +128,13 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
 
 
 def listed(columns: Sequence[str]) -> str:
-    """The log's columns for a line of text, of many the first."""
+    """Return the log's columns as text, the first 40 if there are more."""
     more = f" and {len(columns) - 40} more" if len(columns) > 40 else ""
     return ", ".join(shown(name) for name in columns[:40]) + more
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a map file, made from the structs of `logs.logmap`."""
+    """Return the JSON Schema of a map file, generated from the structs of `logs.logmap`."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hydro map of a log"}
     return schema | msgspec.json.schema(LogMap)
 
@@ -144,7 +144,7 @@ def _check_position(block: Position) -> None:
     if block.latitude is not None or block.longitude is not None:
         if None in (block.latitude, block.longitude) or block.columns or vertical != 1:
             raise DataError(
-                "position: latitude and longitude stand together, with a depth or height and without columns"
+                "position: give latitude and longitude together, with a depth or height and without columns"
             )
         if block.world != "NED":
             raise DataError("position.world: latitude and longitude become north and east; leave it out")
@@ -165,10 +165,10 @@ def _check_attitude(block: Attitude) -> None:
 
 
 def _check_named_once(found: LogMap) -> None:
-    """Refuse a block of pose or velocity with one column on two axes.
+    """Check that no block of pose or velocity has one column on two axes.
 
-    The check of the conventions tells columns of a block apart by their names.  Commands may repeat a column:
-    one output can drive two thrusters.
+    The check of the conventions identifies columns of a block by name.  Commands may repeat a column: one
+    output can drive two thrusters.
     """
     for name, block in blocks_of(found).items():
         columns = [source.column for source in measured(block)]
@@ -178,7 +178,7 @@ def _check_named_once(found: LogMap) -> None:
 
 
 def _check_mount(path: str, mount: Mount) -> None:
-    """A rotation, given one way, and a place of three numbers."""
+    """Check that a mount has a position of three numbers, and one form of rotation."""
     _check_count(f"{path}.position", mount.position, 3)
     if path == "rates.mount" and any(mount.position):
         raise DataError(f"{path}.position: a gyroscope measures the same anywhere on the body; leave it out")
@@ -195,7 +195,7 @@ def _check_mount(path: str, mount: Mount) -> None:
 
 
 def _check_derived(found: LogMap) -> None:
-    """Rates from the attitude have an attitude, and no columns or mount of their own."""
+    """Check that rates from the attitude have an attitude, and no columns or mount."""
     rates = found.rates
     if rates is None or rates.source == "columns":
         return
@@ -206,13 +206,13 @@ def _check_derived(found: LogMap) -> None:
 
 
 def _check_samples(found: LogMap) -> None:
-    """Conditions that ask one thing at least where they name no column."""
+    """Check that conditions without a column state a test, and that a mount fits its frame."""
     for name, block in sensors_of(found).items():
         for one in conditions(block.valid):
             asked = (one.equals, one.above, one.below, one.differs)
             if one.column is None and asked == (None,) * 4:
                 raise DataError(
-                    f"{name}.valid: give a column, or what the values must be (not, above, below)"
+                    f"{name}.valid: give a column, or a condition on the values (not, above, below)"
                 )
     if found.velocity is not None and found.velocity.mount is not None:
         mount = found.velocity.mount
@@ -224,7 +224,7 @@ def _check_samples(found: LogMap) -> None:
 
 
 def _check_mixer(found: LogMap) -> None:
-    """As many demands as commands, each once, of axes that the preset drives."""
+    """Check the mixer: a demand for each command, each axis once, and only axes that the preset has."""
     mixer = found.mixer
     if mixer is None:
         return

@@ -89,7 +89,7 @@ def corrected(
     found = {**blocks, **gated}
     try:
         source, read = log_files.gather(files, logmap.from_guess(found, columns), progress)
-        void = [name for name, column in asked.items() if not _says(source, column)]
+        void = [name for name, column in asked.items() if not _marks_any(source, column)]
         found |= {name: blocks[name] for name in void}
         meaning = logmap.from_guess(found, columns)
         report = import_log(source, msgspec.structs.replace(meaning, session=read.session))
@@ -114,7 +114,7 @@ def corrected(
     return found, tuple(notes)
 
 
-def _says(source: Log, column: str) -> bool:
+def _marks_any(source: Log, column: str) -> bool:
     """Return whether a column marks any sample as valid; an unused column is 0 throughout."""
     numbers = values(source, column)
     return numbers is not None and bool(np.any(np.nan_to_num(numbers) != 0.0))

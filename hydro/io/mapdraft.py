@@ -1,4 +1,4 @@
-"""The first text of a map: what the columns' names suggest, and beside it what else may be written."""
+"""Draft of a map: guessed blocks, with comments on the other possible settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _EMPTY: dict[str, dict[str, Any]] = {
     "commands": {"columns": [""]},
 }
 _OPTIONAL = ("voltage",)
-"""What a draft has only where the names suggest it."""
+"""Blocks that a draft has only if the column names suggest them."""
 _NOTES = {
     "voltage": ('Supply of the thrusters, for thrust curves by voltage. unit: "V" or "mV".',),
     "time": (
@@ -32,7 +32,7 @@ _NOTES = {
     "position": (
         'Of the body origin. world: "NED", "ENU" or "NWU"; unit: "m", "cm" or "mm".',
         'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) work too; and',
-        "a depth or height alone; or latitude and longitude [deg] beside a depth or height.",
+        "only a depth or height; or latitude and longitude [deg] with a depth or height.",
     ),
     "attitude": (
         'columns are roll, pitch, yaw; unit: "rad" or "deg"; order: "ZYX" is yaw, pitch, roll, world inward.',
@@ -61,13 +61,13 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
 
 
 def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks: bool = True) -> str:
-    """The text of a map to begin with: guessed blocks, empty names for the rest, and what may be written.
+    """Return the text of a draft map: guessed blocks, empty names for the others, and comments.
 
     Args:
-        blocks: What was guessed.
+        blocks: Guessed blocks.
         columns: All columns of the log.
-        log: The log's name.
-        blanks: Whether blocks that were not guessed stand there with empty names; else they are left out.
+        log: Name of the log.
+        blanks: Write blocks that were not guessed with empty names; otherwise leave them out.
     """
     import tomlkit
 
@@ -75,11 +75,11 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks
     for line in (
         f"How `hydro import {in_shell(log)} --map THIS` reads that log.",
         "Guessed from the columns' names: check every line"
-        + ("; empty names stand for what could not be guessed." if blanks else "."),
+        + ("; fill in the empty names." if blanks else "."),
         f"The log has: {listed(columns)}",
         'A column may be {column = "NAME", scale = 1.0, offset = 0.0}: scale times its number plus offset.',
         'Any of them may have valid = "COLUMN", per = "COLUMN", lag = 0.1 [s]; see docs/map.md.',
-        "Leave out position, attitude, velocity or rates where there is no such sensor: they are null then.",
+        "Leave out position, attitude, velocity or rates without a sensor: their columns are then null.",
     ):
         document.add(tomlkit.comment(line))
     document.add("format", tomlkit.item("hydro-map/1"))
@@ -91,7 +91,7 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks
         table = tomlkit.table()
         for line in _NOTES[name]:
             table.add(tomlkit.comment(line))
-        for key, value in {**given, **_unsaid(name, given)}.items():
+        for key, value in {**given, **_unstated_defaults(name, given)}.items():
             table.add(key, _inline(value))
         document.add(tomlkit.nl())
         document.add(name, table)
@@ -99,7 +99,7 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks
 
 
 def _inline(value: Any) -> Any:
-    """Return a value as TOML writes it in one line, also a column with scale and offset."""
+    """Return a value as TOML in one line, including a column with scale and offset."""
     import tomlkit
 
     if not isinstance(value, Mapping):
@@ -109,8 +109,8 @@ def _inline(value: Any) -> Any:
     return table
 
 
-def _unsaid(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a block that stand at their defaults, to be seen and changed."""
+def _unstated_defaults(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the default settings that a block does not state, so that a user sees them."""
     defaults = _DEFAULTS.get(name, {})
     if "quaternion" in given:
         defaults = {key: value for key, value in defaults.items() if key != "unit"}

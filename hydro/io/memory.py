@@ -1,7 +1,7 @@
-"""Memory that is free goes back to the operating system, between one session of a dataset and the next.
+"""Return of freed memory to the operating system between sessions of a dataset.
 
-Allocators keep what was freed for the next request, and one that asks for pieces of other sizes finds little
-of use there: after sixteen sessions of 100,000 rows a process held 1.6 times what it needs for one.
+Allocators keep freed memory for later requests, but requests of other sizes cannot use it.  After sixteen
+sessions of 100,000 rows, a process held 1.6 times the memory that one session needs.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import pyarrow as pa
 
 
 def give_back() -> None:
-    """Give back what Arrow and the C library hold and nobody uses."""
+    """Release unused memory of Arrow and the C library."""
     gc.collect()
     pa.default_memory_pool().release_unused()
     if sys.platform == "linux":
-        with contextlib.suppress(AttributeError, OSError):  # of another C library than glibc
+        with contextlib.suppress(AttributeError, OSError):  # C libraries other than glibc
             ctypes.CDLL(None).malloc_trim(0)

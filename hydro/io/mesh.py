@@ -1,4 +1,4 @@
-"""Read the triangles of a Wavefront OBJ file: the hull of a vehicle."""
+"""Reader of the triangles of a Wavefront OBJ file, for the hull of a vehicle."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from hydro.io.files import refuse_device
 
 
 def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices and triangles of an OBJ file.
+    """Read the vertices and triangles of an OBJ file.
 
     Args:
         path: File with `v x y z` and `f a b c …` lines, in metres, body axes FRD about the body origin.
-            Faces with more than three corners become fans; texture and normal numbers (`a/b/c`) are passed
-            over; negative numbers count from the last vertex.
+            Faces with more than three corners become fans.  Texture and normal numbers (`a/b/c`) are ignored.
+            Negative numbers count from the last vertex.
 
     Returns:
         Vertices (V, 3) [m] and faces (F, 3), numbered from 0.
 
     Raises:
-        DataError: The file cannot be read, holds no faces, or has a line that is not as above.
+        DataError: The file cannot be read, has no faces, or has an invalid line.
     """
     try:
         refuse_device(path)
@@ -55,7 +55,7 @@ def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _vertex(corner: str, count: int) -> int:
-    """Vertex number from 0 of a face corner like `7`, `7/1/3` or `-1`."""
+    """Return the vertex number, from 0, of a face corner such as `7`, `7/1/3` or `-1`."""
     number = int(corner.split("/", 1)[0])
     index = number - 1 if number > 0 else count + number
     if number == 0 or not 0 <= index < count:

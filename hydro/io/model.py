@@ -1,4 +1,4 @@
-"""A trained network as a table of tensors: what `train` writes and every other stage reads, without torch."""
+"""Trained network as a table of tensors, written by `train` and read without torch."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 
 
 Width = Annotated[int, msgspec.Meta(ge=1, le=16384)]
-"""Numbers that a layer has, or how many parts: a footer with more asks for more memory than there is."""
+"""Width or number of units of a layer; the limit rejects footers that would exhaust the memory."""
 Widths = Annotated[list[Width], msgspec.Meta(min_length=2, max_length=64)]
 Several = Annotated[int, msgspec.Meta(ge=1, le=1024)]
 
 
 class Architecture(TypedDict, total=False):
-    """What layers are built from, as far as the networks here ask for it; others may ask for more."""
+    """Description from which the layers are built; networks from elsewhere may have further keys."""
 
     model: str
     features: str
@@ -48,7 +48,7 @@ class Architecture(TypedDict, total=False):
 
 
 class Described(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a model's footer says beside its tensors; see `Model`."""
+    """Description of a network in the footer of its tensors; see `Model`."""
 
     name: str
     architecture: Architecture
@@ -63,20 +63,20 @@ class Described(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Model:
-    """A residual network: tau_res as a function of (nu, nu_dot).
+    """Residual network: tau_res as a function of (nu, nu_dot).
 
     Attributes:
-        name: name of the model, such as `physfeat`.
-        architecture: description that the layers are built from; JSON values.
-        tensors: weights by name in the order of the layers, all float32 or all float64.
-        features: name of the feature set, see `distillation.features`.
-        scalers: `SCALERS` by name, float64, shapes (n_in,) and (n_out,), fitted on the training part.
-        inputs: names of the features in order, (n_in,).
-        outputs: names of the outputs in order, (n_out,).
-        units: unit of every input and output by name.
-        training: summary of the training; JSON values.
-        subtract: which effects its labels left out and a simulation must bring: `inertia`, or all `effects`.
-        labelled: the vehicle that its labels were made with; None where the file does not say.
+        name: Name of the model, such as `physfeat`.
+        architecture: Description from which the layers are built; JSON values.
+        tensors: Weights by name in the order of the layers, all float32 or all float64.
+        features: Name of the feature set, see `distillation.features`.
+        scalers: `SCALERS` by name, float64, shapes (n_in,) and (n_out,), fitted to the training part.
+        inputs: Names of the features in order, (n_in,).
+        outputs: Names of the outputs in order, (n_out,).
+        units: Unit of every input and output by name.
+        training: Summary of the training; JSON values.
+        subtract: Effects that its labels exclude and a simulation must add: `inertia`, or all `effects`.
+        labelled: Vehicle that its labels were made with; None if the file does not state it.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Model:
 
     @property
     def parameters(self) -> int:
-        """The number of weights."""
+        """Number of weights."""
         return sum(tensor.size for tensor in self.tensors.values())
 
 
@@ -105,10 +105,10 @@ def to_artefact(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
 ) -> Artefact:
-    """The model as an artefact; the same model gives the same bytes.
+    """Return the model as an artefact; the same model gives the same bytes.
 
     Raises:
-        DataError: a tensor is not finite, or is not of floating point.
+        DataError: A tensor is not finite, or not of a floating-point type.
     """
     tensors = {name: np.asarray(tensor) for name, tensor in model.tensors.items()}
     dtype = np.result_type(np.float32, *tensors.values())
@@ -136,10 +136,10 @@ def to_artefact(
 
 
 def from_artefact(artefact: Artefact) -> Model:
-    """The model in an artefact of kind `model`.
+    """Return the model of an artefact of kind `model`.
 
     Raises:
-        DataError: the footer does not describe a model, or a tensor's shape is not that of its data.
+        DataError: The footer does not describe a model, or a tensor does not fit its shape.
     """
     said, text = described(artefact, Described, "write it with `hydro train`"), artefact.provenance.vehicle
     scalers = {name: np.array(values, dtype=np.float64) for name, values in said.scalers.items()}
@@ -152,7 +152,7 @@ def from_artefact(artefact: Artefact) -> Model:
         raise DataError("model: the footer's architecture has a window without its period: train it again")
     return Model(
         name=said.name,
-        architecture=(artefact.provenance.model or {})["architecture"],  # with what others ask for
+        architecture=(artefact.provenance.model or {})["architecture"],  # including keys of other networks
         tensors=tensors(artefact),
         features=said.features,
         scalers=scalers,
@@ -166,15 +166,15 @@ def from_artefact(artefact: Artefact) -> Model:
 
 
 def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
-    """What a footer says of a network beside its tensors, checked.
+    """Return the description of a network in a footer, checked.
 
     Args:
-        artefact: A table of tensors.
-        kind: What its footer must say.
-        remedy: What to do where it does not.
+        artefact: Table of tensors.
+        kind: Struct that the footer must match.
+        remedy: Remedy in the error message.
 
     Raises:
-        DataError: It lacks something, or has something else.
+        DataError: A key is missing, unknown or of the wrong type.
     """
     try:
         return msgspec.convert(artefact.provenance.model or {}, kind)
@@ -183,10 +183,10 @@ def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
 
 
 def tensors(artefact: Artefact) -> dict[str, NDArray[Any]]:
-    """The tensors of a network's table by name, in the order of its layers.
+    """Return the tensors of a network's table by name, in the order of its layers.
 
     Raises:
-        DataError: a tensor's shape is not that of its data.
+        DataError: A tensor does not fit its shape.
     """
     dtype = np.float32 if artefact.frame.schema["data"] == pl.List(pl.Float32) else np.float64
     found: dict[str, NDArray[Any]] = {}

@@ -1,4 +1,4 @@
-"""An estimated vehicle as the text of a vehicle file: each number with a word on where it comes from."""
+"""Text of a vehicle file from estimates, with a comment on the origin of each number."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from hydro.core.geometry.estimate import Estimate
 from hydro.core.vehicle.description import Thruster
 
 DIGITS = 4
-"""Significant digits of what is estimated; what is given keeps all of its own."""
+"""Number of significant digits of estimates; given values keep all digits."""
 WIDTH = 110
+"""Maximum length of a line."""
 
 
 def text(found: Estimate) -> str:
-    """The text of the vehicle file.
+    """Return the text of the vehicle file.
 
     Args:
-        found: The vehicle and where its numbers come from.
+        found: Estimated vehicle, with the origin of its numbers.
 
     Returns:
-        TOML with comments, that `io.vehicle.parse` reads.
+        TOML with comments, for `io.vehicle.parse`.
     """
     vehicle, origins = found.vehicle, found.origins
     body, hull = vehicle.rigid_body, vehicle.hull
     lines = [
         *_comment(
             f"Estimated by `hydro vehicle new` from mass, hull and thrusters: like a {found.form.shape}. "
-            "Numbers under [[effect]] are beginnings with standard errors: `hydro fit` and `hydro diagnose` "
-            "weigh them against a recording."
+            "Numbers under [[effect]] are initial values with standard errors: `hydro fit` and "
+            "`hydro diagnose` weigh them against a recording."
         ),
         'format = "hydro-vehicle/1"',
         f"name = {json.dumps(vehicle.name, ensure_ascii=False)}",
@@ -77,7 +78,7 @@ def text(found: Estimate) -> str:
 
 
 def _trim(found: Estimate) -> str:
-    """Buoyancy against weight, in words."""
+    """Return the difference of buoyancy and weight in words."""
     vehicle = found.vehicle
     excess = vehicle.buoyancy.force - vehicle.rigid_body.mass * vehicle.environment.gravity
     if abs(excess) < 1e-9 * vehicle.buoyancy.force:
@@ -86,7 +87,7 @@ def _trim(found: Estimate) -> str:
 
 
 def _thruster(thruster: Thruster) -> Iterable[str]:
-    """A thruster with a curve by name."""
+    """Return the lines of a thruster with a named curve."""
     limits = [
         f"{key} = {_given(value)}"
         for key, value in (
@@ -108,7 +109,7 @@ def _thruster(thruster: Thruster) -> Iterable[str]:
 
 
 def _effect(table: Mapping[str, Any], origin: str) -> Iterable[str]:
-    """A table with its standard errors, each list beside its own."""
+    """Yield the lines of an effect with its standard errors."""
     yield from _comment(origin)
     yield "[[effect]]"
     yield f'name = "{table["name"]}"'
@@ -125,17 +126,17 @@ def _effect(table: Mapping[str, Any], origin: str) -> Iterable[str]:
 
 
 def _any(value: Any) -> str:
-    """A number, a row or a matrix."""
+    """Return a number, a row or a matrix as TOML."""
     return (_value, _row, _matrix)[np.ndim(value)](value)
 
 
 def _value(number: float, digits: int = DIGITS) -> str:
-    """A number to so many digits, always a float and never -0."""
+    """Return a number with some significant digits, always as a float and never as -0."""
     return _given(float(f"{number:.{digits}g}") + 0.0)
 
 
 def _given(number: float) -> str:
-    """A number with all of its digits."""
+    """Return a number with all its digits."""
     return repr(float(number))
 
 
@@ -148,7 +149,7 @@ def _rows(values: Sequence[Sequence[float]]) -> str:
 
 
 def _matrix(values: Sequence[Sequence[float]]) -> str:
-    """A matrix, a line per row; what is rounding beside its diagonal is 0."""
+    """Return a matrix with a line per row; off-diagonal rounding errors become 0."""
     matrix = np.asarray(values, float)
     size = np.sqrt(np.abs(np.outer(np.diag(matrix), np.diag(matrix))))
     clean = np.where(np.abs(matrix) < 1e-6 * size, 0.0, matrix)
@@ -156,7 +157,7 @@ def _matrix(values: Sequence[Sequence[float]]) -> str:
 
 
 def _full(matrix: Sequence[Sequence[float]]) -> bool:
-    """Whether anything stands off the diagonal."""
+    """Check whether a matrix has off-diagonal entries."""
     values = np.asarray(matrix)
     return bool(np.any(values != np.diag(np.diag(values))))
 

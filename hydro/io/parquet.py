@@ -1,4 +1,4 @@
-"""Parquet bytes as Arrow and polars see them: every failure is one line that names the file."""
+"""Decoding of Parquet bytes with Arrow and polars; every failure is one line that names the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAGIC = b"PAR1"
 
 
 def opened(content: bytes, name: str) -> pq.ParquetFile:
-    """The Parquet file in these bytes."""
+    """Return the Parquet file in these bytes."""
     if not content.startswith(MAGIC):
         raise DataError(f"{name}: not a Parquet file: convert it, with the columns of a raw table")
     if not content.endswith(MAGIC) or len(content) < 12:
@@ -29,7 +29,7 @@ def opened(content: bytes, name: str) -> pq.ParquetFile:
 
 
 def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
-    """Name and storage type of every column."""
+    """Return the name and storage type of every column."""
     try:
         fields = list(file.schema_arrow)
     except (pa.ArrowException, OSError) as error:
@@ -42,10 +42,10 @@ def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
 
 
 def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
-    """Count what a file expands to.
+    """Count the expanded size of a file.
 
     Raises:
-        DataError: it is more than the limit (`io.readers.expansion`), or the file is damaged.
+        DataError: It exceeds the limit (`io.readers.expansion`), or the file is damaged.
     """
     try:
         parquet_pages.count(file, content, Expansion(name, len(content)))
@@ -54,7 +54,7 @@ def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
 
 
 def stored_as(arrow: pa.DataType) -> str:
-    """The name by which schema files call an Arrow type, such as `float32`."""
+    """Return the name of an Arrow type in schema files, such as `float32`."""
     if pa.types.is_dictionary(arrow):
         return stored_as(arrow.value_type)
     if pa.types.is_string(arrow) or pa.types.is_large_string(arrow) or pa.types.is_string_view(arrow):
@@ -67,7 +67,7 @@ def stored_as(arrow: pa.DataType) -> str:
 
 
 def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
-    """All rows, as polars; Arrow's memory is shared where it is in one piece."""
+    """Return all rows as polars; memory is shared with Arrow if it is contiguous."""
     try:
         arrow = file.read()
     except (pa.ArrowException, OSError) as error:
@@ -79,15 +79,14 @@ def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
             raise DataError(
                 f"{name}: {column} contains text that is not UTF-8: write it again ({error})"
             ) from error
-    bare = pa.Table.from_arrays(
-        arrow.columns, names=arrow.column_names
-    )  # polars panics on odd field metadata
+    # Without field metadata: polars panics on unusual metadata.
+    bare = pa.Table.from_arrays(arrow.columns, names=arrow.column_names)
     frame = pl.from_arrow(bare, rechunk=True)
     assert isinstance(frame, pl.DataFrame)
     return frame
 
 
 def damaged(name: str, error: Exception) -> DataError:
-    """The error line for a file that Arrow cannot decode."""
+    """Return the error for a file that Arrow cannot decode."""
     reason = (str(error) or type(error).__name__).splitlines()[0]
     return DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again")

@@ -1,8 +1,8 @@
-"""A data set as a folder of Parquet files, one for each session: `session=NAME/part.parquet`.
+"""Dataset: a folder of Parquet files, one for each session: `session=NAME/part.parquet`.
 
-This is the layout that polars, DuckDB and Spark know as hive partitions.  Every part is a table of its own,
-with all its columns and its footer, whose only session is the one that its folder names; what has a character
-besides letters, digits and `-_.~` in its name is percent-encoded there.  A folder has no order: sessions come
+This is the layout of hive partitions in polars, DuckDB and Spark.  Every part is a complete table with all
+its columns and its footer.  Its only session is the one that the folder names.  Characters other than
+letters, digits and `-_.~` are percent-encoded in the folder's name.  A folder has no order, so sessions are
 sorted by name.
 """
 
@@ -30,16 +30,16 @@ LAYOUT = f"{KEY}NAME/{FILE}"
 
 @dataclass(frozen=True)
 class Part:
-    """One session of a dataset, by what the end of its file says; no row of it has been read.
+    """One session of a dataset, read from the metadata of its file without any row.
 
     Attributes:
-        session: Its name.
+        session: Name of the session.
         path: Its file.
-        kind: The kind of table.
+        kind: Kind of table.
         columns: Storage types by name.
-        rows: How many.
-        nulls: Columns that lack a value somewhere.
-        record: Its footer; None of a table from elsewhere.
+        rows: Number of rows.
+        nulls: Columns with nulls.
+        record: Footer; None of a table from elsewhere.
     """
 
     session: str
@@ -56,8 +56,8 @@ class Dataset:
     """Sessions of one kind with the same columns.
 
     Attributes:
-        folder: Where they are.
-        parts: Sorted by session.
+        folder: Folder of the sessions.
+        parts: Parts sorted by session.
     """
 
     folder: Path
@@ -65,15 +65,15 @@ class Dataset:
 
     @property
     def kind(self) -> str:
-        """The kind of table that every part is."""
+        """Kind of table of all parts."""
         return self.parts[0].kind
 
     @cached_property
     def vehicle(self) -> str | None:
-        """Text of the vehicle file in the footers; None where they have none.
+        """Text of the vehicle file in the footers; None if they have none.
 
         Raises:
-            DataError: Sessions are of different vehicles.
+            DataError: Sessions have different vehicles.
         """
         texts = {part.record.vehicle: part.session for part in self.parts if part.record is not None}
         texts.pop(None, None)
@@ -86,39 +86,39 @@ class Dataset:
         return next(iter(texts), None)
 
     def scan(self) -> pl.LazyFrame:
-        """All rows, read when and as far as they are collected: see `scan`."""
+        """Return all rows as a lazy frame, see `scan`."""
         return scan(*(part.path for part in self.parts))
 
 
 def scan(*paths: Path) -> pl.LazyFrame:
-    """Rows of parts, none of which are read before they are collected, nor columns that are not wanted."""
+    """Return a lazy frame of some parts: rows and columns are read only as needed."""
     return pl.scan_parquet(list(paths), hive_partitioning=False, glob=False)
 
 
 def is_dataset(place: object) -> bool:
-    """Whether a path is a folder that is laid out as a dataset."""
+    """Check whether a path is a folder with the layout of a dataset."""
     return isinstance(place, str | Path) and any(_folders(Path(place)))
 
 
 def place(folder: str | Path, session: str) -> Path:
-    """Where a session of a dataset is kept."""
+    """Return the path of a session of a dataset."""
     return Path(folder) / f"{KEY}{quote(session, safe='')}" / FILE
 
 
 def sessions(folder: str | Path) -> list[str]:
-    """Names of the sessions that a folder has, sorted; none of one that is not there."""
+    """Return the names of a folder's sessions, sorted; none if there is no folder."""
     return sorted(unquote(each.name.removeprefix(KEY)) for each in _folders(Path(folder)))
 
 
 def opened(folder: str | Path, kinds: Sequence[str] = ()) -> Dataset:
-    """A dataset by the ends of its files, without reading a row.
+    """Open a dataset from the metadata of its files, without reading a row.
 
     Args:
-        folder: Where its sessions are.
-        kinds: The kinds of table that will do; any by default.
+        folder: Folder of the sessions.
+        kinds: Accepted kinds of table; by default any.
 
     Raises:
-        DataError: There is no session in it, or a file is missing, broken, of another kind, breaks its
+        DataError: There is no session in it, or a file is missing, damaged, of another kind, breaks its
             schema, or has other columns than those before it.
     """
     home, name = Path(folder), shown(os.fspath(folder))
@@ -134,7 +134,7 @@ def opened(folder: str | Path, kinds: Sequence[str] = ()) -> Dataset:
 
 
 def _folders(home: Path) -> list[Path]:
-    """Folders of a dataset's sessions."""
+    """Return the folders of a dataset's sessions."""
     try:
         return [each for each in home.glob(f"{KEY}*") if each.is_dir()]
     except OSError as error:
@@ -142,7 +142,7 @@ def _folders(home: Path) -> list[Path]:
 
 
 def _part(session: str, path: Path, kinds: tuple[str, ...]) -> Part:
-    """What the end of a part's file says."""
+    """Read the metadata of a part's file."""
     name = shown(str(path))
     try:
         file = pq.ParquetFile(path)
@@ -170,7 +170,7 @@ def _part(session: str, path: Path, kinds: tuple[str, ...]) -> Part:
 
 
 def _nulls(metadata: pq.FileMetaData) -> frozenset[str]:
-    """Columns with a null by their statistics; those without statistics may have one."""
+    """Return columns with a null by their statistics; columns without statistics count as such."""
     found = set[str]()
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)
@@ -183,7 +183,7 @@ def _nulls(metadata: pq.FileMetaData) -> frozenset[str]:
 
 
 def _require_alike(folder: str, first: Part, other: Part) -> None:
-    """Refuse a part of another kind, or with other columns, than the first."""
+    """Check that a part has the kind and columns of the first."""
     names = f"sessions {shown(first.session)} and {shown(other.session)}"
     if other.kind != first.kind:
         raise DataError(
@@ -197,6 +197,6 @@ def _require_alike(folder: str, first: Part, other: Part) -> None:
     if differing:
         more = f" and {len(differing) - 3} more" if len(differing) > 3 else ""
         raise DataError(
-            f"{folder}: {names} have not the same columns: {', '.join(differing[:3])}{more}: import them "
-            "alike, or keep them in folders of their own"
+            f"{folder}: {names} have different columns: {', '.join(differing[:3])}{more}: import them "
+            "alike, or keep them in separate folders"
         )

@@ -1,6 +1,6 @@
-"""Where a table comes from: the record in its Parquet footer, the hash of its content, its lineage.
+"""Provenance of a table: the record in its Parquet footer, the hash of its content, its lineage.
 
-The record holds no clock and no host name: the same inputs give the same bytes.
+The record has no time and no host name, so the same inputs give the same bytes.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from hydro.core.threads import available
 from hydro.io.schema import storage_type
 
 FOOTER_KEY = b"hydro"
-"""The key of the record in a Parquet file's footer."""
+"""Key of the record in a Parquet file's footer."""
 _BEGIN = b'{"check":"'
 
 
 class Before(TypedDict):
-    """What a table says of a recording before; see `report.change`."""
+    """Comparison with an earlier recording, stored in a table; see `report.change`."""
 
     recording: str
     given: float
@@ -37,38 +37,38 @@ class Before(TypedDict):
     learnt: NotRequired[bool]
 
 
-class _Any(TypedDict, total=False):
-    """Parameters that are read again from a table of any stage."""
+class _Common(TypedDict, total=False):
+    """Parameters that are read back from a table of any stage."""
 
     before: Before
     chi2: list[float]
     part: str
 
 
-class _Labelled(_Any, total=False):
+class _LabelsParameters(_Common, total=False):
     noise: Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
     subtract: Literal["inertia", "effects"]
 
 
-class _Divided(_Any, total=False):
+class _SplitParameters(_Common, total=False):
     block: Annotated[int, msgspec.Meta(ge=1)]
     test: float
     salt: str
 
 
-_PARAMETERS: dict[str | None, type] = {"labels": _Labelled, "split": _Divided}
-"""Those of some stages alone; a table may have others beside them."""
+_PARAMETERS: dict[str | None, type] = {"labels": _LabelsParameters, "split": _SplitParameters}
+"""Parameters that are read back from tables of some stages; a table may have others too."""
 
 
 class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """What a table was made from, and what that was made from in turn.
+    """Artefact that a table was made from, with its own inputs.
 
     Attributes:
-        kind: kind of table, or `vehicle`.
-        content: hash of its content.
-        stage: the command that made it.
-        parameters: parameters of that command.
-        inputs: what it was made from itself.
+        kind: Kind of table, or `vehicle`.
+        content: Hash of its content.
+        stage: Command that made it.
+        parameters: Parameters of that command.
+        inputs: Artefacts that it was made from.
     """
 
     kind: str
@@ -79,21 +79,21 @@ class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
 
 
 class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """The record in the footer.
+    """Record in the footer.
 
     Attributes:
-        kind: kind of table.
-        schema: digest of the rules it was checked by.
-        content: hash of its columns, see `content_hash`.
-        stage: the command that wrote it; None for a table from elsewhere.
-        parameters: what the result depends on besides inputs and seed.
-        seed: seed of everything random.
-        package: version of hydro that wrote it.
-        inputs: what it was made from.
-        vehicle: text of the vehicle file that the data belong to.
-        model: what a network is beside its tensors.
-        format: version of this record.
-        check: hash of all else in the record; in a file alone, where it comes first.
+        kind: Kind of table.
+        schema: Digest of the schema that it was checked by.
+        content: Hash of its columns, see `content_hash`.
+        stage: Command that wrote it; None for a table from elsewhere.
+        parameters: Parameters, besides inputs and seed, that determine the result.
+        seed: Seed of all random numbers.
+        package: Version of hydro that wrote it.
+        inputs: Artefacts that it was made from.
+        vehicle: Text of the vehicle file of the data.
+        model: Description of a network without its tensors.
+        format: Version of this record.
+        check: Hash of the rest of the record; only in a file, where it comes first.
     """
 
     kind: str
@@ -110,11 +110,11 @@ class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown
     check: str | None = None
 
     def as_input(self) -> Input:
-        """How a table that is made from this one refers to it."""
+        """Return the reference to this table in the record of a table made from it."""
         return Input(self.kind, self.content, self.stage, self.parameters, self.inputs)
 
     def to_json(self) -> bytes:
-        """The record as JSON with its hash before it, the same bytes for the same record."""
+        """Return the record as JSON, preceded by its hash; the same record gives the same bytes."""
         body = msgspec.json.encode(self, order="sorted")
         return _BEGIN + _digest(body) + b'",' + body[1:]
 
@@ -123,7 +123,7 @@ def from_json(text: bytes, source: str) -> Provenance:
     """Read the record of a footer.
 
     Raises:
-        DataError: it is not a record of this version, or was changed after it was written.
+        DataError: It is not a record of this version, or was changed after it was written.
     """
     try:
         record = msgspec.json.decode(text, type=Provenance)
@@ -135,7 +135,7 @@ def from_json(text: bytes, source: str) -> Provenance:
         raise DataError(
             f"{source}: its `hydro` footer cannot be read ({error}): write the file again"
         ) from error
-    if record.check is None:  # of an earlier version, or from elsewhere
+    if record.check is None:  # written by an earlier version, or elsewhere
         return record
     start = len(_BEGIN) + len(_digest(b"")) + 2
     if text[:start] != _BEGIN + _digest(b"{" + text[start:]) + b'",':
@@ -144,30 +144,30 @@ def from_json(text: bytes, source: str) -> Provenance:
 
 
 def _check_parameters(stage: str | None, parameters: Mapping[str, Any]) -> None:
-    """Refuse parameters that are read again and are of another type.
+    """Check the types of parameters that are read back.
 
     Raises:
-        msgspec.ValidationError: One is.
+        msgspec.ValidationError: A parameter has the wrong type.
     """
     try:
-        msgspec.convert(parameters, _PARAMETERS.get(stage, _Any))
+        msgspec.convert(parameters, _PARAMETERS.get(stage, _Common))
     except msgspec.ValidationError as error:
         raise msgspec.ValidationError(f"parameters: {error}") from None
 
 
 def _digest(content: bytes) -> bytes:
-    """A hash as records write it."""
+    """Return a hash in the form used in records."""
     return b"sha256:" + hashlib.sha256(content).hexdigest().encode()
 
 
 @functools.cache
 def package_version() -> str:
-    """The version of this package, as installed."""
+    """Return the installed version of this package."""
     return metadata.version("deep-hydro-sim")
 
 
 def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
-    """A table and all it was made from, each with its depth: the table itself 0, its inputs 1, theirs 2."""
+    """Yield a table and all its inputs with their depth: 0 for the table, 1 for its inputs, and so on."""
 
     def walk(depth: int, node: Input) -> Iterator[tuple[int, Input]]:
         yield depth, node
@@ -178,13 +178,13 @@ def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
 
 
 def parameters_of(provenance: Provenance, stage: str) -> dict[str, Any]:
-    """The parameters of a stage in a table's lineage, of the nearest one; empty where there is none."""
+    """Return the parameters of the nearest input of a stage; empty if there is none."""
     found = [(depth, node.parameters) for depth, node in lineage(provenance) if node.stage == stage]
     return min(found, key=lambda one: one[0])[1] if found else {}
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of the record, made from the structs above."""
+    """Return the JSON Schema of the record, generated from the structs above."""
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "The `hydro` footer of an artefact",
@@ -193,12 +193,12 @@ def json_schema() -> dict[str, Any]:
 
 
 def content_hash(frame: pl.DataFrame) -> str:
-    """SHA-256 of a table's columns in canonical form.
+    """Return the SHA-256 of a table's columns in canonical form.
 
-    Each column is hashed apart: its logical type, which rows are missing, and the values as little-endian
-    float64 or int64, or as UTF-8 with their lengths.  One hash over these digests and the names, in the order
-    of names, is the table's.  So it does not depend on chunks, row groups or the order of columns, nor on
-    whether the same numbers are stored as float32 or float64.
+    Each column is hashed separately: its logical type, its missing rows, and its values.  Values are
+    little-endian float64 or int64, or UTF-8 with their lengths.  The hash of the table is one hash over these
+    digests and the names, sorted by name.  So it does not depend on chunks, row groups or column order.  Nor
+    does it depend on whether the same numbers are stored as float32 or float64.
 
     Returns:
         `sha256:` and 64 hexadecimal digits.
@@ -214,7 +214,7 @@ def content_hash(frame: pl.DataFrame) -> str:
 
 
 def _column_digest(values: pl.Series) -> bytes:
-    """Hash of one column: logical type, which rows are missing, then the values."""
+    """Return the hash of one column: logical type, missing rows, then the values."""
     digest = hashlib.sha256()
     if isinstance(values.dtype, pl.List):
         digest.update(b"list")
@@ -237,12 +237,12 @@ def _column_digest(values: pl.Series) -> bytes:
 
 
 def _add_missing(digest: hashlib._Hash, values: pl.Series) -> None:
-    """Length of the column, and where values are missing if any are."""
+    """Add the length of the column to a hash, and its missing rows if there are any."""
     digest.update(len(values).to_bytes(8, "little"))
     if values.null_count():
         digest.update(np.packbits(values.is_null().to_numpy()).data)
 
 
 def _little(numbers: NDArray[Any], dtype: str) -> memoryview:
-    """The numbers as contiguous little-endian bytes; no copy where they already are."""
+    """Return numbers as contiguous little-endian bytes, without a copy if they already are."""
     return np.ascontiguousarray(numbers, dtype=dtype).data

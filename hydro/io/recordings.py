@@ -1,4 +1,4 @@
-"""A recording as a table: a raw table as it stands, or a log that a map makes one."""
+"""Recording as a table: a raw table, or a log imported with a map."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hydro.core.errors import DataError
 from hydro.core.logs.logmap import BLOCKS, blocks_of
 from hydro.core.logs.mixer import thrusters
 from hydro.core.vehicle.description import Vehicle
-from hydro.io import log_files, log_import, mistaken, provenance, table, vehicle
+from hydro.io import file_kind, log_files, log_import, provenance, table, vehicle
 from hydro.io.files import name_of
 from hydro.io.log import Log, LogFile
 from hydro.io.table import Artefact
 
 KEYS = {"session", "t"}
-"""What every table of a recording has, and hardly a log of somebody's."""
+"""Columns of every table of a recording, which a user's log hardly has."""
 
 
 def imported(
@@ -35,25 +35,24 @@ def imported(
     fill: bool = False,
     progress: log_files.Progress = log_files.silent,
 ) -> Artefact:
-    """Import logs, and tell what `hydro import` tells.
+    """Import logs, and report as `hydro import` does.
 
     Args:
-        files: The files of one dive.
-        map_: Their map; None to guess it from the columns' names.
-        tell: Called with each line.
-        vehicle_file: The vehicle, whose thrusters must be as many as the commands and whose file goes into
-            the footer.
-        preset: Whose names a guess takes the columns to have; by default those of any.
-        rate: Rows per second; by default as `raw_table` has it.
+        files: Files of one dive.
+        map_: Their map; None to guess it from the column names.
+        tell: Called with each line of the report.
+        vehicle_file: Vehicle with as many thrusters as commands; its text goes into the footer.
+        preset: Naming scheme of the columns for a guess; by default any.
+        rate: Rows per second [Hz]; by default as in `raw_table`.
         strict: Refuse a log whose motion contradicts the map.
-        fill: Draw lines between the samples of a slow sensor instead of leaving rows empty.
-        progress: Gives what is told how far each file is read.
+        fill: Interpolate between the samples of a slow sensor instead of leaving nulls.
+        progress: Context that reports the progress of each file.
 
     Returns:
-        The raw table, with the logs and the map in its footer.
+        Raw table, with the logs and the map in its footer.
 
     Raises:
-        DataError: a file, the map or the vehicle is broken, or they do not fit each other.
+        DataError: A file, the map or the vehicle is invalid, or they do not fit each other.
     """
     count = len(vehicle.read(vehicle_file)[0].thruster) if vehicle_file is not None and map_ is None else None
     source, meaning = log_files.gather(files, map_, progress, preset, count)
@@ -63,10 +62,10 @@ def imported(
         tell(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}")
         if unknown := [name for name in BLOCKS if name not in blocks_of(meaning)]:
             tell(
-                f"note: no column's name says {', '.join(unknown)}, so that they are null; if the log has "
+                f"note: no column name identifies {', '.join(unknown)}, so they are null; if the log has "
                 "them, name their columns in a map (--write-map FILE begins one)"
             )
-    known, text = _known(vehicle_file, thrusters(meaning.mixer, len(meaning.commands.columns)))
+    known, text = _read_vehicle(vehicle_file, thrusters(meaning.mixer, len(meaning.commands.columns)))
     report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
         tell(line)
@@ -76,21 +75,21 @@ def imported(
     return _artefact(source, report, text)
 
 
-def _known(file: Path | None, count: int) -> tuple[Vehicle | None, str | None]:
-    """The vehicle and its text, once it is known to have as many thrusters as the log has commands for."""
+def _read_vehicle(file: Path | None, count: int) -> tuple[Vehicle | None, str | None]:
+    """Read the vehicle and its text, and check that it has a thruster for each command."""
     if file is None:
         return None, None
     known, text = vehicle.read(file)
     if len(known.thruster) != count:
         raise DataError(
             f"the map names {count} commands, but {file} has {len(known.thruster)} thrusters: name one "
-            "column per thruster in commands.columns, in the file's order, or say in [mixer] what they demand"
+            "column per thruster in commands.columns, in the file's order, or define a [mixer]"
         )
     return known, text
 
 
 def _artefact(source: Log, report: log_import.ImportReport, text: str | None) -> Artefact:
-    """The raw table with the log and the map in its footer."""
+    """Return the raw table with the log and the map in its footer."""
     files = source.files or (source.digest,)
     return table.make(
         "raw",
@@ -103,7 +102,7 @@ def _artefact(source: Log, report: log_import.ImportReport, text: str | None) ->
 
 
 def is_artefact(file: LogFile) -> bool:
-    """Whether a file has hydro's own footer; a damaged one has none."""
+    """Check whether a file has hydro's footer; a damaged file has none."""
     if file.reader.name != "Parquet file":
         return False
     try:
@@ -113,10 +112,10 @@ def is_artefact(file: LogFile) -> bool:
 
 
 def read(file: LogFile, kinds: Sequence[str]) -> Artefact:
-    """A table as it stands.
+    """Read a table of a recording.
 
     Raises:
-        DataError: the file is a log, which needs a map; or it is broken, of another kind, or breaks its
+        DataError: The file is a log, which needs a map; or it is damaged, of another kind, or breaks its
             schema.
     """
     if file.reader.name != "Parquet file":
@@ -125,15 +124,15 @@ def read(file: LogFile, kinds: Sequence[str]) -> Artefact:
             f"{file.name}: not a Parquet file ({what}): if it is a log, give --map FILE, "
             "which hydro import LOG --write-map FILE begins"
         )
-        raise mistaken.explained(error, file.path, mistaken.RECORDING)
+        raise file_kind.explained(error, file.path, file_kind.RECORDING)
     if file.name == name_of(file.path):
-        return _of_columns(file, lambda: table.read(file.path, kinds))
+        return _with_hint(file, lambda: table.read(file.path, kinds))
     with file.path.open("rb") as stream:
-        return _of_columns(file, lambda: table.read(stream, kinds))
+        return _with_hint(file, lambda: table.read(stream, kinds))
 
 
-def _of_columns(file: LogFile, read: Callable[[], Artefact]) -> Artefact:
-    """What `read` reads; where the columns are those of a log, its error says what a log needs."""
+def _with_hint(file: LogFile, read: Callable[[], Artefact]) -> Artefact:
+    """Return the result of `read`; add a hint to its error if the columns are those of a log."""
     try:
         return read()
     except DataError as error:

@@ -1,4 +1,4 @@
-"""A vehicle as the text of a vehicle file that keeps the comments and the layout of an earlier one."""
+"""Text of a vehicle file that keeps the comments and layout of an earlier text."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from hydro.io.vehicle import parse
 
 
 def rewritten(vehicle: Vehicle, text: str = "") -> str:
-    """The text of a vehicle file that says what `vehicle` is, with as much of `text` as still holds.
+    """Return the text of a vehicle file for `vehicle`, with as much of `text` as possible.
 
     Args:
         vehicle: The vehicle.
-        text: An earlier file: comments, layout and the spelling of numbers stay where nothing has changed,
-            and tables of effects and thrusters are known by their names. From scratch by default.
+        text: Earlier file, empty by default.  Comments, layout and unchanged numbers are kept.  Tables of
+            effects and thrusters are matched by name.
 
     Raises:
         DataError: `text` is not a vehicle, or `vehicle` breaks a rule of vehicle files.
@@ -39,7 +39,7 @@ def rewritten(vehicle: Vehicle, text: str = "") -> str:
 
 
 def _stated(value: Any) -> Any:
-    """A vehicle as TOML has it: tables, lists and scalars, without None and without what is its default."""
+    """Return a vehicle as tables, lists and scalars, without None and without defaults."""
     if isinstance(value, msgspec.Struct):
         fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
         return {field.name: _stated(inner) for field, inner in fields if inner != field.default}
@@ -51,14 +51,14 @@ def _stated(value: Any) -> Any:
 
 
 def _items(value: Any) -> dict[str, Any]:
-    """The keys of a struct or a table that have a value, defaults too."""
+    """Return the keys of a struct or table that have a value, including defaults."""
     if isinstance(value, msgspec.Struct):
         value = {name: getattr(value, name) for name in value.__struct_fields__}
     return {key: inner for key, inner in value.items() if inner is not None}
 
 
 def _merge(table: Any, old: Any, new: Any) -> None:
-    """Make a document's table, which says what `old` is, say what `new` is; leave alone what is the same."""
+    """Change a document's table from the content of `old` to that of `new`; keep unchanged parts."""
     from tomlkit.items import AoT
 
     before, after = _items(old), _items(new)
@@ -77,7 +77,7 @@ def _merge(table: Any, old: Any, new: Any) -> None:
 
 
 def _merge_tables(tables: Any, old: list[Any], new: Sequence[Any]) -> None:
-    """The same for an array of tables with names: those of no name in `new` go, others come between."""
+    """Change an array of named tables: remove names that are not in `new`, and insert the others."""
     for index, entry in enumerate(new):
         names = [_items(one).get("name") for one in old[index:]]
         name = _items(entry).get("name")
@@ -92,7 +92,7 @@ def _merge_tables(tables: Any, old: list[Any], new: Sequence[Any]) -> None:
 
 
 def _set(table: Any, key: str, value: Any) -> None:
-    """Set a key to plain content, lists of tables as `[[key]]`."""
+    """Set a key to plain content; lists of tables become `[[key]]`."""
     import tomlkit
 
     if _are_tables(value):
@@ -108,7 +108,7 @@ def _are_tables(value: Any) -> bool:
 
 
 def _spaced(made: str, text: str) -> str:
-    """The text with an empty line before every header that an earlier text has not set closer."""
+    """Return the text with an empty line before each header, except where the earlier text has none."""
     lines: list[str] = []
     for line in made.splitlines(keepends=True):
         last = lines[-1] if lines else "\n"

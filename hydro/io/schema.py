@@ -1,20 +1,20 @@
-"""The schema files: what every column of every table is, and the checks that hold a table to it.
+"""Schema files: definitions of all columns of all tables, and the checks of a table.
 
-A schema is a Frictionless Table Schema (v2) file in `schemas/`, with these keys beyond the standard.
+A schema is a Frictionless Table Schema (v2) file in `schemas/`, with some additional keys.
 
-Of a field:
+Keys of a field:
 
-* `arrowType`: the storage types accepted, the widest last;
-* `unit`, `frame`, and `source`: an equation, a paper, or the part of hydro that a column comes from.  All of
-  them are in the digest that footers carry, so that a source keeps its name when code moves;
-* `repeat`: a field named `cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields
-  that repeat by the same letter come equally often;
-* `optional`: the column, or all that repeat, may be absent.  A field that is not `required` may have nulls.
+* `arrowType`: accepted storage types, the widest last;
+* `unit`, `frame`, and `source`: an equation, a paper, or the part of hydro that computes the column.  They
+  are part of the digest in footers, so a source keeps its name when code moves;
+* `repeat`: a field named `cmd_{n}` with `"repeat": "n"` represents the columns `cmd_1 ... cmd_n`; all fields
+  with the same letter repeat equally often;
+* `optional`: the column, or all repeated columns, may be absent.  A field that is not `required` may be null.
 
-Of a table:
+Keys of a table:
 
-* `extends`: the table whose fields come first;
-* `series`: the `key` columns name a recording, whose rows stand together and along which `time` increases.
+* `extends`: table whose fields come first;
+* `series`: the `key` columns name a recording.  Its rows are contiguous, and `time` increases along them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from hydro.io.schema_field import Field, Part, Rows, broken
 
 _PACKAGED = Path(__file__).resolve().parents[1] / "_schemas"
 FOLDER = _PACKAGED if _PACKAGED.is_dir() else Path(__file__).resolve().parents[2] / "schemas"
-"""Where the schema files are: inside an installed package, or beside it in a checkout."""
+"""Folder of the schema files: in an installed package, or in a checkout."""
 
 KINDS = (
     "raw",
@@ -62,28 +62,28 @@ KINDS = (
     "episodes",
     "policy",
 )
-"""The kinds of table that hydro reads and writes."""
+"""Kinds of table that hydro reads and writes."""
 
 VERSIONS = {
     "raw": 3, "labels": 3, "split": 3, "commands": 2, "curves": 2, "evaluations": 2, "episodes": 2
 }  # fmt: skip
-"""How many versions of a kind's schema there are, where it is more than one.
+"""Number of versions of a kind's schema, if there are several.
 
-A later one, in a file such as `raw-2.json`, admits nulls or columns that an earlier one refuses; every table
-is held to, and written as, the first that admits it, so that a table's bytes do not change when a version is
-added.  What a later version extends is of that version too, where it has as many.
+A later version, in a file such as `raw-2.json`, allows nulls or columns that an earlier one does not.  Every
+table is checked by, and written with, the first version that allows it.  So its bytes do not change when a
+version is added.  A later version extends the same version of its parent, if the parent has as many.
 """
 
 
 class Series(Part, frozen=True):
-    """Rows of one recording share `key`, stand together, and `time` increases along them."""
+    """Rule that rows with the same `key` are contiguous and `time` increases along them."""
 
     key: tuple[str, ...]
     time: str
 
 
 class _File(Part, frozen=True):
-    """A schema file as it stands."""
+    """Schema file as parsed."""
 
     schema: str = msgspec.field(name="$schema")
     name: str
@@ -99,7 +99,7 @@ class _File(Part, frozen=True):
 
 @dataclass(frozen=True)
 class Schema:
-    """The schema of one kind of table, with what it extends already in place."""
+    """Schema of one kind of table, including the fields of the table that it extends."""
 
     kind: str
     title: str
@@ -110,12 +110,12 @@ class Schema:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the rules, independent of how the schema file is laid out."""
+        """SHA-256 of the rules, independent of the layout of the schema file."""
         content = (self.kind, self.fields, self.primary_key, self.series)
         return "sha256:" + hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
     def columns(self, names: Iterable[str]) -> dict[str, Field]:
-        """The fields by column name, in order, as often as the columns `names` repeat them."""
+        """Return the fields by column name, in order; fields repeat as often as in `names`."""
         names = set(names)
         times: dict[str, int] = {}
         for field in self.fields:
@@ -132,14 +132,14 @@ class Schema:
         return columns
 
     def conform(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """The same table with the columns of this schema in its order, each as a type that it accepts.
+        """Return the table with the columns of this schema in its order, each in an accepted type.
 
-        No value is lost: a column without any value gets its type, whole numbers become wider ones or floats,
-        and a column that need not be there is filled with nulls.  Whatever else breaks the schema stays as it
-        is, for `check` to refuse; columns that the schema does not know come last.
+        No value is lost: an all-null column gets its type, integers become wider or floats, and an optional
+        missing column is filled with nulls.  Other violations stay for `check` to refuse.  Unknown columns
+        come last.
 
         Args:
-            frame: the table; it may be empty, or even have no columns.
+            frame: Table; it may be empty, or have no columns.
         """
         given, rows = frame.schema, frame.height
         types = {
@@ -157,17 +157,17 @@ class Schema:
         return frame.select(*made, *extra)
 
     def check(self, frame: pl.DataFrame, source: str) -> pl.DataFrame:
-        """Hold a table to this schema: columns, types, finite values, bounds, order of time.
+        """Check a table against this schema: columns, types, finite values, bounds, order of time.
 
         Args:
-            frame: the table.
-            source: what error lines call it, usually the file's name.
+            frame: The table.
+            source: Name in error messages, usually the file's name.
 
         Returns:
-            The same table with its columns in the schema's order (no value is copied or changed).
+            The same table with its columns in the schema's order; no value is copied or changed.
 
         Raises:
-            DataError: the first rule that is broken, how often, and the first row (rows count from 0).
+            DataError: A rule is broken; the message has the first rule, the count and the first row from 0.
         """
         types = dict(frame.schema)
         self.check_columns({name: storage_type(dtype) for name, dtype in types.items()}, source)
@@ -186,26 +186,26 @@ class Schema:
                 frame,
                 source,
                 f"{', '.join(self.primary_key)} must be unique",
-                _again(frame, self.primary_key),
+                _repeated(frame, self.primary_key),
             )
         return frame
 
     def check_columns(self, types: Mapping[str, str], source: str) -> None:
-        """Hold column names and storage types (such as `float32`) to this schema.
+        """Check column names and storage types (such as `float32`) against this schema.
 
         Raises:
-            DataError: columns are missing, are too many, or are stored as the wrong type.
+            DataError: Columns are missing, unknown, or of the wrong type.
         """
         columns = self.columns(types)
         missing = [field.label for name, field in columns.items() if name not in types]
         if missing:
             raise DataError(
-                f"{source}: {_columns(missing)} missing: a {self.kind} table needs {_them(missing)}"
+                f"{source}: {_columns(missing)} missing: a {self.kind} table needs {_pronoun(missing)}"
             )
         extra = [name for name in types if name not in columns]
         if extra:
             raise DataError(
-                f"{source}: {_columns(extra)} not part of a {self.kind} table: drop {_them(extra)}"
+                f"{source}: {_columns(extra)} not part of a {self.kind} table: drop {_pronoun(extra)}"
             )
         for name, field in columns.items():
             if types[name] not in field.arrow_type:
@@ -215,14 +215,14 @@ class Schema:
                 )
 
     def _check_series(self, frame: pl.DataFrame, source: str) -> None:
-        """Each recording in one piece, its time increasing."""
+        """Check that each recording is contiguous and its time increases."""
         assert self.series is not None
         key, time = self.series.key, self.series.time
         label = next(field.label for field in self.fields if field.name == time)
         place = " and ".join(key)
         runs = [np.diff(frame[name].rle_id().to_numpy(), prepend=-1) for name in key]
         starts = np.flatnonzero(np.any(runs, axis=0))
-        again = starts[_again(frame[starts], key)]
+        again = starts[_repeated(frame[starts], key)]
         self._refuse(frame, source, f"rows of one {place} must be together", again)
         step = np.diff(frame[time].to_numpy())
         step[starts[1:] - 1] = 1.0
@@ -232,7 +232,7 @@ class Schema:
         )
 
     def _refuse(self, frame: pl.DataFrame, source: str, rule: str, bad: Rows) -> None:
-        """Raise the error line for the rows that break `rule`, if there are any."""
+        """Raise an error for the rows that break `rule`, if any."""
         if bad.size == 0:
             return
         first = int(bad[0])
@@ -246,10 +246,10 @@ class Schema:
 
 @cache
 def load(kind: str, version: int = 1) -> Schema:
-    """The schema of a kind of table, read from its file.
+    """Return the schema of a kind of table, read from its file.
 
     Raises:
-        DataError: there is no such kind.
+        DataError: There is no such kind.
     """
     if kind not in KINDS:
         raise DataError(f"{kind}: no such kind of table: the kinds are {', '.join(KINDS)}")
@@ -267,12 +267,12 @@ def load(kind: str, version: int = 1) -> Schema:
 
 
 def suited(kind: str, frame: pl.DataFrame) -> Schema:
-    """The first version of a kind's schema that admits the nulls and columns of a table.
+    """Return the first version of a kind's schema that allows the nulls and columns of a table.
 
-    The first of all where none does: what it refuses is what is said of the table.
+    If none does, return the first version, whose check then gives the error.
 
     Raises:
-        DataError: there is no such kind.
+        DataError: There is no such kind.
     """
     empty = {name for name in frame.columns if frame[name].null_count()}
     admitting = [
@@ -287,22 +287,22 @@ def suited(kind: str, frame: pl.DataFrame) -> Schema:
 
 
 def versions(kind: str) -> list[Schema]:
-    """All versions of a kind's schema, the first one first.
+    """Return all versions of a kind's schema, the first one first.
 
     Raises:
-        DataError: there is no such kind.
+        DataError: There is no such kind.
     """
     return [load(kind, version) for version in range(1, VERSIONS.get(kind, 1) + 1)]
 
 
 def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
-    """The first of some versions of a schema that leaves the fewest columns of a table unknown."""
+    """Return the first version of a schema that has the fewest unknown columns in a table."""
     given = set(names)
     return min(rules, key=lambda one: len(given - one.columns(given).keys()))
 
 
 def fitting(wanted: Iterable[str], columns: Mapping[str, str]) -> str:
-    """The kind, of those wanted, whose columns differ least from these."""
+    """Return the wanted kind whose columns differ least from these."""
 
     def unlike(kind: str) -> int:
         return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in versions(kind))
@@ -311,14 +311,14 @@ def fitting(wanted: Iterable[str], columns: Mapping[str, str]) -> str:
 
 
 def storage_type(dtype: pl.DataType) -> str:
-    """The name by which schema files call a polars type, such as `float32` or `list<int64>`."""
+    """Return the name of a polars type in schema files, such as `float32` or `list<int64>`."""
     if isinstance(dtype, pl.List):
         return f"list<{storage_type(dtype.inner)}>"  # type: ignore[arg-type]
     return "string" if dtype in (pl.String, pl.Categorical, pl.Enum) else str(dtype).lower()
 
 
 def _accepted(field: Field, dtype: pl.DataType) -> pl.DataType:
-    """The type that holds all values of `dtype` in this field; `dtype` itself where none does."""
+    """Return the type that holds all values of `dtype` in this field, or `dtype` if none does."""
     if dtype in (pl.Categorical, pl.Enum):
         return pl.String()
     fits = storage_type(dtype) in field.arrow_type or not _widens(dtype, field.widest)
@@ -326,7 +326,7 @@ def _accepted(field: Field, dtype: pl.DataType) -> pl.DataType:
 
 
 def _widens(dtype: pl.DataType, to: pl.DataType) -> bool:
-    """Whether every value of one type is a value of the other."""
+    """Check whether every value of one type is a value of the other."""
     if isinstance(dtype, pl.List) and isinstance(to, pl.List):
         return _widens(_inner(dtype), _inner(to))
     whole = dtype.is_integer() and dtype != pl.UInt64
@@ -334,27 +334,27 @@ def _widens(dtype: pl.DataType, to: pl.DataType) -> bool:
 
 
 def _inner(dtype: pl.List) -> pl.DataType:
-    """Type of a list's entries."""
+    """Return the type of a list's entries."""
     return dtype.inner() if isinstance(dtype.inner, type) else dtype.inner
 
 
 def _repeats(field: Field, names: set[str]) -> int:
-    """How many columns among `names` a repeated field accounts for."""
+    """Return the number of columns in `names` that belong to a repeated field."""
     pattern = re.escape(field.name).replace(re.escape(f"{{{field.repeat}}}"), "[1-9][0-9]*")
     return sum(re.fullmatch(pattern, name) is not None for name in names)
 
 
 def _columns(names: list[str]) -> str:
-    """`column a is`, or `columns a, b are`, of at most eight names."""
+    """Return `column a is`, or `columns a, b are`, with at most eight names."""
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     named = ", ".join(shown(name) for name in names[:8]) + more
     return f"column {named} is" if len(names) == 1 else f"columns {named} are"
 
 
-def _them(names: list[str]) -> str:
+def _pronoun(names: list[str]) -> str:
     return "it" if len(names) == 1 else "them"
 
 
-def _again(frame: pl.DataFrame, key: tuple[str, ...]) -> Rows:
-    """Rows whose `key` another row had before."""
+def _repeated(frame: pl.DataFrame, key: tuple[str, ...]) -> Rows:
+    """Return the rows whose `key` occurred in an earlier row."""
     return np.flatnonzero(~frame.select(pl.struct(key).is_first_distinct()).to_series().to_numpy())

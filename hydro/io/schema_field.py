@@ -1,4 +1,4 @@
-"""One column of a table, as a schema file describes it: its types, and the rules that its values keep."""
+"""One column of a table in a schema file: its types, and the rules for its values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Rows = npt.NDArray[np.intp]
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
-    """A part of a schema file; an unknown key is an error: it would be a rule that nobody checks."""
+    """Part of a schema file; an unknown key is an error, because it would be a rule without a check."""
 
 
 _POLARS: dict[str, pl.DataType] = {
@@ -24,11 +24,11 @@ _POLARS: dict[str, pl.DataType] = {
     "float64": pl.Float64(),
 }
 _POLARS |= {f"list<{name}>": pl.List(dtype) for name, dtype in _POLARS.items()}
-"""The polars types by the names that schema files call them."""
+"""Polars types by their names in schema files."""
 
 
 class Constraints(Part, frozen=True):
-    """What the values of a column must satisfy.  Numbers must be finite besides, always."""
+    """Rules for the values of a column; numbers must also be finite."""
 
     required: bool = False
     unique: bool = False
@@ -40,7 +40,7 @@ class Constraints(Part, frozen=True):
 
 
 class Field(Part, frozen=True):
-    """One column, or with `repeat` several: what it is, in which unit and frame, and where it is defined."""
+    """One column, or several with `repeat`: description, unit, frame and source."""
 
     name: str
     type: str
@@ -54,24 +54,24 @@ class Field(Part, frozen=True):
     constraints: Constraints = Constraints()
 
     def column(self, number: int) -> Field:
-        """The field of the `number`-th column of a repeated field."""
+        """Return the field of the `number`-th column of a repeated field."""
         assert self.repeat is not None
         name = self.name.replace(f"{{{self.repeat}}}", str(number))
         return msgspec.structs.replace(self, name=name, repeat=None)
 
     @property
     def widest(self) -> pl.DataType:
-        """The last of the types accepted."""
+        """Last of the accepted types."""
         return _POLARS[self.arrow_type[-1]]
 
     @property
     def label(self) -> str:
-        """The column's name with its unit, as error lines give it."""
+        """Name of the column with its unit, for error messages."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
 def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """The rules that a column breaks, each with the rows that break it."""
+    """Yield the rules that a column breaks, each with the rows that break it."""
     rules = field.constraints
     if rules.required and values.null_count():
         yield "present", _rows(values.is_null())
@@ -86,7 +86,7 @@ def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
 
 
 def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """One pass for the least and one for the greatest; rows are looked for only when one of them is wrong."""
+    """Yield broken rules of numbers; rows are searched only if the minimum or maximum is wrong."""
     numbers = (values.drop_nulls() if values.null_count() else values).to_numpy()
     if numbers.size == 0:
         return
@@ -100,7 +100,7 @@ def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str
 
 
 def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Length, pattern and the list of values allowed."""
+    """Yield broken rules of texts: length, pattern and allowed values."""
     if rules.min_length is not None:
         yield f"at least {rules.min_length} character long", _rows(values.str.len_chars() < rules.min_length)
     if rules.pattern is not None:
@@ -110,5 +110,5 @@ def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, 
 
 
 def _rows(broken: pl.Series) -> Rows:
-    """Rows where a polars test says true."""
+    """Return the rows where a polars condition is true."""
     return np.flatnonzero(broken.fill_null(False).to_numpy())

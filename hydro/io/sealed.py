@@ -1,4 +1,4 @@
-"""Files that are no tables, with the hash of their content in the first line: a flipped byte is found."""
+"""Files other than tables, with the hash of their content in the first line, which detects damage."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _LENGTH = len(_MARK) + 64 + 1
 
 @contextlib.contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file to write content to, whole or not at all; its hash is put before it at the end.
+    """Open a file to write its content atomically; the hash is inserted before it at the end.
 
     Raises:
-        DataError: the operating system refused.
+        DataError: The operating system refused.
     """
     with whole_file(path) as stream:
         stream.write(bytes(_LENGTH))
@@ -36,10 +36,10 @@ def writing(path: str | Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def reading(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file whose content is the one that was written, at the content's beginning.
+    """Open a file, check its hash, and seek to the beginning of its content.
 
     Raises:
-        DataError: it cannot be read, or was changed since.
+        DataError: It cannot be read, or was changed after it was written.
     """
     name = os.fspath(path)
     try:
@@ -55,6 +55,6 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def _first_line(stream: io.BufferedReader) -> bytes:
-    """The line that belongs before the content of a file."""
+    """Return the first line that belongs to the content of a file."""
     stream.seek(_LENGTH)
     return _MARK + hashlib.file_digest(stream, "sha256").hexdigest().encode() + b"\n"

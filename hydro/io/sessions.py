@@ -1,4 +1,4 @@
-"""The sessions of a log: which rows belong together, and when each was taken."""
+"""Sessions of a log: their rows and times."""
 
 from __future__ import annotations
 
@@ -29,39 +29,39 @@ from hydro.io.log import NOT_A_NUMBER, Log, column, numbers, refuse, require, st
 from hydro.io.readers.tables import CLOCKS, TIME, Numbers, Table, Tables
 
 A_DAY = 86400.0
-"""Silence or jump of a clock after which another session begins in any case [s]: no vehicle dives on."""
-STRETCH = 20
-"""Rows that each stretch between falls of the clock must have to be a session of its own."""
+"""Pause or jump of a clock after which a new session begins in any case [s]; no dive has such a pause."""
+LEAST_ROWS = 20
+"""Minimum number of rows between falls of the clock for each stretch to be a session."""
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
 
 def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
-    """The sessions of a log in the order they begin, with the numbers of the columns that the map names.
+    """Return the sessions of a log in order of start, with the numeric columns that the map names.
 
     Raises:
-        DataError: a column is missing or holds text where a number belongs, or time goes backwards.
+        DataError: A column is missing or is not numeric, or time goes backwards.
     """
     plain = meaning.time.column == TIME and meaning.time.unit != "iso" and meaning.session.column is None
     if isinstance(log.table, Tables) and plain:
-        return _of_topics(log, log.table, meaning)
+        return _topic_sessions(log, log.table, meaning)
     columns = {name: numbers(log, name, where) for where, name in named_columns(meaning)}
     ticks, rows, per_second = clock(log, meaning.time)
     if not len(rows):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
-    parts = list(_parted(log, meaning, ticks, rows, per_second, columns))
+    parts = list(_labelled_sessions(log, meaning, ticks, rows, per_second, columns))
     owned: list[dict[str, Array]] = [{} for _ in parts]
     for key in list(columns):
-        values = columns.pop(key)  # of a long log no column is held twice for longer than this
+        values = columns.pop(key)  # so that no column of a long log is held twice for longer than this
         for own, (_, _, taken, _) in zip(owned, parts, strict=True):
             own[key] = values[taken]
-    none = {name: said for name in _driven(meaning) if (said := unset(log, name)).any()}
+    none = {name: said for name in _command_columns(meaning) if (said := unset(log, name)).any()}
     silent = [{name: said[taken] for name, said in none.items()} for _, _, taken, _ in parts]
     every = zip(owned, parts, silent, strict=True)
     return [SessionLog(name, t, own, unset=off, cut=cut) for own, (name, t, _, cut), off in every]
 
 
-def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
-    """The same of messages on one clock: each sensor in the rows of its own topics, read when wanted."""
+def _topic_sessions(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
+    """Return the sessions of messages on one clock; columns of a sensor share rows and are read on demand."""
     for where, name in named_columns(meaning):
         require(log, name, where)
         if name in CLOCKS:
@@ -78,32 +78,35 @@ def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
     begun, limits = t[starts], [*every[starts].tolist(), np.inf]
     clocks: list[dict[str, Array]] = [{} for _ in names]
     owned: list[dict[str, tuple[Table, int, int]]] = [{} for _ in names]
-    for table, columns in tables.together(_sharing(meaning)):
+    for table, columns in tables.together(_sensor_columns(meaning)):
         own = (table.time - every[0]) / per_second
         edges = np.searchsorted(table.time, limits).tolist()
         for number, (start, stop) in enumerate(pairwise(edges)):
             clocks[number] |= dict.fromkeys(columns, own[start:stop] - begun[number])
             owned[number] |= dict.fromkeys(columns, (table, start, stop))
     cuts = ["", *(_jump(float(t[k] - t[k - 1])) for k in starts[1:].tolist())]
-    silent = [{name: own[name][0].unset(name, *own[name][1:]) for name in _driven(meaning)} for own in owned]
+    silent = [
+        {name: own[name][0].unset(name, *own[name][1:]) for name in _command_columns(meaning)}
+        for own in owned
+    ]
     parts = zip(names, owned, clocks, silent, cuts, strict=True)
     return [
         SessionLog(name, np.empty(0), Numbers(own), clock, off, cut) for name, own, clock, off, cut in parts
     ]
 
 
-def _driven(meaning: LogMap) -> list[str]:
+def _command_columns(meaning: LogMap) -> list[str]:
     """Return the columns of the commands."""
     return columns_of(meaning.commands)
 
 
-def _sharing(meaning: LogMap) -> list[list[str]]:
-    """Columns of each sensor, which are read row by row: its values, and what says which of them count."""
+def _sensor_columns(meaning: LogMap) -> list[list[str]]:
+    """Return the columns of each sensor that are read row by row: values and conditions of validity."""
     return [[*columns_of(block), *beside(block)] for block in sensors_of(meaning).values()]
 
 
 def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
-    """Every column of numbers that a map names, and where it does."""
+    """Yield every numeric column that a map names, with its place in the map."""
     for where, block in blocks_of(meaning).items():
         yield from ((where, source.column) for source in measured(block))
         yield from ((where, name) for name in beside(block))
@@ -116,9 +119,9 @@ def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
 
 
 def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
-    """The clock's numbers of those rows that have one, these rows, and its ticks in a second.
+    """Return the ticks of the clock, their rows, and the number of ticks per second.
 
-    Whole numbers stay whole: nanoseconds since 1970 have more digits than a double keeps.
+    Integers stay integers: nanoseconds since 1970 have more digits than a double.
     """
     values, per_second = column(log, time.column, "time.column"), _PER_SECOND[time.unit]
     if isinstance(values.dtype, pl.Duration):
@@ -138,7 +141,7 @@ def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
 
 
 def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
-    """Nanoseconds since 1970 of ISO text or a column of times."""
+    """Return nanoseconds since 1970 of ISO text or a column of times."""
     if values.dtype == pl.String:
         text = stripped(values)
         text = text.set(text.is_in(NOT_A_NUMBER), None)
@@ -151,11 +154,11 @@ def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
         example = "ISO timestamps such as 2025-06-01T12:00:00.25Z"
         refuse(log, name, text, values, example, "correct the log or set time.unit")
     elif not isinstance(values.dtype, pl.Datetime):
-        raise DataError(f"{log.name}: column {shown(name)} is {values.dtype}, no timestamps: set time.unit")
+        raise DataError(f"{log.name}: column {shown(name)} is {values.dtype}, not timestamps: set time.unit")
     return values.dt.epoch("ns")
 
 
-def _parted(
+def _labelled_sessions(
     log: Log,
     meaning: LogMap,
     ticks: NDArray[Any],
@@ -163,7 +166,7 @@ def _parted(
     per_second: float,
     columns: Mapping[str, Array],
 ) -> Iterator[tuple[str, Array, Rows, str]]:
-    """Yield name, times since its start [s], rows and the reason of the cut before it of each session."""
+    """Yield name, times since start [s], rows and reason for the preceding cut of each session."""
     for name, members in _labelled(log, meaning, rows):
         t = (ticks[members] - ticks[members[0]]) / per_second
         again = _restarts(t, rows[members], columns)
@@ -177,42 +180,42 @@ def _parted(
 
 
 def _restarts(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Rows:
-    """Return where a clock begins again: at every fall, if the stretches between are recordings alike.
+    """Return the rows where a clock restarts: every fall, if the stretches between are similar recordings.
 
-    Stretches of a few rows are those of an unsorted log; stretches that have other columns than their
-    neighbours are those of several sensors one after the other, to be sorted by time.
+    Stretches of a few rows belong to an unsorted log.  Stretches with different columns are several sensors
+    one after another, to be sorted by time.
     """
     falls = np.flatnonzero(np.diff(t) < 0.0) + 1
     pieces = np.split(rows, falls)
-    if not len(falls) or min(map(len, pieces)) < STRETCH:
+    if not len(falls) or min(map(len, pieces)) < LEAST_ROWS:
         return np.empty(0, np.int64)
     held = [{name for name, values in columns.items() if np.isfinite(values[own]).any()} for own in pieces]
     return falls if all(each == held[0] for each in held) else np.empty(0, np.int64)
 
 
 def _starts(t: Array, meaning: LogMap) -> Rows:
-    """Return where sessions begin among times: at the first, and after every longer silence or jump."""
+    """Return where sessions begin among times: at the first, and after each longer pause or jump."""
     longest = min(meaning.session.gap or np.inf, A_DAY)
     found: Rows = np.r_[0, np.flatnonzero(np.diff(t) > longest) + 1]
     return found
 
 
 def _jump(step: float) -> str:
-    """Return what is to be told of a session that begins so long after the last row before it [s]."""
+    """Return the reason for a session that begins this long after the row before it [s]."""
     if step < 0.0:
         return f"the clock goes back by {-step:.4g} s and begins again"
     if step > A_DAY:
-        return f"the clock jumps on by {step / A_DAY:,.1f} days"
+        return f"the clock jumps forward by {step / A_DAY:,.1f} days"
     return ""
 
 
 def _titles(name: str, count: int) -> list[str]:
-    """What the sessions of one name are called."""
+    """Return the names of the sessions of one label."""
     return [f"{name}-{number}" for number in range(1, count + 1)] if count > 1 else [name]
 
 
 def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows]]:
-    """Name and members of each session, as places in `rows`, in the order in which they begin."""
+    """Yield name and members of each session, as indices into `rows`, in order of start."""
     if meaning.session.column is None:
         yield meaning.session.name or "log", np.arange(len(rows))
         return
@@ -229,12 +232,12 @@ def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows
 
 
 def _check_order(log: Log, name: str, session: str, t: Array, rows: Rows) -> None:
-    """Refuse a session whose time falls; repeated times are messages of several sensors."""
+    """Check that the time of a session does not fall; repeated times are messages of several sensors."""
     back = np.flatnonzero(np.diff(t) < 0.0) + 1
     if len(back):
         first, by = log.row(int(rows[back[0]])), t[back[0] - 1] - t[back[0]]
         raise DataError(
             f"{log.name}: column {shown(name)} goes backwards within session {shown(session)} in {len(back)} "
             f"of {len(t)} rows (first: {first}, by {by:g} s): sort the log by time, or name a session.column "
-            "that tells its parts"
+            "that separates its parts"
         )

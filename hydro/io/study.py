@@ -1,7 +1,7 @@
-"""The folder of a study: the files of every step of `hydro explain`, and which need not be made again.
+"""Folder of a study: the files of every step of `hydro explain`, and which of them are up to date.
 
-A step is done when its rows of the ladder and its files are there and say, by their hashes, that they
-were made from these inputs.  The ladder is written last.
+A step is up to date if its rows of the ladder and its files exist, and their hashes match the inputs.  The
+ladder is written last.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from hydro.io import vehicle as vehicles
 from hydro.io.table import Artefact
 
 LADDER = "ladder.parquet"
-OWN = re.compile(
+FILES = re.compile(
     r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+(\.covariance\.parquet|\.toml)"
     r"|(ladder|replay|leftover|growth|sessions|bands)\.parquet"
 )
 STAGE = "explain"
 ENDED = "ended"
-"""Parameter of `ladder.parquet`: why no step follows the last; there once that is known."""
+"""Parameter of `ladder.parquet`: reason why no step follows the last; absent until it is known."""
 NO_FORCES = "no_forces"
-"""Parameter of `sessions.parquet`: why no force can be found, and there is no table of what is left over."""
+"""Parameter of `sessions.parquet`: reason why forces cannot be computed and `leftover.parquet` is absent."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """One study in its folder.
+    """Study in its folder.
 
     Attributes:
-        folder: Where its files are; it is there.
-        vehicle_text: The vehicle file as given.
-        measured: The recording.
-        holdout: The held-out one, if there is one.
-        beside: What else the steps were made from, such as a recording from before a change.
-        parameters: What all tables say of it.
+        folder: Existing folder of its files.
+        vehicle_text: Vehicle file as given.
+        measured: Recording.
+        holdout: Held-out recording, or None.
+        beside: Further inputs of the steps, such as a recording before a change.
+        parameters: Parameters in the footer of all tables.
     """
 
     folder: Path
@@ -54,14 +54,14 @@ class Study:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def done(self) -> list[Step]:
-        """The steps that are done, from 0 on."""
+        """Return the steps that are up to date, from 0 on."""
         try:
             ladder = table.read(self.folder / LADDER, "ladder")
         except DataError:
             return []
         parameters = ladder.provenance.parameters
         ended = {name: parameters[name] for name in (ENDED, HEADLINE) if name in parameters}
-        ours = self._made("ladder", ladder.frame, self.vehicle_text, **ended).provenance
+        ours = self._table("ladder", ladder.frame, self.vehicle_text, **ended).provenance
         if ladder.provenance != ours:
             return []
         steps: list[Step] = []
@@ -76,17 +76,19 @@ class Study:
         return steps
 
     def has_ended(self, steps: Sequence[Step]) -> bool:
-        """Whether it is known that no step follows the last of these, which are done."""
+        """Check whether it is known that no step follows the last of these."""
         if not steps:
             return False
         ladder = table.read(self.folder / LADDER, "ladder")
         return ENDED in ladder.provenance.parameters and ladder.frame["step"].max() == steps[-1].number
 
     def clear(self, steps: Sequence[Step]) -> bool:
-        """Remove what is in the folder of another study, or of later steps; whether there was something."""
+        """Remove files of another study or of later steps; return whether there were any."""
         keep = {name for step in steps for name in _names(step.number)} | ({LADDER} if steps else set())
         keep |= {covariance.beside(_names(step.number)[2]).name for step in steps}
-        gone = [path for path in self.folder.iterdir() if OWN.fullmatch(path.name) and path.name not in keep]
+        gone = [
+            path for path in self.folder.iterdir() if FILES.fullmatch(path.name) and path.name not in keep
+        ]
         for path in gone:
             path.unlink()
         return bool(gone)
@@ -97,29 +99,29 @@ class Study:
         comparison, diagnosis, vehicle = (self.folder / name for name in _names(step.number))
         text = self.text(step)
         vehicles.write(text, vehicle)
-        table.write(self._made("comparison", step.comparison, text), comparison)
-        made = self._made("diagnosis", step.diagnosis, text, chi2=[round(value, 4) for value in step.chi2])
+        table.write(self._table("comparison", step.comparison, text), comparison)
+        made = self._table("diagnosis", step.diagnosis, text, chi2=[round(value, 4) for value in step.chi2])
         table.write(made, diagnosis)
         if step.estimates is not None:
             covariance.write(step.estimates, vehicle, stage=STAGE, inputs=[self.measured], vehicle_text=text)
         self._save_ladder(steps)
 
     def end(self, steps: Sequence[Step], why: str, headline: str) -> None:
-        """Write down that no step follows the last of these, why, and the answer in one line."""
+        """Record that no step follows the last of these, the reason, and the answer in one line."""
         self._save_ladder(steps, **{ENDED: why, HEADLINE: headline})
 
     def _save_ladder(self, steps: Sequence[Step], **parameters: str) -> None:
         """Write the ladder of all steps."""
         ladder = pl.concat(one.ladder for one in steps)
-        table.write(self._made("ladder", ladder, self.vehicle_text, **parameters), self.folder / LADDER)
+        table.write(self._table("ladder", ladder, self.vehicle_text, **parameters), self.folder / LADDER)
 
     def save(self, kind: str, frame: pl.DataFrame, **parameters: object) -> None:
-        """Write a table about the whole study under the name of its kind."""
-        made = self._made(kind, frame, self.vehicle_text, **parameters)
+        """Write a table about the whole study, named after its kind."""
+        made = self._table(kind, frame, self.vehicle_text, **parameters)
         table.write(made, self.folder / f"{kind}.parquet")
 
     def text(self, step: Step) -> str:
-        """The vehicle file of a step: the given one with what was fitted, its comments in their places."""
+        """Return the vehicle file of a step: the given file with fitted values and its comments."""
         text = self.vehicle_text
         for fitted in step.tables:
             text = vehicles.set_effect(text, fitted | {"fit": self._origin})
@@ -127,11 +129,11 @@ class Study:
 
     @property
     def _origin(self) -> dict[str, str]:
-        """What the vehicle file of a step says of values that it has fitted."""
+        """Origin of fitted values in the vehicle file of a step."""
         return {"data": self.measured.provenance.content, "method": STAGE}
 
-    def _made(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
-        """A table of the study; what rests on the held-out data has them among its inputs."""
+    def _table(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
+        """Return a table of the study; if it depends on held-out data, they are among its inputs."""
         about_both = kind in ("ladder", "replay", "sessions", "bands") and self.holdout is not None
         inputs = [self.measured, self.holdout if about_both else None, *self.beside]
         given = [one for one in inputs if one is not None]
@@ -139,18 +141,18 @@ class Study:
         return table.make(kind, frame, stage=STAGE, parameters=told, inputs=given, vehicle_text=text)
 
     def _read(self, number: int, ladder: pl.DataFrame) -> Step | None:
-        """A step from its files; None where they are of other inputs.
+        """Read a step from its files; None if they were made from other inputs.
 
         Raises:
-            DataError: A file is missing or broken.
+            DataError: A file is missing or damaged.
         """
         comparison, diagnosis, path = (self.folder / name for name in _names(number))
         vehicle, text = vehicles.read(path)
         compared, diagnosed = table.read(comparison, "comparison"), table.read(diagnosis, "diagnosis")
         chi2 = diagnosed.provenance.parameters.get("chi2", [])
         ours = (
-            self._made("comparison", compared.frame, text),
-            self._made("diagnosis", diagnosed.frame, text, chi2=chi2),
+            self._table("comparison", compared.frame, text),
+            self._table("diagnosis", diagnosed.frame, text, chi2=chi2),
         )
         if (compared.provenance, diagnosed.provenance) != tuple(one.provenance for one in ours):
             return None
@@ -173,5 +175,5 @@ class Study:
 
 
 def _names(number: int) -> tuple[str, str, str]:
-    """File names of a step: comparison, diagnosis, vehicle."""
+    """Return the file names of a step: comparison, diagnosis, vehicle."""
     return f"comparison-{number}.parquet", f"diagnosis-{number}.parquet", f"vehicle-{number}.toml"

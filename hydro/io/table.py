@@ -1,4 +1,4 @@
-"""Tables in Parquet: every read and write is checked against its schema, and carries its provenance."""
+"""Tables in Parquet: reading and writing with checks against the schema, and provenance."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ import pyarrow.parquet as pq
 from msgspec import structs
 
 from hydro.core.errors import DataError
-from hydro.io import mistaken, parquet, partitions, provenance, schema, vehicle
+from hydro.io import file_kind, parquet, partitions, provenance, schema, vehicle
 from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
 from hydro.io.partitions import Dataset, Part
 from hydro.io.provenance import Input, Provenance
 
 ROWS_PER_GROUP = 131_072
-"""Rows of a Parquet row group: fixed, so that the same table is the same bytes."""
+"""Number of rows of a Parquet row group; constant, so that the same table has the same bytes."""
 
 
 @dataclass(frozen=True)
 class Artefact:
-    """A table that has passed its schema, and where it comes from."""
+    """Table that has passed its schema, with its provenance."""
 
     kind: str
     frame: pl.DataFrame
     provenance: Provenance
 
     def of_network(self, described: Mapping[str, Any]) -> Artefact:
-        """The same tensors with what the network is beside them: architecture, scalers and the like."""
+        """Return the same tensors with a description of the network: architecture, scalers and so on."""
         return replace(self, provenance=structs.replace(self.provenance, model=dict(described)))
 
 
@@ -46,19 +46,19 @@ def make(
     inputs: Sequence[Artefact] = (),
     vehicle_text: str | None = None,
 ) -> Artefact:
-    """Make an artefact of a table: check it, hash it, and record how it came about.
+    """Make an artefact of a table: check it, hash it, and record its provenance.
 
     Args:
-        kind: kind of table, one of `schema.KINDS`.
-        frame: the table, its columns in any order; see `conform` for what need not be right.
-        stage: the command that made it, such as `labels`.
-        parameters: what the result depends on besides inputs and seed; JSON values.
-        seed: seed of everything random.
-        inputs: the artefacts it was made from.
-        vehicle_text: text of the vehicle file used; by default the one that all inputs with one agree on.
+        kind: Kind of table, one of `schema.KINDS`.
+        frame: Table, its columns in any order; see `conform` for automatic conversions.
+        stage: Command that made it, such as `labels`.
+        parameters: Parameters, besides inputs and seed, that determine the result; JSON values.
+        seed: Seed of all random numbers.
+        inputs: Artefacts that it was made from.
+        vehicle_text: Text of the vehicle file; by default the one text that the inputs have.
 
     Raises:
-        DataError: the table breaks the schema of its kind.
+        DataError: The table breaks the schema of its kind.
     """
     rules = schema.suited(kind, frame)
     frame = rules.check(rules.conform(frame), kind)
@@ -83,40 +83,40 @@ def make(
 
 
 def conform(kind: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """A table of a kind as its file would be read: its columns in the schema's order, in the schema's types.
+    """Return a table as it would be read from its file: in the schema's column order and types.
 
     Raises:
-        DataError: there is no such kind.
+        DataError: There is no such kind.
     """
     return schema.suited(kind, frame).conform(frame)
 
 
 def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
-    """Read a table and hold it to its schema.
+    """Read a table and check it against its schema.
 
     Args:
-        source: path of a Parquet file or of a dataset's folder (`io.partitions`), whose sessions come one
-            after another, sorted by name; or a binary stream, read to its end.
-        kind: the kind, or kinds, of table that will do; any by default.  A file without hydro's footer is
-            taken as the first of them whose columns it has.
+        source: Path of a Parquet file; or of a dataset's folder (`io.partitions`), whose sessions are
+            concatenated, sorted by name; or a binary stream, read to its end.
+        kind: Accepted kind or kinds of table; by default any.  A file without hydro's footer is read as the
+            kind whose columns differ least.
 
     Returns:
-        The artefact; columns in the schema's order, each in one contiguous piece.
+        Artefact; columns in the schema's order, each contiguous.
 
     Raises:
-        DataError: the file cannot be read, is of another kind, breaks its schema, expands beyond the limit
+        DataError: The file cannot be read, is of another kind, breaks its schema, expands beyond the limit
             (`io.readers.expansion`), or was changed after its footer was written.
-        UsageError: the stream is a terminal.
+        UsageError: The stream is a terminal.
     """
     name = name_of(source)
     wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
     if isinstance(source, str | Path) and partitions.is_dataset(source):
-        return _together(partitions.opened(source, wanted))
+        return _read_dataset(partitions.opened(source, wanted))
     content = read_bytes(source)
     try:
         file = parquet.opened(content, name)
     except DataError as error:
-        raise mistaken.explained(error, name, mistaken.RECORDING) from error
+        raise file_kind.explained(error, name, file_kind.RECORDING) from error
     columns = parquet.columns(file, name)
     footer = (file.metadata.metadata or {}).get(provenance.FOOTER_KEY)
     record = provenance.from_json(footer, name) if footer is not None else None
@@ -132,9 +132,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     if record is None:
         return Artefact(kind, frame, Provenance(kind, rules.digest, digest))
     if digest != record.content:
-        raise DataError(
-            f"{name}: its rows are not those that its footer was written for: make the file again"
-        )
+        raise DataError(f"{name}: its rows do not match the hash in its footer: make the file again")
     return Artefact(kind, frame, record)
 
 
@@ -142,7 +140,7 @@ def read_part(part: Part) -> Artefact:
     """Read one session of a dataset.
 
     Raises:
-        DataError: as for `read`, or rows are of another session than its folder says.
+        DataError: As for `read`, or rows are of another session than its folder.
     """
     artefact = read(part.path, part.kind)
     others = artefact.frame.filter(pl.col("session") != part.session)["session"]
@@ -154,11 +152,11 @@ def read_part(part: Part) -> Artefact:
     return artefact
 
 
-def _together(dataset: Dataset) -> Artefact:
-    """All sessions of a dataset as one table; of the stage that made every one of them.
+def _read_dataset(dataset: Dataset) -> Artefact:
+    """Return all sessions of a dataset as one table, with the stage of its parts if they agree.
 
     Raises:
-        DataError: as for `read_part`; or tables that were made, such as labels, were not made alike.
+        DataError: As for `read_part`; or parts of a derived kind, such as labels, have different provenance.
     """
     parts = [read_part(part) for part in dataset.parts]
     frame = pl.concat([part.frame for part in parts], rechunk=True)
@@ -167,43 +165,43 @@ def _together(dataset: Dataset) -> Artefact:
         kind=dataset.kind,
         schema=schema.suited(dataset.kind, frame).digest,
         content=provenance.content_hash(frame),
-        inputs=_once(record.as_input() for record in records),
+        inputs=_unique(record.as_input() for record in records),
         vehicle=dataset.vehicle,
     )
     first = records[0]
     made = first.stage, first.parameters
     odd = [number for number, one in enumerate(records) if (one.stage, one.parameters) != made]
     if not odd and first.stage is not None:
-        inputs = _once(each for record in records for each in record.inputs)
+        inputs = _unique(each for record in records for each in record.inputs)
         whole = structs.replace(whole, stage=first.stage, parameters=first.parameters, inputs=inputs)
     elif odd and dataset.kind != "raw":
         one, other = (shown(dataset.parts[number].session) for number in (0, odd[0]))
         raise DataError(
-            f"{name_of(dataset.folder)}: sessions {one} and {other} were not made alike, see `hydro show` of "
-            "each: make the folder again"
+            f"{name_of(dataset.folder)}: sessions {one} and {other} have different provenance, see "
+            "`hydro show` of each: make the folder again"
         )
     return Artefact(dataset.kind, frame, whole)
 
 
-def _once(inputs: Iterable[Input]) -> tuple[Input, ...]:
-    """Inputs in their order, each once."""
+def _unique(inputs: Iterable[Input]) -> tuple[Input, ...]:
+    """Return inputs in their order without duplicates."""
     return tuple({msgspec.json.encode(each, order="sorted"): each for each in inputs}.values())
 
 
 def write(artefact: Artefact, destination: Source) -> None:
-    """Write an artefact to a path (whole or not at all) or a binary stream: same artefact, same bytes.
+    """Write an artefact to a path (atomically) or a binary stream; the same artefact gives the same bytes.
 
     Raises:
-        DataError: the table breaks its schema, or the operating system refuses.
-        UsageError: the stream is a terminal.
-        BrokenPipeError: the reader of the stream is gone.
+        DataError: The table breaks its schema, or the operating system refuses.
+        UsageError: The stream is a terminal.
+        BrokenPipeError: The reader of the stream has closed.
     """
     schema.suited(artefact.kind, artefact.frame).check(artefact.frame, name_of(destination, "stdout"))
     write_bytes(_encode(artefact), destination)
 
 
 def _encode(artefact: Artefact) -> memoryview:
-    """The Parquet bytes of an artefact, whatever the chunks of its frame."""
+    """Return the Parquet bytes of an artefact, independent of the chunks of its frame."""
     arrow = artefact.frame.rechunk().to_arrow(compat_level=pl.CompatLevel.oldest())
     texts = [name for name, dtype in artefact.frame.schema.items() if dtype == pl.String]
     sink = pa.BufferOutputStream()

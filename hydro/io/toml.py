@@ -1,4 +1,4 @@
-"""TOML text to a checked struct, errors with their path in the file; plain content to a TOML table."""
+"""Parsing of TOML to a checked struct, with the path of errors in the file; plain content as TOML."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ Struct = TypeVar("Struct", bound=msgspec.Struct)
 
 
 def read(path: str | Path) -> str:
-    """The text of a TOML file; a mark of the byte order at its beginning is not part of it.
+    """Read the text of a TOML file, without a byte order mark.
 
     Raises:
-        DataError: the file cannot be read, or is not text.
+        DataError: The file cannot be read, or is not text.
     """
     try:
         return read_bytes(path).decode("utf-8-sig")
@@ -36,17 +36,17 @@ def read(path: str | Path) -> str:
 
 
 def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], None]) -> Struct:
-    """The struct that a text describes, checked and never changed.
+    """Return the struct that a text describes, checked and not changed.
 
     Args:
         text: TOML.
-        kind: The struct at the root of the file.
-        name: What error lines call the file.
-        check: Raises `DataError` for what types alone do not say, with the path in the file.
+        kind: Struct at the root of the file.
+        name: Name of the file in error messages.
+        check: Raises `DataError`, with the path in the file, for rules that types cannot express.
 
     Raises:
-        DataError: the text is not TOML, a key is missing, unknown or of the wrong type, or `check` says so;
-            the line names its path in the file.
+        DataError: The text is not TOML, a key is missing, unknown or of the wrong type, or `check` fails;
+            the message has the path in the file.
     """
     try:
         content = toml_text.content(text)
@@ -55,7 +55,7 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
     try:
         found = msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
-        raise DataError(f"{name}: {_told(str(error), content, kind)}") from error
+        raise DataError(f"{name}: {_message(str(error), content, kind)}") from error
     try:
         check(found)
     except DataError as error:
@@ -64,12 +64,12 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
 
 
 def joined(path: str, key: str) -> str:
-    """The path of a key under a path; the root's is empty."""
+    """Return the path of a key under a path; the root's is empty."""
     return f"{path}.{key}" if path else key
 
 
 def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Every float under `value` with its path in the file."""
+    """Yield every float under `value` with its path in the file."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from numbers(inner, joined(path, key))
@@ -81,7 +81,7 @@ def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
 
 
 def table(content: Mapping[str, Any]) -> Table:
-    """A TOML table without keys that are None; matrices take a line per row, mappings are sub-tables."""
+    """Return a TOML table without None; matrices have a line per row, mappings become sub-tables."""
     import tomlkit
 
     made = tomlkit.table()
@@ -99,8 +99,8 @@ def table(content: Mapping[str, Any]) -> Table:
     return made
 
 
-def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) -> str:
-    """A message of msgspec as `rigid_body.mass: expected float > 0, got -3`."""
+def _message(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) -> str:
+    """Rewrite a message of msgspec as `rigid_body.mass: expected float > 0, got -3`."""
     what, _, where = message.partition(" - at `$")
     what = re.sub(r"(\d)\.0\b", r"\1", what.replace("`", ""))
     path = where.removesuffix("`").removeprefix(".")
@@ -115,7 +115,9 @@ def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) 
     hints: set[Any] = {kind}
     for key, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
         value = value[key] if key else value[int(index)]
-        hints = {hint for outer in hints for hint in (_under(outer, key) if key else _plain(outer))}
+        hints = {
+            hint for outer in hints for hint in (_hints_under(outer, key) if key else _alternatives(outer))
+        }
     if what.startswith("Invalid enum value"):
         choices = [choice for hint in hints if get_origin(hint) is Literal for choice in get_args(hint)]
         what = f"expected {' or '.join(map(str, choices))}"
@@ -125,23 +127,23 @@ def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) 
 
 
 def _keys(kind: Any) -> set[str]:
-    """Every key that can stand in a file of this struct, at any depth."""
+    """Return every key that a file of this struct may have, at any depth."""
     if not _is_struct(kind):
         return set().union(*(_keys(part) for part in get_args(kind)))
     hints = get_type_hints(kind)
     return set(hints).union(*(_keys(hint) for hint in hints.values()))
 
 
-def _under(hint: Any, key: str) -> set[Any]:
-    """The structs and literals that may stand under a key of a type."""
-    known = [get_type_hints(part) for part in _plain(hint) if _is_struct(part)]
-    return set().union(*(_plain(hints[key]) for hints in known if key in hints))
+def _hints_under(hint: Any, key: str) -> set[Any]:
+    """Return the structs and literals allowed under a key of a type."""
+    known = [get_type_hints(part) for part in _alternatives(hint) if _is_struct(part)]
+    return set().union(*(_alternatives(hints[key]) for hints in known if key in hints))
 
 
-def _plain(hint: Any) -> set[Any]:
-    """The structs and literals that a type is, or is made of."""
+def _alternatives(hint: Any) -> set[Any]:
+    """Return the structs and literals that a type consists of."""
     if get_origin(hint) in (Union, types.UnionType, tuple):
-        return set().union(*(_plain(part) for part in get_args(hint)))
+        return set().union(*(_alternatives(part) for part in get_args(hint)))
     return {hint}
 
 

@@ -1,4 +1,4 @@
-"""Vehicle files: TOML text to a checked `Vehicle`, and effects written into the text beside its comments."""
+"""Vehicle files: parsing of TOML to a checked `Vehicle`, and changes of the text that keep comments."""
 
 from __future__ import annotations
 
@@ -28,84 +28,86 @@ from hydro.core.vehicle.description import (
     require_names,
     told_apart,
 )
-from hydro.io import mistaken, toml
+from hydro.io import file_kind, toml
 from hydro.io.files import shown, write_bytes
 
-RELATIVE = 1e-9
-"""Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
+RELATIVE_TOLERANCE = 1e-9
+"""Tolerance of symmetry, definiteness and the triangle inequality, relative to the largest entry."""
 
 FORMAT_LINE = 'format = "hydro-vehicle/1"'
 
 LABEL = re.compile("[A-Za-z0-9_-]+")
-"""What a label may be: nothing that is written about it on a command line."""
+"""Pattern of a label: no character with a meaning on a command line."""
 
-UNIT = 1e-6
+UNIT_TOLERANCE = 1e-6
 """Tolerance of the length of a direction."""
 
 
 def read(path: str | Path) -> tuple[Vehicle, str]:
-    """Read a vehicle file.
+    """Read a vehicle file; warn of likely mistakes.
 
     Returns:
-        The vehicle, and the text of the file as it stands; what is odd in it is warned of.
+        Vehicle, and the text of the file.
 
     Raises:
-        DataError: the file cannot be read, or is not a vehicle; the line names the path in the file.
+        DataError: The file cannot be read or is not a vehicle; the message has the path in the file.
     """
     try:
         text = toml.read(path)
         found = parse(text, os.fspath(path))
     except DataError as error:
-        raise mistaken.explained(error, path, mistaken.VEHICLE) from error
+        raise file_kind.explained(error, path, file_kind.VEHICLE) from error
     warn(found, text, os.fspath(path))
     return found, text
 
 
 def warn(vehicle: Vehicle, text: str, name: str) -> None:
-    """Warn of what in a vehicle file is likely in another unit, and of a file that does not say its format.
+    """Warn of values that are likely in another unit, of idle servos, and of a missing format.
 
     Args:
-        vehicle: the vehicle.
-        text: the text that it was read from.
-        name: what the lines call the file.
+        vehicle: The vehicle.
+        text: Text that it was read from.
+        name: Name of the file in the warnings.
     """
     if "format" not in toml_text.content(text):
         line = f"add {FORMAT_LINE} as its first line"
-        warnings.warn(f"{name}: format: missing, and taken for today's: {line}", HydroWarning, stacklevel=3)
-    for words in [*likely_units.doubts(vehicle), *_idle(vehicle)]:
+        warnings.warn(
+            f"{name}: format: missing, so the current one is assumed: {line}", HydroWarning, stacklevel=3
+        )
+    for words in [*likely_units.doubts(vehicle), *_idle_servos(vehicle)]:
         warnings.warn(f"{name}: {words}", HydroWarning, stacklevel=3)
 
 
-def _idle(vehicle: Vehicle) -> Iterator[str]:
-    """Servos whose fins the file forgets, a line each."""
+def _idle_servos(vehicle: Vehicle) -> Iterator[str]:
+    """Yield a line for each servo without a fin in the file."""
     from hydro.core.effects.hull import CONTROL_SURFACE, idle_servos
 
     for command in idle_servos(vehicle):
         servo = vehicle.thruster[int(command[1:]) - 1].name
         yield (
-            f"thruster {servo}: nothing obeys its command: add a {CONTROL_SURFACE.name} with "
+            f"thruster {servo}: no effect uses its command: add a {CONTROL_SURFACE.name} with "
             f'`commands = ["{command}"]` (`hydro effects {CONTROL_SURFACE.name}`)'
         )
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
-    """The vehicle that a text describes, checked, its effects told apart by name and nothing else changed.
+    """Return the checked vehicle that a text describes; repeated effects get unique names.
 
     Args:
         text: TOML.
-        name: what error lines call it, usually the file's name.
+        name: Name in error messages, usually the file's name.
 
     Raises:
-        DataError: the text is not TOML or not a vehicle; the line names the path in the file.
+        DataError: The text is not TOML or not a vehicle; the message has the path in the file.
     """
     return told_apart(toml.parse(text, Vehicle, name, check))
 
 
 def check(vehicle: Vehicle) -> None:
-    """What types alone do not say: finite numbers, a possible inertia, thrusters given once, known effects.
+    """Check the rules that types cannot express: finite numbers, inertia, thrusters and effects.
 
     Raises:
-        DataError: the line begins with the path in the file.
+        DataError: A rule is broken; the message starts with the path in the file.
     """
     from hydro.core import effects
 
@@ -121,7 +123,7 @@ def check(vehicle: Vehicle) -> None:
 
 
 def vehicle_hash(vehicle: Vehicle) -> str:
-    """SHA-256 of what a vehicle file says: comments, layout and `1` for `1.0` make no difference.
+    """Return the SHA-256 of a vehicle's content; comments, layout and `1` for `1.0` have no influence.
 
     Returns:
         `sha256:` and 64 hexadecimal digits.
@@ -131,25 +133,25 @@ def vehicle_hash(vehicle: Vehicle) -> str:
 
 
 def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[str]) -> list[str]:
-    """Where two vehicle files differ: `name`, `rigid_body`, `effect payload`; nothing where they do not.
+    """Return the places where two vehicle files differ: `name`, `rigid_body`, `effect payload`.
 
-    What a fit leaves beside values, and what is held as known, makes no difference; nor does an effect that
-    `hydro add` wrote into `one` from the diagnosis itself.
+    The bookkeeping of fits and known values is ignored.  So is an effect that `hydro add` wrote into `one`
+    from the same diagnosis.
 
     Args:
-        one: the vehicle that findings go to.
-        other: the vehicle that was diagnosed.
-        recording: hash of the recording of the diagnosis.
-        added: effects that the diagnosis has values of.
+        one: Vehicle that findings are added to.
+        other: Vehicle that was diagnosed.
+        recording: Hash of the recording of the diagnosis.
+        added: Effects with values from the diagnosis.
     """
     origin = {"data": recording, "method": "diagnose"}
     done = {t["name"] for t in one.effect if t["name"] in added and t.get("fit") == origin}
-    mine, its = (_stated(vehicle, done) for vehicle in (one, other))
+    mine, its = (_content(vehicle, done) for vehicle in (one, other))
     return [key for key in (mine | its) if mine.get(key) != its.get(key)]
 
 
-def _stated(vehicle: Vehicle, without: Collection[str]) -> dict[str, Any]:
-    """What a vehicle file says, effect by effect, but for what fits leave beside values."""
+def _content(vehicle: Vehicle, without: Collection[str]) -> dict[str, Any]:
+    """Return the content of a vehicle file, effect by effect, without the bookkeeping of fits."""
     from hydro.core.effects.record import BOOKKEEPING
 
     said: dict[str, Any] = _canonical(vehicle)
@@ -161,24 +163,24 @@ def _stated(vehicle: Vehicle, without: Collection[str]) -> dict[str, Any]:
 
 
 def write(text: str, destination: str | Path) -> None:
-    """Write the text of a vehicle file, whole or not at all, once it has passed all checks.
+    """Check the text of a vehicle file and write it atomically.
 
     Raises:
-        DataError: the text is not a vehicle, or the operating system refuses.
+        DataError: The text is not a vehicle, or the operating system refuses.
     """
     parse(text, os.fspath(destination))
     write_bytes(text.encode(), destination)
 
 
 def append_effect(text: str, effect: Mapping[str, Any]) -> str:
-    """The text with one more `[[effect]]` at its end; everything before it stays as it is.
+    """Return the text with one more `[[effect]]` at its end; everything before it stays.
 
     Args:
-        text: a vehicle file.
-        effect: the table's keys and values; numpy arrays are written as arrays, mappings as sub-tables.
+        text: Vehicle file.
+        effect: Keys and values of the table; numpy arrays are written as arrays, mappings as sub-tables.
 
     Raises:
-        DataError: the file's effects are not `[[effect]]` tables.
+        DataError: The file's effects are not `[[effect]]` tables.
     """
     import tomlkit
 
@@ -191,16 +193,16 @@ def append_effect(text: str, effect: Mapping[str, Any]) -> str:
 
 
 def set_effect(text: str, effect: Mapping[str, Any]) -> str:
-    """The text with the values of `effect` in the table of that name, or appended where there is none.
+    """Return the text with the values of `effect` in the table of that name; append it if there is none.
 
-    Other keys of the table, and comments, stay; a key whose value is None goes.
+    Other keys and comments of the table stay; a key whose value is None is removed.
 
     Args:
-        text: a vehicle file.
-        effect: the table's keys and values; its name is the one of `told_apart`.
+        text: Vehicle file.
+        effect: Keys and values of the table; its name is the one of `told_apart`.
 
     Raises:
-        DataError: there are several effects of that name, so that it is not clear which is meant.
+        DataError: Several effects have that name.
     """
     import tomlkit
 
@@ -221,14 +223,14 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
 
 
 def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> str:
-    """Return the text with the directions of some thrusters reversed; everything else and comments stay.
+    """Return the text with the directions of some thrusters reversed; everything else stays.
 
-    Thrust curves stay as they are: a positive command gives `max_thrust` before and after.
+    Thrust curves stay: a positive command gives `max_thrust` before and after.
 
     Args:
-        text: A vehicle file.
-        numbers: Thrusters, from 1, in the order of the file.
-        name: Name of the file, for errors.
+        text: Vehicle file.
+        numbers: Numbers of thrusters, from 1, in the order of the file.
+        name: Name of the file in error messages.
 
     Raises:
         DataError: There is no thruster of a number, or it has no direction (a servo).
@@ -252,10 +254,10 @@ def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> 
 
 
 def hold_known(text: str, names: Sequence[str]) -> str:
-    """The text with effects, or some of their parameters (`effect.parameter`), held as known.
+    """Return the text with effects, or some of their parameters (`effect.parameter`), marked as known.
 
     Raises:
-        DataError: the file has nothing of such a name, or several effects of it.
+        DataError: The file has no effect or parameter of a name, or several.
     """
     from hydro.core.effects.catalogue import held_as_known
 
@@ -265,7 +267,12 @@ def hold_known(text: str, names: Sequence[str]) -> str:
 
 
 def without_errors_from(vehicle: Vehicle, recording: str) -> Vehicle:
-    """The vehicle without the standard errors of values that were fitted to a recording, by its hash."""
+    """Return the vehicle without the standard errors of values that were fitted to this recording.
+
+    Args:
+        vehicle: The vehicle.
+        recording: Hash of the recording.
+    """
     tables = [
         {key: value for key, value in table.items() if key != "standard_error"}
         if table.get("fit", {}).get("data") == recording
@@ -276,15 +283,15 @@ def without_errors_from(vehicle: Vehicle, recording: str) -> Vehicle:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a vehicle file, made from the structs of `vehicle.description`."""
+    """Return the JSON Schema of a vehicle file, generated from the structs of `vehicle.description`."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hydro vehicle file"}
     return schema | msgspec.json.schema(Vehicle)
 
 
 def _check_inertia(inertia: np.ndarray[Any, np.dtype[np.float64]]) -> None:
-    """Symmetric, positive definite, and no principal moment above the sum of the other two."""
+    """Check that an inertia is symmetric, positive definite, and satisfies the triangle inequality."""
     path = "rigid_body.inertia"
-    tolerance = RELATIVE * float(np.abs(inertia).max())
+    tolerance = RELATIVE_TOLERANCE * float(np.abs(inertia).max())
     i, j = np.unravel_index(np.argmax(np.abs(inertia - inertia.T)), (3, 3))
     if abs(inertia[i, j] - inertia[j, i]) > tolerance:
         pair = f"[{i}][{j}] is {inertia[i, j]:g} and [{j}][{i}] is {inertia[j, i]:g}"
@@ -300,7 +307,7 @@ def _check_inertia(inertia: np.ndarray[Any, np.dtype[np.float64]]) -> None:
 
 
 def _check_names(vehicle: Vehicle) -> None:
-    """Refuse a missing or forbidden name, and two thrusters of one name: findings tell them apart by it."""
+    """Check that names are present, allowed and, for thrusters, unique."""
     paths: dict[str, str] = {}
     if not vehicle.name.strip():
         raise DataError("name: empty: give the vehicle a name")
@@ -317,12 +324,12 @@ def _check_names(vehicle: Vehicle) -> None:
 
 
 def _check_repeated(vehicle: Vehicle) -> None:
-    """An effect stands in a file once, unless a vehicle can have several of it, each at its own place."""
+    """Check that an effect occurs once, unless it is repeatable and each instance has its own label."""
     from hydro.core.effects.catalogue import CATALOGUE
 
     places: dict[str, str] = {}
     *most, last = (one.name for one in CATALOGUE.values() if one.repeatable)
-    several = f"only {', '.join(most)} and {last} may stand in a file several times"
+    several = f"only {', '.join(most)} and {last} may occur in a file several times"
     for index, (table, own) in enumerate(zip(vehicle.effect, own_names(vehicle.effect), strict=True)):
         name, path = str(table.get("name")), f"effect[{index}]"
         if APART in name:
@@ -342,7 +349,7 @@ def _check_repeated(vehicle: Vehicle) -> None:
 
 
 def _check_label(path: str, table: Mapping[str, Any], only: str) -> None:
-    """A label is a word, of an effect that others of its name may stand beside."""
+    """Check that a label is a word, and belongs to an effect that may be repeated."""
     if (label := table.get("label")) is None:
         return
     if not (isinstance(label, str) and LABEL.fullmatch(label)):
@@ -352,17 +359,17 @@ def _check_label(path: str, table: Mapping[str, Any], only: str) -> None:
 
 
 def _check_thruster(path: str, thruster: Thruster) -> None:
-    """A point and a unit direction, or a wrench; an Euler step of the lag that is stable; of a servo none."""
+    """Check a thruster: position and unit direction, or wrench; stable lag step; a servo has neither."""
     if not thruster.pushes:
         if thruster != Thruster(name=thruster.name, curve="none"):
-            raise DataError(f'{path}: of curve "none" it has a name alone')
+            raise DataError(f'{path}: with curve "none", give only a name')
         return
     placed = (thruster.position is not None) + (thruster.direction is not None)
     if placed != (0 if thruster.wrench is not None else 2):
         raise DataError(f"{path}: give either position and direction, or wrench")
     if thruster.direction is not None:
         length = math.hypot(*thruster.direction)
-        if abs(length - 1) > UNIT:
+        if abs(length - 1) > UNIT_TOLERANCE:
             unit = [round(part / length, 9) for part in thruster.direction] if length else "a unit vector"
             raise DataError(f"{path}.direction: must have length 1, but it is {length:.9g}: write {unit}")
     if thruster.lag_step is not None and thruster.lag_step >= thruster.time_constant:
@@ -371,9 +378,9 @@ def _check_thruster(path: str, thruster: Thruster) -> None:
 
 
 def _canonical(value: Any) -> Any:
-    """The same content with every number a float, no negative zeros, and nothing that is its default anyway.
+    """Return the content with all numbers as floats, without negative zeros and without defaults.
 
-    So keys that later versions add with a default leave the hashes of today's vehicles as they are.
+    So new keys with a default do not change the hashes of existing vehicles.
     """
     if isinstance(value, msgspec.Struct):
         fields = msgspec.structs.fields(value)

@@ -1,1 +1,1 @@
-"""Vehicles in simulation: the MuJoCo student and its replays, and the embedded teacher."""
+"""Vehicles in simulation: the MuJoCo model, replays, and the embedded reference simulator."""

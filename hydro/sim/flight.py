@@ -1,7 +1,7 @@
-"""One vehicle's control step by the classical Runge-Kutta method, whoever asks for it.
+"""One control step of a vehicle by the classical Runge-Kutta method, for processor and GPU.
 
-A processor flies the vehicles of a plant one after another (`sim.teacher_plant`), a GPU gives each a thread
-(`sim.gpu`): both call `fly`, which makes no arrays.
+On the processor, the vehicles of a plant are simulated one after another (`sim.teacher_plant`); on a GPU,
+each has a thread (`sim.gpu`).  Both call `fly`, which allocates no arrays.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from hydro.sim.plant import Readings, upright
 
 
 class Fleet(NamedTuple):
-    """Where N vehicles are between control steps.
+    """States of N vehicles between control steps.
 
     Attributes:
-        y: States of their motion (N, 13 + internal states).
-        lags: Lag states of their thrusters (N, n).
-        commands: Of the last K control steps (N, K, n), the last one of which begins now.
-        time: Their clocks (N,) [s].
+        y: States of motion, (N, 13 + internal states).
+        lags: Lag states of the thrusters, (N, n).
+        commands: Commands of the last K control steps, (N, K, n); the last one starts now.
+        time: Clocks, (N,) [s].
     """
 
     y: Array
@@ -37,12 +37,12 @@ class Fleet(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How time passes.
+    """Time steps of a simulation.
 
     Attributes:
         period: Control step [s].
-        steps: Integration steps of it.
-        gravity: [m/s^2].
+        steps: Integration steps per control step.
+        gravity: Gravity [m/s^2].
     """
 
     period: float
@@ -51,26 +51,26 @@ class Pace(NamedTuple):
 
 
 def steps_of(period: float, step: float) -> int:
-    """How many integration steps of at most `step` [s] make up a control step [s]."""
+    """Return the number of integration steps of at most `step` [s] in a control step [s]."""
     return math.ceil(period / step - 1e-6)
 
 
 def remembered(table: Array, period: float) -> int:
-    """Control steps whose commands a thruster table (n, columns) may still have to feel."""
+    """Return the number of control steps whose commands may still act on thrusters (n, columns)."""
     longest = float(table[:, DELAY].max(initial=0.0))
     return 2 + math.ceil(longest / period)
 
 
 def require_alike(name: str, flat: Array, first: Array) -> None:
-    """Refuse a program that cannot fly beside the first one.
+    """Check that a program can be simulated together with the first one.
 
     Raises:
-        DataError: It has other thrusters or memories.
+        DataError: It has other thrusters or internal states.
     """
     if flat[THRUSTER_COUNT] != first[THRUSTER_COUNT] or flat[STATE_COUNT] != first[STATE_COUNT]:
         raise DataError(
-            f"{name}: flies beside vehicles with other thrusters or memories; give one that differs in its "
-            "numbers alone"
+            f"{name}: has other thrusters or internal states than the first vehicle; give one that differs "
+            "only in its numbers"
         )
 
 
@@ -78,9 +78,10 @@ def require_alike(name: str, flat: Array, first: Array) -> None:
 def begin(
     k: int, motion: Motion, table: Array, rotors: Array, fleet: Fleet, pace: Pace, readings: Readings
 ) -> None:
-    """Start the internal states of vehicle `k` as if it had always moved as it does, and read it.
+    """Start the internal states of vehicle `k` at their steady values, and write its readings.
 
-    The arguments are those of `fly`; thruster table (n, columns) and room for lag states (3, n) stand alone.
+    The arguments are those of `fly`, but the thruster table (n, columns) and the buffer of lag states (3, n)
+    are separate.
     """
     copy_kernel(fleet.y[k], motion.y)
     copy_kernel(fleet.lags[k], rotors[2])
@@ -100,16 +101,16 @@ def fly(
     pace: Pace,
     readings: Readings,
 ) -> None:
-    """Fly vehicle `k` for one control step.
+    """Simulate vehicle `k` for one control step.
 
     Args:
-        k: Its number.
-        motion: Its program and hull, and room for its motion.
-        thrusters: Its thruster table, and room for what they are at.
-        clock: Room for the times of the commands (K,).
-        fleet: Where the vehicles are; its rows are written.
-        pace: How time passes.
-        readings: Its rows are written; where it is not finite it is marked as diverged and they stay.
+        k: Index of the vehicle.
+        motion: Its program and hull, and buffers for its motion.
+        thrusters: Its thruster table, and buffers for its thrusters.
+        clock: Buffer for the times of the commands, (K,).
+        fleet: States of the vehicles; row `k` is written.
+        pace: Time steps.
+        readings: Row `k` is written; if the state is not finite, it is marked as diverged and stays.
     """
     now, last = fleet.time[k], clock.size - 1
     for i in range(clock.size):
@@ -129,7 +130,7 @@ def fly(
 
 @kernel
 def _read(k: int, motion: Motion, table: Array, rotors: Array, gravity: float, readings: Readings) -> None:
-    """Write the readings of vehicle k, or mark it as diverged and keep what they were."""
+    """Write the readings of vehicle `k`; if it diverged, mark it and keep its last readings."""
     y, s, work = motion.y, motion.s, motion.work
     rates_kernel(motion.flat, motion.facets, y, s, rotors, work[3, :6], work[0])
     total = 0.0
@@ -141,14 +142,14 @@ def _read(k: int, motion: Motion, table: Array, rotors: Array, gravity: float, r
     upright(y, readings.pose[k])
     copy_kernel(y[7:BODY], readings.velocity[k])
     down = s[ROTATION + 6 : ROTATION + 9]
-    _feel(gravity, down, readings.velocity[k], work[0, 7:10], readings.specific_force[k])
+    _write_specific_force(gravity, down, readings.velocity[k], work[0, 7:10], readings.specific_force[k])
     for i in range(rotors.size):
         readings.thrust[k, i] = thrust_of(table[i], rotors[i], s)
 
 
 @kernel
-def _feel(gravity: float, down: Array, nu: Array, v_dot: Array, out: Array) -> None:
-    """Specific force v_dot + omega x v - R^T g at CO, FRD; `down` (3,) is the world's, in the body."""
+def _write_specific_force(gravity: float, down: Array, nu: Array, v_dot: Array, out: Array) -> None:
+    """Write the specific force v_dot + omega x v - R^T g at CO, FRD; `down` (3,) is in body axes."""
     u, v, w, p, q, r = nu[0], nu[1], nu[2], nu[3], nu[4], nu[5]
     out[0] = v_dot[0] + q * w - r * v - gravity * down[0]
     out[1] = v_dot[1] + r * u - p * w - gravity * down[1]

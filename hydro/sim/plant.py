@@ -1,7 +1,7 @@
-"""Vehicles flown side by side, one control step at a time, for a policy to steer.
+"""Plant: several vehicles that a policy controls, one control step at a time.
 
-What a policy needs of either simulator is a `Plant`.  Arrays are live: they are rewritten in place by `reset`
-and `step`, so that compiled code can read them without a copy.
+`Plant` is the interface of a policy to every simulator.  Its arrays are live: `reset` and `step` rewrite them
+in place, so that compiled code can read them without a copy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Snapshot = dict[str, NDArray[np.generic]]
 
 
 class Readings(NamedTuple):
-    """What is read off N vehicles: the arrays of a `Plant`."""
+    """Readings of N vehicles: the arrays of a `Plant`."""
 
     pose: Array
     velocity: Array
@@ -34,20 +34,20 @@ class Readings(NamedTuple):
 
     @classmethod
     def of(cls, count: int, thrusters: int) -> Readings:
-        """Of so many vehicles, at rest at the origin."""
+        """Return the readings of `count` vehicles at rest at the origin."""
         pose, diverged = np.zeros((count, 7)), np.zeros(count, dtype=np.bool_)
         pose[:, 3] = 1.0
         return cls(pose, np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, thrusters)), diverged)
 
 
 class Coordinates(NamedTuple):
-    """Motion of N vehicles in MuJoCo's terms.
+    """Motion of N vehicles in MuJoCo's coordinates.
 
     Attributes:
         qpos: (N, 7).
         qvel: (N, 6).
-        qacc: (N, 6), at the beginning of the last physics step.
-        warning: Counters (N, warnings, 2).
+        qacc: (N, 6), at the start of the last physics step.
+        warning: Counters of warnings, (N, warnings, 2).
     """
 
     qpos: Array
@@ -57,16 +57,16 @@ class Coordinates(NamedTuple):
 
 
 class Plant(Protocol):
-    """Vehicles of one kind, each in water of its own.
+    """Vehicles of one kind, each with its own water.
 
     Attributes:
-        vehicle: Their vehicle file.
+        vehicle: Vehicle file.
         pose: (N, 7): x y z of CO, NED, and the quaternion (w, x, y, z) from FRD to NED with w >= 0.
         velocity: u v w p q r of CO over ground, FRD, (N, 6).
-        specific_force: What an accelerometer at CO feels, FRD, (N, 3) [m/s^2]; (0, 0, -g) when level at rest.
+        specific_force: Reading of an accelerometer at CO, FRD, (N, 3) [m/s^2]; (0, 0, -g) when level at rest.
         thrust: Thrusts (N, n) [N].
-        diverged: Which vehicles left the realm of numbers since their last reset, (N,); the rest of their
-            rows then holds the last good values.
+        diverged: Vehicles whose state has become infinite since their last reset, (N,); their other rows keep
+            the last finite values.
     """
 
     vehicle: Vehicle
@@ -77,23 +77,23 @@ class Plant(Protocol):
     diverged: Mask
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Let some, by number, be another vehicle of as many thrusters from their next reset on."""
+        """Replace some vehicles, by index, at their next reset by others with as many thrusters."""
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Put some vehicles (N,) at a pose (N, 7) and velocity (N, 6), thrusters at rest, clock at 0."""
+        """Start some vehicles (N,) at a pose (N, 7) and velocity (N, 6), thrusters at rest, clock at 0."""
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Fly one control step under held commands (N, n); where `flying` (N,) says no, vehicles rest."""
+        """Simulate one control step with held commands (N, n); vehicles outside `flying` (N,) rest."""
 
     def snapshot(self) -> Snapshot:
-        """Everything that the future depends on."""
+        """Return all states."""
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot, bit for bit."""
+        """Restore a snapshot, bit for bit."""
 
 
 class StudentPlant:
-    """A plant of MuJoCo students; see `Plant` for its arrays."""
+    """Plant of MuJoCo models; see `Plant` for its arrays."""
 
     def __init__(
         self,
@@ -106,20 +106,20 @@ class StudentPlant:
         threads: int = 1,
         folder: Path | None = None,
     ) -> None:
-        """Build the students; the clock of each runs by itself.
+        """Build the models, each with its own clock.
 
         Args:
-            vehicle: The vehicle file.
-            water: What of the water a vehicle feels; everything its file says by default.
+            vehicle: Vehicle file.
+            water: Function that returns the water forces of a vehicle; by default all of its file.
             count: Number of vehicles.
             physics: Step and integrator.
             period: Control step [s].
-            threads: Threads that share the vehicles; they change no bit of any result.
-            folder: Folder of the vehicle file, where a hull mesh is looked for.
+            threads: Number of threads that share the vehicles; results do not depend on it, bit for bit.
+            folder: Folder of the vehicle file, which has its hull mesh.
 
         Raises:
             DataError: The vehicle cannot be simulated.
-            UsageError: A control step is no multiple of the physics step.
+            UsageError: The control step is not a multiple of the physics step.
         """
         physics = physics or Physics()
         self._steps = physics.steps(period, "the control step")
@@ -137,32 +137,32 @@ class StudentPlant:
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Let some be other vehicles; see `Plant`.
+        """Replace some vehicles; see `Plant`.
 
         Raises:
-            DataError: One cannot be simulated beside the first.
+            DataError: One cannot be simulated together with the first.
         """
         self._student.change({k: (vehicle, self._water(vehicle)) for k, vehicle in vehicles.items()})
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Put some vehicles somewhere; see `Plant`."""
+        """Start some vehicles at given states; see `Plant`."""
         self._student.restart(mask, pose, velocity)
         self.diverged[mask] = False
         self._read(mask)
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Fly one control step; see `Plant`."""
+        """Simulate one control step; see `Plant`."""
         self._ctrl[:] = commands
         self._student.march(self._steps, None if flying is None else np.flatnonzero(flying))
         self._read(self._all if flying is None else flying)
 
     def _read(self, mask: Mask) -> None:
-        """Bring the arrays of some vehicles up to date."""
+        """Update the arrays of some vehicles."""
         read_kernel(mask, self._motion, self._gravity, self._readings)
         np.copyto(self.thrust, self._force, where=mask[:, None])
 
     def snapshot(self) -> Snapshot:
-        """Everything that the future depends on, and the arrays of the present."""
+        """Return all states and readings."""
         batch = self._student.batch
         return {name: np.array(array) for name, array in self._readings._asdict().items()} | {
             "state": np.array(batch.state),
@@ -170,7 +170,7 @@ class StudentPlant:
         }
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot, bit for bit."""
+        """Restore a snapshot, bit for bit."""
         batch = self._student.batch
         batch.state[:], batch.warning[:] = snapshot["state"], snapshot["warning"]
         for name, array in self._readings._asdict().items():
@@ -187,15 +187,15 @@ def upright(state: Array, pose: Array) -> None:
 
 @jit
 def read_kernel(mask: Mask, motion: Coordinates, gravity: float, readings: Readings) -> None:
-    """Motion of some vehicles in NED and FRD from MuJoCo's coordinates (see `sim.bridge.states`).
+    """Convert the motion of some vehicles from MuJoCo's coordinates to NED and FRD (`sim.bridge.states`).
 
-    A row that MuJoCo warned of, or that is not finite, is marked as diverged and keeps what it held.
+    A row with a warning of MuJoCo, or that is not finite, is marked as diverged and keeps its values.
 
     Args:
-        mask: Which rows to read (N,).
-        motion: Theirs.
-        gravity: [m/s^2].
-        readings: Written, but for the thrusts; `diverged` is set and never cleared.
+        mask: Rows to read, (N,).
+        motion: Motion of all vehicles.
+        gravity: Gravity [m/s^2].
+        readings: Written, except the thrusts; `diverged` is set and never cleared.
     """
     R, force = np.empty(9), np.empty(3)
     qpos, qvel, qacc, warning = motion.qpos, motion.qvel, motion.qacc, motion.warning

@@ -1,4 +1,4 @@
-"""Fly recorded commands again in MuJoCo, open loop, and measure how far each variant strays."""
+"""Replay of recorded commands in MuJoCo, open loop, and the errors of each variant."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ from hydro.sim.student import Physics, Student
 Progress = Callable[[str, int, int], None]
 
 MEASURED = "measured"
-CHUNK = 100  # rows flown in one call
-BLOCK = 10.0  # s, of the bootstrap of the errors
+"""Name of the recording in the series."""
+CHUNK = 100  # number of rows per call of MuJoCo
+BLOCK = 10.0  # length of the blocks of the error bootstrap [s]
 
 PAPER_NAMES = {"mlp": "MJ1", "resmlp": "MJ2", "multihead": "MJ3", "physfeat": "MJ4"}
 """The paper's names of its plug-in variants (section V-B), by model."""
@@ -41,14 +42,14 @@ PAPER_NAMES = {"mlp": "MJ1", "resmlp": "MJ2", "multihead": "MJ3", "physfeat": "M
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to fly.
+    """Model variant of a replay.
 
     Attributes:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
-        network: The residual model itself.
-        water: Without a residual model: `none` of the water's effects, its `inertia` in the mass matrix,
-            MuJoCo's own `ellipsoid` fluid model, or all `effects` of the vehicle file.
+        network: Residual model.
+        water: Water forces without a residual model: `none`, added mass in the mass matrix (`inertia`),
+            MuJoCo's `ellipsoid` fluid model, or all `effects` of the vehicle file.
     """
 
     name: str
@@ -62,32 +63,33 @@ BASELINES = (
     Variant("MJ0+M_A", water="inertia"),
     Variant("MJ0+ellipsoid", water="ellipsoid"),
 )
-"""MuJoCo with restoring forces and thrusters alone (C_RB is native), with M_A in its mass matrix besides, and
-with MuJoCo's own fluid model on an ellipsoid of the hull's size.
+"""Baselines of MuJoCo, all with restoring forces, thrusters and the native C_RB.
 
-C_A belongs to what a residual model brings (paper eq. 6): the second baseline has none.
+The first has nothing else, the second has M_A in the mass matrix, and the third has MuJoCo's fluid model on
+an ellipsoid of the hull's size.  C_A is part of a residual model (paper eq. 6), so the second baseline does
+not have it.
 """
 EFFECTS = Variant("effects", water="effects")
-"""The vehicle file with all its effects, without a residual model."""
+"""Variant with all effects of the vehicle file, without a residual model."""
 
 
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
-    """The baselines, one variant per model under the paper's name where it has one, and `effects`.
+    """Return the baselines, one variant per model under the paper's name if it has one, and `effects`.
 
-    A model whose labels left out all effects flies with them, as `effects+` and its name.
+    A model whose labels excluded all effects runs with them, as `effects+` and its name.
 
     Args:
         models: Trained models.
-        names: Which variants, in this order; by default all, but `effects` only beside a model that flies
-            with them.
+        names: Variants to return, in this order; by default all, but `effects` only together with a model
+            that needs them.
 
     Raises:
-        UsageError: Two models would have one name, or a name has no variant.
+        UsageError: Two models would have the same name, or there is no variant of a name.
     """
     flying = [Variant(_name(model), model.name, model) for model in models]
     known = {variant.name: variant for variant in (*BASELINES, *flying, EFFECTS)}
     if len(known) < len(BASELINES) + len(flying) + 1:
-        raise UsageError("two models of one kind cannot be told apart in one replay; replay them one by one")
+        raise UsageError("two models of one kind have the same name in one replay; replay them one by one")
     unknown = [name for name in names or () if name not in known]
     if unknown:
         raise UsageError(
@@ -99,28 +101,29 @@ def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = 
 
 
 def _name(model: TrainedModel) -> str:
-    """Name of the variant that a model flies."""
+    """Return the name of a model's variant."""
     name = PAPER_NAMES.get(model.name, model.name)
     return f"effects+{name}" if _needs_effects(model) else name
 
 
 def _needs_effects(model: TrainedModel) -> bool:
-    """Whether the model learnt what all effects leave, not what added mass alone leaves."""
+    """Check whether the model's labels exclude all effects, not only added mass."""
     return model.subtract == "effects"
 
 
 @dataclass(frozen=True)
 class Setup:
-    """How variants are flown.
+    """Settings of a replay.
 
     Attributes:
         conditioning: Conditioning of a network's wrench (paper III-B); none by default.
         design: Filter for the online acceleration; by default one that trusts every sample.
         control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
-        lead: How far ahead a network is asked, as a share of the control step, see `sim.residual.control`.
+        lead: Time by which a network is evaluated ahead, as a share of the control step, see
+            `sim.residual.control`.
         physics: Step and integrator; the paper's 500 Hz by default.
-        threads: Threads that share the segments.
-        folder: Folder of the vehicle file, where a hull mesh is looked for.
+        threads: Number of threads that share the segments.
+        folder: Folder of the vehicle file, which has its hull mesh.
     """
 
     conditioning: Conditioning = OFF
@@ -132,7 +135,7 @@ class Setup:
     folder: Path | None = None
 
     def student(self, variant: Variant, vehicle: Vehicle, count: int) -> Student:
-        """So many vehicles that fly as a variant."""
+        """Return MuJoCo models of `count` vehicles for a variant."""
         water = _water(variant, vehicle, self._control)
         return Student(
             vehicle, water, count=count, physics=self.physics, threads=self.threads, folder=self.folder
@@ -152,32 +155,32 @@ def replay(
     piece: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Replay every session, and after every gap anew, from its first row's state under its recorded commands.
+    """Replay the recorded commands of every session; a new flight starts at each session and after each gap.
 
-    Where the vehicle's velocity log has errors (effects of kind `sensor`), a flight begins with the velocity
-    behind what was logged, and its own velocities are given as the log would have misread them: like is
-    compared with like.  What a late log tells of the time before the flight stands there as it was logged.
+    If the vehicle's DVL has errors (effects of kind `sensor`), a flight starts at the corrected velocity, and
+    its velocities are output with the same errors.  So predictions and measurements are comparable.  Readings
+    of a late DVL from before the start of a flight stay as recorded.
 
     Args:
-        vehicle: The vehicle file it was recorded with.
+        vehicle: Vehicle file of the recording.
         raw: Raw table.
-        flown: What to fly, see `variants`.
-        setup: How; by default as the paper does, but for the lead.
+        flown: Variants, see `variants`.
+        setup: Settings; by default the paper's, except the lead.
         dataset: Name of the recording in the metrics.
-        piece: Also measure every piece of so many seconds of each session, such as the segments of a sequence
-            of commands; its dataset is called `recording 10-20 s`.
-        progress: Called with a variant's name, rows of the longest segment flown, and its rows in all.
+        piece: Also measure the errors of every piece of this length [s] of each session, such as the segments
+            of a sequence of commands; its dataset is called `recording 10-20 s`.
+        progress: Called with the name of a variant, the rows done of the longest segment, and its total.
 
     Returns:
-        Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight
-        ends where it does) and metrics (those of `evaluation.metrics.measure`; how often the conditioning
-        acted, in
-        shares of the control steps: `clipped` by axis, and `held_back` by the dead band; and `diverged`, the
-        time in the first segment that did, where one did).
+        Series and metrics.  The series have the columns of `schemas/replay.json`, with the recording as
+        variant `measured`; a diverged flight ends where it diverges.  The metrics are those of
+        `evaluation.metrics.measure`, and shares of the control steps in which the conditioning acted:
+        `clipped` by axis, and `held_back` by the dead band.  If a flight diverged, `diverged` is the time in
+        the first such segment.
 
     Raises:
-        DataError: The table does not fit the vehicle, or a model cannot be flown with its effects.
-        UsageError: The log's sample time is no multiple of the physics step.
+        DataError: The table does not fit the vehicle, or a model cannot run with its effects.
+        UsageError: The log's sample time is not a multiple of the physics step.
     """
     setup, record = setup or Setup(), _Recorded.of(raw, vehicle)
     steps, measured = setup.physics.steps(sample_time(raw), "the log's sample time"), record.measured
@@ -185,7 +188,7 @@ def replay(
     for variant in flown:
         student = setup.student(variant, vehicle, len(record.bounds))
         report = partial(progress, variant.name) if progress is not None else None
-        motion = _logged(record, student, steps, report)
+        motion = _logged_motion(record, student, steps, report)
         valid: NDArray[np.bool_] = np.asarray(np.isfinite(motion).all(axis=1))
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
@@ -198,16 +201,16 @@ def replay(
 
 @dataclass(frozen=True)
 class _Recorded:
-    """A recording that is flown again.
+    """Recording for a replay.
 
     Attributes:
         measured: Pose and velocity as logged, (N, 12).
-        begun: Velocity behind what was logged, (N, 6).
-        commands: (N, n), effective ones (`recording.supply`).
+        begun: Velocity corrected for the errors of the DVL, (N, 6).
+        commands: Effective commands (`recording.supply`), (N, n).
         clock: Times [s], (N,).
         bounds: Segments, (S, 2).
-        resumed: Which of them follow a gap, (S,).
-        log: The vehicle's velocity log.
+        resumed: Segments that follow a gap, (S,).
+        log: Parameters of the DVL's errors.
     """
 
     measured: Array
@@ -220,35 +223,38 @@ class _Recorded:
 
     @classmethod
     def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
-        """The recording in a raw table."""
+        """Return the recording of a raw table."""
         require_samples(raw, (*POSE, *VELOCITY))
         commands, bounds = recorded_commands(vehicle, raw), segments(raw)
         measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
         log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
-        begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
+        begun = _through_dvl(sensor.corrected, log, clock, measured[:, 6:], bounds)
         return cls(measured, begun, commands, clock, bounds, resumes(raw, bounds), log)
 
 
-def _logged(
+def _logged_motion(
     record: _Recorded, student: Student, steps: int, report: Callable[[int, int], None] | None
 ) -> Array:
-    """What the log would have told of flying it again, (N, 12), NaN from where a flight diverged."""
+    """Return the motion of a replay as the sensors would log it, (N, 12), NaN after a divergence."""
     measured, begun, bounds = record.measured, record.begun, record.bounds
     first = bounds[:, 0]
     settled = np.where(record.resumed[:, None], record.commands[first], np.nan)
     student.start(measured[first, :6], begun[first], settled=settled, t=record.clock[first])
     known = np.hstack([measured[:, :6], begun])
     motion = _fly(student, known, record.commands, bounds, steps, report)
-    motion[:, 6:] = _along(sensor.measured, record.log, record.clock, motion[:, 6:], bounds)
-    before = _before(record.log, record.clock, bounds)
+    motion[:, 6:] = _through_dvl(sensor.measured, record.log, record.clock, motion[:, 6:], bounds)
+    before = _before_start(record.log, record.clock, bounds)
     motion[before, 6:9] = measured[before, 6:9]
     return motion
 
 
-def _along(
+def _through_dvl(
     through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Rows
 ) -> Array:
-    """Velocities (N, 6) through a velocity log, or back, segment by segment; as far as they are finite."""
+    """Apply or correct the errors of a DVL in velocities (N, 6), segment by segment.
+
+    Velocities after the first that is not finite stay.
+    """
     out = nu.copy()
     for start, stop in bounds if log.any() else ():
         end = start + int(np.isfinite(nu[start:stop]).all(axis=1).sum())
@@ -256,14 +262,14 @@ def _along(
     return out
 
 
-def _before(log: Array, t: Array, bounds: Rows) -> NDArray[np.bool_]:
-    """Rows (N,) in which a late log tells of the time before the flight: there it reads what it read."""
+def _before_start(log: Array, t: Array, bounds: Rows) -> NDArray[np.bool_]:
+    """Return the rows (N,) in which a late DVL measures the time before the flight."""
     begun = np.repeat(t[bounds[:, 0]], np.diff(bounds, axis=1)[:, 0])
     return np.asarray(t < begun + log[sensor.DELAY] - 1e-9)
 
 
 def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], Control]) -> Water:
-    """What of the water a variant feels; `controlled` says how a network is run."""
+    """Return the water forces of a variant; `controlled` makes the control of a network."""
     if variant.network is not None:
         network, whole = controlled(Network.of(variant.network)), _needs_effects(variant.network)
         added = () if whole else beside(vehicle, variant.network.labelled)
@@ -281,13 +287,13 @@ def _fly(
     steps: int,
     report: Callable[[int, int], None] | None,
 ) -> Array:
-    """Fly all segments side by side: motion (N, 12) at every row, NaN from where a flight diverged."""
+    """Simulate all segments in parallel; return the motion (N, 12) of all rows, NaN after a divergence."""
     motion = np.full(measured.shape, np.nan)
     first, last = bounds[:, 0], bounds[:, 1] - 1
     motion[first] = measured[first]
     flying, row = np.flatnonzero(last > first), 0
     while len(flying):
-        # As many rows as the shortest flight still has, so that all of a call are of one length.
+        # The shortest remaining flight limits the rows of a call, so that all have the same length.
         rows = min(CHUNK, int((last[flying] - first[flying]).min()) - row)
         begin = first[flying] + row
         held = np.stack([commands[at : at + rows] for at in begin])
@@ -302,7 +308,7 @@ def _fly(
 
 
 def _series(raw: pl.DataFrame, name: str, motion: Array, valid: NDArray[np.bool_]) -> pl.DataFrame:
-    """Rows of the series table for one variant."""
+    """Return the rows of one variant in the series table."""
     return pl.concat(
         [
             raw.select("session", pl.lit(name).alias("variant"), pl.col("t").cast(pl.Float64)),
@@ -320,10 +326,10 @@ def _metrics(
     motion: Array,
     valid: NDArray[np.bool_],
 ) -> pl.DataFrame:
-    """Errors of every velocity over the rows flown, and when a flight diverged if one did.
+    """Return the errors of all velocities, and the time of a divergence if there is one.
 
-    Where one diverged the errors are called `rmse_before_divergence` and so on: nobody should compare them
-    with those of a whole flight.
+    After a divergence the errors are called `rmse_before_divergence` and so on, because they must not be
+    compared with those of a complete flight.
     """
     block = max(1, round(BLOCK / sample_time(raw)))
     errors = measure(
@@ -348,7 +354,7 @@ def _by_piece(
     valid: NDArray[np.bool_],
     piece: float,
 ) -> list[pl.DataFrame]:
-    """Errors over every piece of a sequence that was flown to its end."""
+    """Return the errors of every piece without a divergence."""
     since = raw.select(pl.col("t") - pl.col("t").min().over("session")).to_series().to_numpy()
     number = np.floor(since / piece + 1e-6).astype(np.int64)
     found = []
@@ -372,9 +378,9 @@ def _by_piece(
 def _conditioning_metrics(
     variant: Variant, dataset: str, student: Student, whole: NDArray[np.bool_]
 ) -> pl.DataFrame:
-    """Shares of the control steps in which the conditioning clipped an axis or its dead band acted.
+    """Return the shares of control steps in which the conditioning clipped an axis or its dead band acted.
 
-    Flights that diverged are left out, for MuJoCo has reset their counts; no rows where all did.
+    Diverged flights are excluded, because MuJoCo has reset their counts.  If all diverged, there are no rows.
     """
     counts = list(compress(student.conditioning_counts(), whole))
     steps = sum(count.steps for count in counts)
@@ -387,7 +393,7 @@ def _conditioning_metrics(
 
 
 def _rows(variant: Variant, dataset: str, rows: Sequence[tuple[str, str, float, str]]) -> pl.DataFrame:
-    """Rows of the metrics table from axis, metric, value and unit, without intervals."""
+    """Return rows of the metrics table from axis, metric, value and unit, without intervals."""
     subject = Subject(variant.model, dataset, variant.name)
     lines = ((axis, metric, value, np.nan, np.nan, unit) for axis, metric, value, unit in rows)
     return rows_of(subject, lines)

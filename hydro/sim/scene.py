@@ -1,7 +1,7 @@
-"""A tank around a vehicle to look at and to cast rays in: floor, walls, surface and movable pillars.
+"""Tank around a vehicle, for pictures and ray casts: floor, walls, surface and movable pillars.
 
-Nothing in it touches anything: an episode ends where a hull would (`rl.environment.geometry`), so that
-vehicles fly in the bare model, which is faster, and are shown in this one.
+Nothing in it has contacts: an episode ends where a hull would collide (`rl.environment.geometry`).  So
+vehicles are simulated in the bare model, which is faster, and shown in this one.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from hydro.sim.bridge import mjcf, native
 from hydro.sim.bridge.water import Water
 
 PILLAR, GOAL = "pillar", "goal"
-"""Names of the bodies that are moved; pillars are numbered from 0."""
+"""Names of the movable bodies; pillars are numbered from 0."""
 SURFACE_GROUP = 2
-"""Geom group of the surface and the goal, which no ray is to meet."""
+"""Geom group of the surface and the goal, which rays ignore."""
 _THICK = 0.05  # half thickness of floor and walls [m]
-_AWAY = 1e3  # where unused pillars stand [m]
+_AWAY = 1e3  # position of unused pillars [m]
 
 
 def tank(
@@ -34,15 +34,15 @@ def tank(
     water: Water | None = None,
     folder: Path | None = None,
 ) -> mujoco.MjModel:
-    """A vehicle in a tank, ready to step, render and cast rays in.
+    """Return a vehicle in a tank, ready for stepping, rendering and ray casts.
 
     Args:
-        vehicle: The vehicle file.
+        vehicle: Vehicle file.
         size: Length north, width east and depth of the water [m], from the corner at the world's origin.
         pillars: Number of pillars; `place` moves them.
-        radius: Of a pillar [m].
-        water: What of the water the vehicle feels; everything the file says by default.
-        folder: Folder of the vehicle file, where a hull mesh is looked for.
+        radius: Radius of a pillar [m].
+        water: Water forces on the vehicle; by default all of the file.
+        folder: Folder of the vehicle file, which has its hull mesh.
 
     Raises:
         DataError: The vehicle cannot be simulated.
@@ -61,7 +61,7 @@ def tank(
 
 
 def _enclose(spec: mujoco.MjSpec, half: Array) -> None:
-    """Walls, a floor of sand and the surface around water of half a length, width and depth."""
+    """Add walls, a sandy floor and the surface around water of half a length, width and depth."""
     middle, box = HALF_TURN * half, mujoco.mjtGeom.mjGEOM_BOX
     for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
         center, extent = middle.copy(), half.copy()
@@ -75,7 +75,7 @@ def _enclose(spec: mujoco.MjSpec, half: Array) -> None:
 
 
 def _sand(spec: mujoco.MjSpec) -> str:
-    """Name of a chequered material whose squares are a metre wide."""
+    """Add a chequered material with squares of 1 m; return its name."""
     spec.add_texture(
         name="sand",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -98,12 +98,12 @@ def _add(
     rgba: list[float],
     group: int = 0,
 ) -> None:
-    """Add something that can be seen and not touched."""
+    """Add a visible geom without contacts."""
     body.add_geom(type=kind, size=size, pos=at, rgba=rgba, group=group, contype=0, conaffinity=0)
 
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, pillars: Array, target: Array | None = None) -> None:
-    """Stand the pillars at x y (P, 2), NED, out of sight where NaN; put the sphere at a target (3,), NED."""
+    """Move the pillars to x y (P, 2), NED, out of sight if NaN, and the sphere to a target (3,), NED."""
     for number, (x, y) in enumerate(pillars):
         moved = data.mocap_pos[model.body(f"{PILLAR}{number}").mocapid[0]]
         moved[:2] = (x, -y) if np.isfinite(x) else (_AWAY, 0.0)

@@ -1,7 +1,7 @@
-"""One vehicle as a plain MuJoCo model and its data, to step, to view, and to save as MJCF.
+"""One vehicle as a plain MuJoCo model with its data, for stepping, viewing, and export as MJCF.
 
-MuJoCo writes MJCF with six digits, which is too few for a vehicle: the numbers that its motion depends on are
-written again in full, from the compiled model.
+MuJoCo writes MJCF with six digits, which is too few for a vehicle.  Therefore all numbers that affect its
+motion are written again in full, from the compiled model.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Pair = tuple[mujoco.MjModel, mujoco.MjData]
 
 
 def single(vehicle: Vehicle, physics: Physics, folder: Path | None = None) -> Pair:
-    """A model of a vehicle in unbounded water, ready to step, and its data at rest at the origin.
+    """Return a model of a vehicle in unbounded water, ready to step, with data at rest at the origin.
 
     Args:
-        vehicle: The vehicle file.
+        vehicle: Vehicle file.
         physics: Step and integrator.
-        folder: Folder of the vehicle file, where a hull mesh is looked for; without it an ellipsoid is shown.
+        folder: Folder of the vehicle file, which has its hull mesh; without it the hull is an ellipsoid.
 
     Raises:
         DataError: The vehicle cannot be simulated.
@@ -37,13 +37,13 @@ def single(vehicle: Vehicle, physics: Physics, folder: Path | None = None) -> Pa
 
 
 def load(path: str | Path) -> Pair:
-    """A model from an MJCF file with vehicles of hydro's in it, ready to step, and its data.
+    """Load a model with vehicles of hydro from an MJCF file, ready to step, with its data.
 
     Args:
-        path: The file, as `text` makes it; scenery and sensors may have been added.
+        path: File written by `text`; scenery and sensors may have been added.
 
     Raises:
-        DataError: MuJoCo cannot read it, no vehicle is in it, or it is one of another version of hydro.
+        DataError: MuJoCo cannot read it, or it has no vehicle, or one of another version of hydro.
     """
     if not Path(path).is_file():
         raise DataError(f"{path}: no such file: check the path")
@@ -58,10 +58,10 @@ def load(path: str | Path) -> Pair:
 
 
 def text(vehicle: Vehicle, physics: Physics) -> str:
-    """The model of a vehicle as MJCF.
+    """Return the model of a vehicle as MJCF.
 
     Raises:
-        DataError: The vehicle cannot be simulated, or a name is one that XML would change.
+        DataError: The vehicle cannot be simulated, or XML would change a name.
     """
     require_names(vehicle)
     spec = _scene(vehicle, physics, None)
@@ -99,17 +99,17 @@ def _scene(vehicle: Vehicle, physics: Physics, folder: Path | None) -> mujoco.Mj
 
 
 def _ready(model: mujoco.MjModel) -> Pair:
-    """The model ready to step, and its data."""
+    """Return the model ready to step, and its data."""
     return native.prepare(model), mujoco.MjData(model)
 
 
 def _found(root: ET.Element, tag: str) -> ET.Element:
-    """The element that MuJoCo has written."""
+    """Return an element of MuJoCo's XML."""
     found = root.find(tag)
     assert found is not None, tag
     return found
 
 
 def _numbers(values: Iterable[float]) -> str:
-    """Numbers in full."""
+    """Return numbers as text with all digits."""
     return " ".join(f"{float(value):.17g}" for value in values)

@@ -1,4 +1,4 @@
-"""The MuJoCo student: vehicles of one kind that fly side by side, each under its own commands."""
+"""MuJoCo model of vehicles (the student): vehicles of one kind in parallel, each with its own commands."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TIME = mujoco.mjtState.mjSTATE_TIME
 
 @dataclass(frozen=True)
 class Physics:
-    """How the student is integrated; the paper's 500 Hz by default.
+    """Step and integrator of MuJoCo; the paper's 500 Hz by default.
 
     Attributes:
         timestep: Physics step [s].
@@ -38,7 +38,7 @@ class Physics:
     integrator: mjcf.Integrator = "implicitfast"
 
     def steps(self, period: float, what: str) -> int:
-        """How many physics steps make up a period [s].
+        """Return the number of physics steps in a period [s].
 
         Raises:
             UsageError: It is not a whole number of at least one.
@@ -46,19 +46,19 @@ class Physics:
         count = round(period / self.timestep)
         if count < 1 or abs(count * self.timestep - period) > 1e-6 * period:
             raise UsageError(
-                f"{what} of {period:g} s is no multiple of the physics step of {self.timestep:g} s; "
+                f"{what} of {period:g} s is not a multiple of the physics step of {self.timestep:g} s; "
                 "choose another step"
             )
         return count
 
 
 class Student:
-    """Several vehicles of one vehicle file in MuJoCo, sharing one clock.
+    """Several vehicles of one vehicle file in MuJoCo, with one clock.
 
     Attributes:
-        model: The compiled MuJoCo model; its controls are the thrusters' effective commands
-            (`recording.supply`): the commands themselves, but where a thrust curve is a table.
-        batch: The simulations, for whoever needs more of MuJoCo than this class shows.
+        model: Compiled MuJoCo model; its controls are the thrusters' effective commands (`recording.supply`),
+            which differ from the commands only if a thrust curve is a table.
+        batch: The simulations, for other functions of MuJoCo.
     """
 
     def __init__(
@@ -74,16 +74,16 @@ class Student:
         """Build the model and its simulations.
 
         Args:
-            vehicle: The vehicle file.
-            water: What of the water the vehicles feel; everything the file says by default.
+            vehicle: Vehicle file.
+            water: Water forces on the vehicles; by default all of the file.
             count: Number of vehicles.
             physics: Step and integrator.
-            threads: Threads that share the vehicles; they change no bit of any result.
-            folder: Folder of the vehicle file, where a hull mesh is looked for.
+            threads: Number of threads that share the vehicles; results do not depend on it, bit for bit.
+            folder: Folder of the vehicle file, which has its hull mesh.
 
         Raises:
             DataError: The vehicle cannot be simulated.
-            UsageError: A control step is no multiple of the physics step.
+            UsageError: The control step is not a multiple of the physics step.
         """
         physics = physics or Physics()
         if water is not None and water.control is not None:
@@ -105,14 +105,14 @@ class Student:
     def start(
         self, eta: ArrayLike, nu: ArrayLike, *, settled: ArrayLike | None = None, t: ArrayLike = 0.0
     ) -> None:
-        """Put all vehicles somewhere and set the clock.
+        """Start all vehicles at given states and set the clock.
 
         Args:
             eta: Pose (count, 6), NED.
             nu: Velocity of CO over ground (count, 6), FRD.
-            settled: Commands (count, n) on which the thrusters have settled; NaN, and all by default, where
-                they are at rest.
-            t: What their clocks show [s], a number or (count,).
+            settled: Commands (count, n) at which the thrusters have settled; NaN for thrusters at rest, which
+                is the default for all.
+            t: Start time [s], a number or (count,).
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.batch.time[:] = np.broadcast_to(t, len(self.batch.time)).reshape(self.batch.time.shape)
@@ -124,10 +124,10 @@ class Student:
                     self._settle(vehicle, int(thruster), commands[thruster])
 
     def change(self, vehicles: Mapping[int, tuple[Vehicle, Water]]) -> None:
-        """Let some simulations go on with other vehicles, by number.
+        """Replace the vehicles of some simulations, by index.
 
         Args:
-            vehicles: Vehicle and water of each, with the thrusters and the memories of the first.
+            vehicles: Vehicle and water of each, with the thrusters and internal states of the first.
 
         Raises:
             DataError: One cannot be simulated, or is too different.
@@ -144,29 +144,29 @@ class Student:
         try:
             self.batch.set_models(self._models)
         except (ValueError, mujoco.FatalError) as error:
-            raise DataError(f"these vehicles cannot fly side by side: {error}") from error
+            raise DataError(f"these vehicles cannot be simulated together: {error}") from error
 
     def restart(self, mask: NDArray[np.bool_], pose: Array, nu: Array) -> None:
-        """Put some vehicles somewhere, at their own time 0, thrusters at rest, and work out their forces.
+        """Start some vehicles at given states, at time 0, with thrusters at rest, and compute their forces.
 
         Args:
-            mask: Which, (count,).
+            mask: Vehicles that start, (count,).
             pose: x y z NED and quaternion FRD to NED (count, 7); rows outside the mask are not read.
             nu: Velocity of CO over ground (count, 6), FRD.
         """
         self.batch.reset(mask, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._begun[mask] = 0.0
         self.batch.qpos[mask], self.batch.qvel[mask] = states.coordinates(pose[mask], nu[mask])
-        with _warnings_only_counted():
+        with _silent_warnings():
             self.batch.forward(mask)
 
     def march(self, steps: int, ids: NDArray[np.int64] | None = None) -> None:
-        """Fly on for some physics steps under the controls that the batch holds; all, or some by number."""
-        with _warnings_only_counted():
+        """Simulate some physics steps with the controls in the batch, for all vehicles or `ids`."""
+        with _silent_warnings():
             self.batch.step(ids, nstep=steps)
 
     def _settle(self, vehicle: int, thruster: int, command: float) -> None:
-        """Let one thruster have obeyed a command for long."""
+        """Set one thruster to the settled state of a command."""
         if self.model.actuator_actnum[thruster]:
             lag = self.model.actuator_actadr[thruster] + self.model.actuator_actnum[thruster] - 1
             self.batch.act[vehicle, lag] = settled_state(self._table[thruster], command)
@@ -177,36 +177,36 @@ class Student:
             self.batch.history[vehicle] = data.history
 
     def state(self) -> tuple[Array, Array]:
-        """Pose eta (count, 6), NED, and velocity nu (count, 6) of CO over ground, FRD."""
+        """Return pose eta (count, 6), NED, and velocity nu (count, 6) of CO over ground, FRD."""
         return states.from_mujoco(self.batch.qpos, self.batch.qvel)
 
     def diverged(self) -> NDArray[np.bool_]:
-        """Which vehicles MuJoCo has raised a warning for since `start`, (count,)."""
+        """Return the vehicles with a warning of MuJoCo since `start`, (count,)."""
         return np.asarray(self.batch.warning[:, :, 1].sum(axis=1) > 0)
 
     def fly(self, commands: ArrayLike, steps: int, ids: NDArray[np.int64] | None = None) -> Array:
-        """Fly on under commands, each held for some physics steps.
+        """Simulate the vehicles under commands, each held for some physics steps.
 
         Args:
             commands: Commands in [-1, 1], (vehicles, rows, n).
             steps: Physics steps per row.
-            ids: Which vehicles fly; all by default.  The others stay where they are.
+            ids: Indices of vehicles to simulate; all by default.  The others do not move.
 
         Returns:
-            eta and nu at the end of every row, (vehicles, rows, 12).  NaN from the row on in which a flight
+            eta and nu at the end of every row, (vehicles, rows, 12).  NaN from the row in which a flight
             diverged.
 
         Raises:
-            DataError: Not as many commands as the vehicle has thrusters.
+            DataError: The number of commands is not that of the thrusters.
         """
         given = np.asarray(commands, dtype=np.float64)
         if given.ndim != 3 or given.shape[2] != len(self._table):
             raise DataError(
                 f"commands: expected (vehicles, rows, {len(self._table)}), got shape {given.shape}"
             )
-        carrier = self.model.nu - given.shape[2]  # a vehicle without thrusters may have an idle control
+        carrier = self.model.nu - given.shape[2]  # a vehicle without thrusters may have an unused control
         held = np.pad(np.repeat(given, steps, axis=1), ((0, 0), (0, 0), (0, carrier)))
-        with _warnings_only_counted():
+        with _silent_warnings():
             flown = self.batch.rollout(
                 nstep=held.shape[1], control=held, record=(_TIME, "qpos", "qvel"), ids=ids
             )
@@ -220,13 +220,13 @@ class Student:
         return motion
 
     def conditioning_counts(self) -> list[Counts]:
-        """How often the conditioning of a residual network acted on each vehicle since its start.
+        """Return how often the conditioning of a residual network acted on each vehicle since its start.
 
         Raises:
-            UsageError: The vehicles carry no network.
+            UsageError: The vehicles have no network.
         """
         if self._control is None:
-            raise UsageError("no residual network runs in this student, so no conditioning acts")
+            raise UsageError("this MuJoCo model has no residual network, so no conditioning acts")
         if not self._conditioned:
             steps = control.steps_since(self.batch.act[:, self._control :], self._begun, self._period)
             return [Counts(int(count), (0,) * 6, 0) for count in steps]
@@ -235,8 +235,8 @@ class Student:
 
 
 @contextmanager
-def _warnings_only_counted() -> Iterator[None]:
-    """Keep MuJoCo from printing warnings and logging them into the working folder; it counts them anyway."""
+def _silent_warnings() -> Iterator[None]:
+    """Suppress MuJoCo's printed warnings and its log file in the working folder; the counters stay."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda text: None)
     try:
@@ -246,6 +246,6 @@ def _warnings_only_counted() -> Iterator[None]:
 
 
 def control_states(model: mujoco.MjModel, name: str) -> int | None:
-    """Where in the activations the states of a vehicle's network begin; None where it has none."""
+    """Return the start of a network's states in the activations; None without a network."""
     field = model.numeric(PREFIX + name).data
     return int(field[AT_CONTROL_STATES]) if field[AT_CONTROL] else None

@@ -1,13 +1,13 @@
-"""The embedded teacher: a reference simulator of a vehicle in water that needs no other program.
+"""Embedded simulator (the teacher): a reference simulation of a vehicle in water without other programs.
 
-Rigid body, weight and buoyancy, and thrusters are those of the vehicle file; the water's forces are not.
-They come from panels on the hull (`vehicle.panels`) and the added mass of the ellipsoid of the hull's size
-(`vehicle.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the names in `REPLACED`
-are therefore ignored; its other effects act, and so do hidden ones, which the file knows nothing of.
+Rigid body, weight, buoyancy and thrusters are those of the vehicle file; the water forces are not.  They come
+from panels on the hull (`vehicle.panels`) and the added mass of an ellipsoid of the hull's size
+(`vehicle.ellipsoid`), independent of the laws of the catalogue.  So the file's effects in `REPLACED` are
+ignored.  Its other effects act, and so do hidden effects, which are not in the file.
 
-The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are made
-at 50 Hz from the session's demand and holds (`vehicle.control_allocation`), in the same compiled loop, from
-the true state.
+The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are
+computed at 50 Hz from the session's demand and holds (`vehicle.control_allocation`), in the same compiled
+loop, from the true state.
 """
 
 from __future__ import annotations
@@ -48,39 +48,39 @@ from hydro.core.vehicle.panels import Panels, loaded_facets, panels, superellips
 from hydro.core.vehicle.rigid_body import mass_matrix
 
 SUBSTEPS = 10
-"""Integration steps per row: 500 Hz."""
+"""Number of integration steps per row: 500 Hz."""
 DEPTH = 50.0
-"""Depth [m] by default: walks stray by some 20 m from the light hold, and should not break the surface."""
+"""Default depth [m]: excitation moves a vehicle some 20 m from its hold; it must stay below the surface."""
 REPLACED = frozenset(with_role(Role.HULL_WATER))
-"""Effects of a file that panels and ellipsoid stand in for; the lift of fins is not among them."""
+"""Effects of a file that panels and ellipsoid replace; the lift of fins is not among them."""
 
 Report = Callable[[int], None]
 
 
 class Subject(Protocol):
-    """A vehicle that can be recorded, in whatever simulator; attributes as of `Teacher`."""
+    """Vehicle that can be recorded, in any simulator; attributes as of `Teacher`."""
 
     @property
     def vehicle(self) -> Vehicle:
-        """What is simulated."""
+        """Simulated vehicle."""
 
     @property
     def mixing(self) -> Mixing:
-        """How demands become commands."""
+        """Allocation of demands to commands."""
 
     @property
     def log(self) -> Array:
-        """The velocity log, with the errors of its sensor effects."""
+        """Parameters of the DVL's errors, from the sensor effects."""
 
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """True motion of one session and the commands that made it; arguments as of the function `fly`."""
+        """Return the true motion of one session and its commands; arguments as of the function `fly`."""
 
 
 @dataclass(frozen=True)
 class Programme:
-    """What a vehicle is recorded doing.
+    """Manoeuvres of a recording.
 
     Attributes:
         excitation: One of `simulation.excitation.DECKS`.
@@ -93,17 +93,17 @@ class Programme:
 
 @dataclass(frozen=True)
 class Teacher:
-    """A vehicle ready to be recorded.
+    """Vehicle ready to be recorded.
 
     Attributes:
-        vehicle: What is simulated: the file without the effects that the teacher replaces, with the
-            ellipsoid's added mass and the hidden effects.
-        program: The same, compiled.
-        hull: Its panels.
+        vehicle: Simulated vehicle: the file without the replaced effects, with the ellipsoid's added mass and
+            the hidden effects.
+        program: The simulated vehicle, compiled.
+        hull: Panels of the hull.
         facets: (8, F), for the panel kernel.
-        mixing: How demands become commands; it knows the file and the hull, nothing that is hidden.
-        log: The velocity log, with the errors of its sensor effects.
-        ignored: Names of the file's effects that panels and ellipsoid stand in for.
+        mixing: Allocation of demands to commands; it uses the file and the hull, but no hidden effects.
+        log: Parameters of the DVL's errors, from the sensor effects.
+        ignored: Names of the file's effects that panels and ellipsoid replace.
     """
 
     vehicle: Vehicle
@@ -116,13 +116,13 @@ class Teacher:
 
     @property
     def added_mass(self) -> Array:
-        """M_A (6, 6) of the equivalent ellipsoid about CO."""
+        """M_A of the equivalent ellipsoid about CO, (6, 6)."""
         return _ellipsoid_added_mass(self.vehicle)
 
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """True motion of one session and the commands that made it; arguments as of the function `fly`."""
+        """Return the true motion of one session and its commands; arguments as of the function `fly`."""
         return fly(self, demand, depth=depth, heading=heading, hold_heading=hold_heading, sea=sea)
 
 
@@ -132,16 +132,16 @@ def teacher(
     mesh: tuple[Array, Any] | None = None,
     hidden: Sequence[Mapping[str, Any]] = (),
 ) -> Teacher:
-    """Build the teacher of a vehicle.
+    """Return the embedded simulation of a vehicle.
 
     Args:
-        vehicle: The vehicle file.
+        vehicle: Vehicle file.
         mesh: Vertices [m] and faces of its hull in body axes about CO; by default a superellipsoid of the
             hull's size.
-        hidden: Effect tables that act without standing in the vehicle file, as under `[[effect]]`.
+        hidden: Effect tables, as under `[[effect]]`, that act but are not in the vehicle file.
 
     Raises:
-        DataError: The mesh encloses nothing or has not the hull's size, or an effect is not admitted.
+        DataError: The mesh encloses no volume or does not have the hull's size, or an effect is not allowed.
     """
     hull = panels(*surface_of(vehicle, mesh))
     _require_size(hull, vehicle)
@@ -151,7 +151,7 @@ def teacher(
     believed = msgspec.structs.replace(vehicle, effect=(*kept, ellipsoid))
     besides = [dict(table) for table in hidden]
     actual = msgspec.structs.replace(vehicle, effect=(*believed.effect, *besides))
-    # Panels damp, and the file says by about how much: what couples axes needs that beside it.
+    # Effects that couple axes need damping: the panels provide it, and the file's damping is its estimate.
     validate(actual, msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *besides)))
     facets = loaded_facets(hull, vehicle.environment.water_density)
     crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(believed))
@@ -168,7 +168,7 @@ def teacher(
 
 
 def surface_of(vehicle: Vehicle, mesh: tuple[Array, Any] | None) -> tuple[Array, Any]:
-    """Vertices [m] and faces of a hull: those of a mesh, else of a superellipsoid of the hull's size."""
+    """Return vertices [m] and faces of a hull: a mesh, or a superellipsoid of the hull's size."""
     size = vehicle.hull
     return superellipsoid(size.length, size.width, size.height, size.center) if mesh is None else mesh
 
@@ -183,29 +183,29 @@ def collect(
     threads: int | None = None,
     report: Report | None = None,
 ) -> pl.DataFrame:
-    """Record a vehicle under a programme of excitation.
+    """Record a vehicle with excitation.
 
     Args:
-        subject: From `teacher`, or a vehicle in another simulator.
-        rows: Rows to record in all, at 50 Hz.
-        seed: Seed of the sessions, the demands, the headings and the noise.
-        programme: What it does, and how deep.
-        noise: Of the sensors; none by default.
-        threads: Sessions flown at a time, by default one per core; the result does not depend on it.
-        report: Called with the number of rows done, from this thread.
+        subject: Vehicle from `teacher`, or in another simulator.
+        rows: Total number of rows, at 50 Hz.
+        seed: Seed of the sessions, demands, headings and noise.
+        programme: Excitation and depth.
+        noise: Sensor noise; none by default.
+        threads: Number of parallel sessions, by default one per core; the result does not depend on it.
+        report: Called with the number of finished rows, from this thread.
 
     Returns:
-        The raw table: `session`, `t` (float64), pose, velocity and commands (float32).
+        Raw table: `session`, `t` (float64), pose, velocity and commands (float32).
 
     Raises:
-        DataError: Too many rows, no such programme, no axis to excite, or a motion that diverges.
+        DataError: There are too many rows, no such excitation or no axis to excite, or the motion diverges.
     """
     extent.require_rows(rows)
     flown = programme or Programme()
     sessions = plan(rows, seed, subject.mixing.axes, excitation=flown.excitation)
 
     def fly_one(session: Session) -> pl.DataFrame:
-        return _logged(subject, session, seed, flown.depth, noise or Noise())
+        return _logged_session(subject, session, seed, flown.depth, noise or Noise())
 
     frames: list[pl.DataFrame] = []
     done = 0
@@ -228,16 +228,16 @@ def fly(
     nu: ArrayLike = (0.0,) * 6,
     sea: Sequence[int] = (0,),
 ) -> tuple[Array, Array]:
-    """True motion of one session, from a level attitude, and the commands that made it.
+    """Return the true motion of one session, from a level attitude, and its commands.
 
     Args:
-        subject: From `teacher`.
-        demand: (N, 6) shares of each axis's authority, one row per 1/50 s.
+        subject: Vehicle from `teacher`.
+        demand: Shares of each axis's authority, one row per 1/50 s, (N, 6).
         depth: Depth of the start and of the hold [m].
         heading: Heading of the start, and of the hold [rad].
-        hold_heading: Whether heading is held besides depth, roll and pitch.
-        nu: Velocity of the start over ground (6,), body axes; rest by default [m/s, rad/s].
-        sea: Seeds of the waves, where the file has them or they are hidden.
+        hold_heading: Hold the heading in addition to depth, roll and pitch.
+        nu: Initial velocity over ground, (6,), body axes; rest by default [m/s, rad/s].
+        sea: Seeds of the waves, if there are waves in the file or hidden.
 
     Returns:
         Motion (N, 12) x … psi, u … r, and effective commands (N, n), see `recording.supply`.
@@ -254,17 +254,19 @@ def fly(
         program = assemble(subject.vehicle, sea=sea)
     pilot = Pilot.of(subject.mixing, demand, first[2], heading if hold_heading else None)
     course = Course(commands, np.arange(rows) / LOG_RATE, SUBSTEPS, 1.0 / (LOG_RATE * SUBSTEPS))
-    reached: int = _follow(program.flat, subject.facets, first, course, pilot, states)
+    reached: int = _simulate(program.flat, subject.facets, first, course, pilot, states)
     if reached < rows:
         raise DataError(
             f"the motion diverges by t = {reached / LOG_RATE:g} s: check the vehicle's inertia, "
-            "and what is hidden"
+            "and hidden effects"
         )
     return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:]]), commands
 
 
-def _logged(subject: Subject, session: Session, seed: int, depth: float, noise: Noise) -> pl.DataFrame:
-    """One session as it is logged: sensor effects on the true motion, then noise."""
+def _logged_session(
+    subject: Subject, session: Session, seed: int, depth: float, noise: Noise
+) -> pl.DataFrame:
+    """Return one session as logged: sensor effects on the true motion, then noise."""
     demand = demands(session, seed, 1.0 / LOG_RATE)
     heading_rng, noise_rng = (np.random.default_rng([seed, session.number + 1, use]) for use in (1, 2))
     heading = float(heading_rng.uniform(-np.pi, np.pi))
@@ -287,10 +289,10 @@ def _logged(subject: Subject, session: Session, seed: int, depth: float, noise: 
 
 
 @jit
-def _follow(flat: Array, facets: Array, first: Array, course: Course, pilot: Pilot, out: Array) -> int:
-    """Fly one session from `first` (13,); the number of rows of `out` (N, 13) that stayed finite.
+def _simulate(flat: Array, facets: Array, first: Array, course: Course, pilot: Pilot, out: Array) -> int:
+    """Simulate one session from `first` (13,); return the number of finite rows of `out` (N, 13).
 
-    The commands of the course are the pilot's, written row by row.
+    The pilot writes the commands of the course row by row.
     """
     motion, thrusters = afloat(flat, facets), at_rest(flat)
     motion.y[:BODY], motion.s[TIME] = first, course.t[0]
@@ -306,7 +308,7 @@ def _ellipsoid_added_mass(vehicle: Vehicle) -> Array:
 
 
 def _require_size(hull: Panels, vehicle: Vehicle) -> None:
-    """Refuse a mesh that is not of the hull's size: most likely it is in other units or axes."""
+    """Check that a mesh has the hull's size; otherwise it is probably in other units or axes."""
     stated = np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
     if np.abs(hull.extent - stated).max() > 0.05 * stated.max():
         found, wanted = (" x ".join(f"{value:.3g}" for value in sizes) for sizes in (hull.extent, stated))

@@ -1,4 +1,4 @@
-"""A plant of vehicles in the embedded teacher, for a policy to fly where it was not trained."""
+"""Plant of vehicles in the embedded simulator, to test a policy in another simulator."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from hydro.sim.plant import Readings, Snapshot
 from hydro.sim.teacher import SUBSTEPS, teacher
 
 STEP = 1.0 / (LOG_RATE * SUBSTEPS)
-"""Integration step [s], that of `hydro collect`."""
+"""Integration step [s], as in `hydro collect`."""
 
 
 class TeacherPlant:
-    """Vehicles in the embedded teacher; see `sim.plant.Plant` for its arrays."""
+    """Vehicles in the embedded simulator; see `sim.plant.Plant` for its arrays."""
 
     def __init__(
         self,
@@ -34,17 +34,17 @@ class TeacherPlant:
         mesh: tuple[Array, Any] | None = None,
         hidden: Sequence[Mapping[str, Any]] = (),
     ) -> None:
-        """Build the teacher of a vehicle file, and fly it so many times.
+        """Build the embedded simulation of a vehicle file, for `count` vehicles.
 
         Args:
-            vehicle: The vehicle file.
+            vehicle: Vehicle file.
             count: Number of vehicles.
             period: Control step [s].
             mesh: Vertices [m] and faces of its hull; see `sim.teacher.teacher`.
-            hidden: Effects that act without standing in the vehicle file.
+            hidden: Effects that act but are not in the vehicle file.
 
         Raises:
-            DataError: The vehicle has no teacher.
+            DataError: The embedded simulator refuses the vehicle.
         """
         gravity = vehicle.environment.gravity
         self._pace = Pace(period, steps_of(period, STEP), gravity)
@@ -66,10 +66,10 @@ class TeacherPlant:
         self._own: dict[int, tuple[Array, Array]] = {}
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Let some be other vehicles; see `sim.plant.Plant`.
+        """Replace some vehicles; see `sim.plant.Plant`.
 
         Raises:
-            DataError: One has no teacher, or has other thrusters or memories than the first.
+            DataError: The embedded simulator refuses one, or it has other thrusters or internal states.
         """
         for number, vehicle in vehicles.items():
             subject = teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
@@ -78,7 +78,7 @@ class TeacherPlant:
             self._own[number] = flat, subject.facets
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Put some vehicles somewhere; see `Plant`."""
+        """Start some vehicles at given states; see `Plant`."""
         self.diverged[mask] = False
         for array in self._fleet:
             array[mask] = 0.0
@@ -86,14 +86,14 @@ class TeacherPlant:
         self._fly(mask, self._pace._replace(steps=0))
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Fly one control step; see `Plant`."""
+        """Simulate one control step; see `Plant`."""
         held = self._fleet.commands
         held[:, :-1] = held[:, 1:]
         held[:, -1] = commands
         self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
 
     def _fly(self, mask: Mask, pace: Pace) -> None:
-        """Fly some vehicles for a control step, or begin, and bring their arrays up to date."""
+        """Simulate some vehicles for a control step, or start them, and update their arrays."""
         alike, alone = mask.copy(), np.zeros_like(mask)
         for number, craft in self._own.items():
             alike[number] = False
@@ -104,22 +104,22 @@ class TeacherPlant:
         _fly(alike, *self._craft, self._fleet, pace, self._readings)
 
     def snapshot(self) -> Snapshot:
-        """Everything that the future depends on, and the arrays of the present."""
+        """Return all states and readings."""
         return {name: np.array(array) for name, array in self._state().items()}
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot, bit for bit."""
+        """Restore a snapshot, bit for bit."""
         for name, array in self._state().items():
             array[:] = snapshot[name]
 
     def _state(self) -> Snapshot:
-        """The arrays that change as vehicles fly, by name."""
+        """Return the arrays that change during simulation, by name."""
         return self._fleet._asdict() | self._readings._asdict()
 
 
 @jit
 def _fly(mask: Mask, program: Array, facets: Array, fleet: Fleet, pace: Pace, readings: Readings) -> None:
-    """Fly the vehicles of a mask (N,) for a control step; of no length, their internal states begin."""
+    """Simulate the vehicles of a mask (N,) for a control step; with 0 steps, start their internal states."""
     motion, thrusters, clock = afloat(program, facets), at_rest(program), np.empty(fleet.commands.shape[1])
     for k in np.flatnonzero(mask):
         if pace.steps > 0:

@@ -205,9 +205,9 @@ def test_an_unknown_failure_says_what_the_system_said(target: Path, monkeypatch)
 
 def test_nothing_to_read(tmp_path: Path) -> None:
     (tmp_path / "empty").touch()
-    with pytest.raises(DataError, match="empty: empty, not a single byte"):
+    with pytest.raises(DataError, match="empty: empty file"):
         read_bytes(tmp_path / "empty")
-    with pytest.raises(DataError, match="stdin: empty, not a single byte"):
+    with pytest.raises(DataError, match="stdin: empty file"):
         read_bytes(io.BytesIO())
 
 

@@ -37,5 +37,5 @@ def test_without_a_map_what_was_guessed_is_told_and_with_one_it_is_not(tmp_path:
         told[given] = "\n".join(lines)
     assert_frame_equal(*tables)
     assert "guessed from the columns' names: " in told[None]
-    assert "no column's name says rates" in told[None]
+    assert "no column name identifies rates" in told[None]
     assert not any(words in told[map_] for words in ("guessed", "no column's name"))

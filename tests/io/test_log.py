@@ -102,8 +102,8 @@ def test_cells_that_hold_nothing_are_empty(nothing):
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        (b"", "stdin: empty, not a single byte"),
-        (b"t,x\n", "stdin: no rows below the names of its columns"),
+        (b"", "stdin: empty file"),
+        (b"t,x\n", "stdin: no rows after the header"),
         ("t,x\n1,ü\n".encode("latin-1"), "stdin: not UTF-8 text (byte 6): save the log as UTF-8"),
         (b"nothing here\nat all\n", "stdin: not a table: its first line should name columns"),
         (b"t,x,x\n1,2,3\n", "stdin: column x appears twice"),
@@ -191,7 +191,7 @@ def test_columns_that_do_not_fit_are_told_with_their_first_row(changes, line):
 
 def test_a_missing_column_is_told_with_its_place_in_the_map():
     line = refused(parted, table(), MAP.replace('"theta"', '"thata"'))
-    assert line == "stdin: no column is called thata, as the map says in attitude: did you mean theta?"
+    assert line == "stdin: no column is called thata, which the map names in attitude: did you mean theta?"
     assert "session.column: it has t, x, y" in refused(
         parted, table(), MAP + '[session]\ncolumn = "Tauchgang"'
     )

@@ -160,7 +160,7 @@ def test_tables_that_were_not_made_alike_are_not_one(folder):
     for session, subtract in (("turn-1", "inertia"), ("turn-2", "effects")):
         part = labels.filter(pl.col("session") == session)
         write(target, part, "labels", parameters={"subtract": subtract})
-    with pytest.raises(DataError, match="turn-1 and turn-2 were not made alike"):
+    with pytest.raises(DataError, match="turn-1 and turn-2 have different provenance"):
         table.read(target, "labels")
     write(target, labels, "labels", parameters={"subtract": "effects"})
     whole = table.read(target, "labels")

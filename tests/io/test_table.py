@@ -206,7 +206,7 @@ def test_a_table_changed_behind_its_footer_is_found_out() -> None:
     record = table.make("raw", raw(), stage="collect").provenance
     changed = raw().with_columns(pl.col("x") + 1).to_arrow(compat_level=pl.CompatLevel.oldest())
     content = parquet(changed.replace_schema_metadata({provenance.FOOTER_KEY: record.to_json()}))
-    assert "its rows are not those that its footer was written for: make the file again" in refused(content)
+    assert "its rows do not match the hash in its footer: make the file again" in refused(content)
 
 
 # Recordings with nulls
@@ -317,7 +317,7 @@ FILES: dict[str, tuple[bytes, str]] = {
     "noise": (bytes(range(256)), "not a Parquet file"),
     "the first four bytes": (b"PAR1", "this Parquet file is cut short: write or copy it again"),
     "no footer": (b"PAR1" + bytes(100) + b"PAR1", "this Parquet file is damaged"),
-    "nothing": (b"", "empty, not a single byte"),
+    "nothing": (b"", "empty file"),
 }
 
 

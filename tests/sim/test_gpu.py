@@ -84,7 +84,7 @@ def test_what_a_network_remembers_comes_back_bit_for_bit(networked):
 def test_water_that_only_mujoco_has_and_another_control_step_are_refused(networked):
     of_the_host, step = networked["refused"]
     assert "wrenches of the host" in of_the_host
-    assert "fly with period=0.04" in step
+    assert "set period=0.04" in step
 
 
 @needs_numba_cuda

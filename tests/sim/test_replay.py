@@ -280,14 +280,14 @@ def test_what_does_not_fit_is_refused(craft):
         replay(craft, raw.drop("cmd_8"))
     with pytest.raises(DataError, match="also cmd_9"):
         replay(craft, raw.with_columns(cmd_9=pl.lit(0.0)))
-    with pytest.raises(UsageError, match="no multiple of the physics step"):
+    with pytest.raises(UsageError, match="not a multiple of the physics step"):
         replay(craft, raw, setup=Setup(physics=Physics(timestep=0.003)))
     _, model = trained("mlp")
     with pytest.raises(UsageError, match=r"control step of 0\.001 s"):
         replay(craft, raw, variants([model]), setup=Setup(control_step=0.001))
     with pytest.raises(UsageError, match="no variant is called 'MJ9'"):
         variants([], ["MJ9"])
-    with pytest.raises(UsageError, match="cannot be told apart"):
+    with pytest.raises(UsageError, match="the same name in one replay"):
         variants([model, model])
 
 

@@ -1,1 +1,1 @@
-"""Which experiment to make next: manoeuvres by what they are predicted to tell, and advice in words."""
+"""Recommended experiments: manoeuvres ranked by predicted information, and advice for each finding."""

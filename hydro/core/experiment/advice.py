@@ -1,4 +1,4 @@
-"""Advice of each finding: the next step for the user, in a sentence or two."""
+"""Advice for each finding: the next step for the user, in one or two sentences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hydro.core.experiment.manoeuvres import Flight
 from hydro.core.identification.prior import ABSURD, Change
 
 ADD = "add it with `hydro add`"
-TOLD = 1.0
+STATED_CHANGE = 1.0
 """Least change of an existing value whose size is stated, in standard deviations of its prior."""
 CLEAR = 10.0
 """Separation of two effects from which one run of a manoeuvre suffices, in units of the sensor noise."""
@@ -92,7 +92,7 @@ def retuning(effect: str, change: Change | None = None) -> str:
         change: Entry with the largest change relative to its prior.
     """
     words = f"the recording supports other values of {effect}"
-    if change is None or change.deviations <= TOLD:
+    if change is None or change.deviations <= STATED_CHANGE:
         return f"{words}; `hydro add` replaces them"
     told = (
         f"{words}: {change.entry.name} changes from {change.given:.3g} to {change.value:.3g}, by "

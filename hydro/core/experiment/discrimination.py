@@ -1,11 +1,12 @@
-"""What a flight would tell: of rivals, how far they part; of an effect, its expected standard errors.
+"""Predicted information of a manoeuvre: separation of rival models, and expected standard errors.
 
-A rival is a vehicle with fitted values and what the recording tells of these.  What parts two of them in a
-flight is not the difference of their predictions: the other one's values move, as far as the recording lets
-them, to imitate the first (T-optimality: A. C. Atkinson and V. V. Fedorov, The design of experiments for
-discriminating between two rival models, Biometrika 62, 57-70, 1975).  To first order that is a least-squares
-problem in the other's values, with the recording's information as its prior, over shots of two seconds whose
-beginnings are free.
+A rival is a vehicle model with fitted values and their information matrix from the recording.  The difference
+of two predictions overstates how well a manoeuvre separates them: the values of one rival can change, within
+the information of the recording, to imitate the other.  The separation is the difference that remains after
+this imitation (T-optimality: A. C. Atkinson and V. V. Fedorov, The design of experiments for discriminating
+between two rival models, Biometrika 62, 57-70, 1975).  To first order it is a least-squares problem in the
+values of one rival, with the information of the recording as prior.  The data are shots of two seconds with
+free initial values.
 """
 
 from __future__ import annotations
@@ -27,24 +28,24 @@ from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
 Parted = Mapping[tuple[str, str], float]
-"""Squared distance of rivals, in variances of the noise, by pairs of their names."""
+"""Squared separation of rivals by pairs of names, in units of the noise variance."""
 
 
 SHOWN = 0.05
-"""Standard error over scale at which an entry is half shown,"""
-LATER = 1e-3
-"""and the weight of what it becomes beyond."""
+"""Standard error, relative to the scale of an entry, at which the entry counts half."""
+LOG_WEIGHT = 1e-3
+"""Weight of the log standard error, which ranks manoeuvres that show equally many entries."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A vehicle that explains a recording.
+    """Vehicle model that explains a recording.
 
     Attributes:
-        name: The effect that it rests on.
+        name: Effect that distinguishes the model.
         unknown: Its free entries.
-        values: Their fitted values, (P,).
-        information: What the recording tells of them, in units of their scales, (P, P).
+        values: Fitted values, (P,).
+        information: Information matrix of the values from the recording, in units of their scales, (P, P).
     """
 
     name: str
@@ -54,25 +55,25 @@ class Rival:
 
     @classmethod
     def of(cls, name: str, unknown: Free, values: Array, normal: Normal) -> Rival:
-        """The rival of a fit, its information tempered by what the fit leaves."""
+        """Return the rival of a fit; its information is divided by the fit's mean squared residual."""
         known = normal.matrix.sum(axis=0) / max(normal.chi2, 1.0)
         return cls(name, unknown, values, known + PRIOR**-2 * np.eye(len(values)))
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle with the fitted values."""
+        """Vehicle with the fitted values."""
         return self.unknown.at(self.values)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """An entry as it is known before a flight and after it.
+    """Standard errors of an entry before and after a flight.
 
     Attributes:
-        name: Of the entry.
+        name: Name of the entry.
         unit: Its unit.
-        before: Standard error that the recording gives; infinite where it says nothing.
-        after: The same with the flight.
+        before: Standard error from the recording; infinite if the recording does not determine the entry.
+        after: Standard error from the recording and the flight.
     """
 
     name: str
@@ -82,15 +83,15 @@ class Expected:
 
 
 def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ()) -> Array:
-    """Products of a rival's columns, of further ones, and of what it leaves of some shots, (P + K + 1,) * 2.
+    """Return the Gram matrix of a rival's sensitivities, of further columns and of its residual.
 
     Args:
-        rival: What predicts the shots.
-        shots: Of a predicted flight.
-        more: The vehicle with a little of something else, and how much that is.
+        rival: Model that predicts the shots.
+        shots: Shots of a predicted flight.
+        more: Vehicles with small values of other effects, and the size of these values.
 
     Returns:
-        Sum over all shots, not finite where a prediction diverges.
+        Sum over all shots, (P + K + 1, P + K + 1); not finite if a prediction diverges.
     """
     base = multiple_shooting.prepare(candidate(rival.vehicle), shots)
     vehicles, steps = moved(rival.unknown, rival.values)
@@ -102,11 +103,11 @@ def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ())
 
 
 def distance(total: Array, information: Array) -> float:
-    """Squared residual that is left once a rival has imitated another as well as it can.
+    """Return the squared residual after a rival has imitated another as well as it can.
 
     Args:
-        total: Of `gram`, (P + 1, P + 1).
-        information: What is known of its values besides, (P, P).
+        total: Result of `gram`, (P + 1, P + 1).
+        information: Prior information matrix of the rival's values, (P, P).
     """
     score = total[:-1, -1]
     imitated = float(score @ np.linalg.solve(total[:-1, :-1] + information, score))
@@ -114,11 +115,11 @@ def distance(total: Array, information: Array) -> float:
 
 
 def parted(rivals: Sequence[Rival], grams: Mapping[tuple[int, int], Array]) -> dict[tuple[str, str], float]:
-    """Squared distances of all pairs, each the lesser of the two ways round.
+    """Return the squared separation of each pair: the smaller of the two directions of imitation.
 
     Args:
-        rivals: The rivals.
-        grams: Of rival j in the flight of rival i, by (i, j).
+        rivals: Rival models.
+        grams: Gram matrix of rival j in the flight of rival i, by (i, j).
     """
     return {
         (rivals[i].name, rivals[j].name): min(
@@ -129,16 +130,16 @@ def parted(rivals: Sequence[Rival], grams: Mapping[tuple[int, int], Array]) -> d
 
 
 def utility(distances: Parted) -> float:
-    """What a flight is worth that parts rivals so far: each pair counts, and more of the same ever less."""
+    """Return the utility of a flight with these squared separations: the sum of log(1 + separation)."""
     return float(sum(np.log1p(square) for square in distances.values()))
 
 
 def expected(rival: Rival, total: Array) -> list[Expected]:
-    """Standard errors of a rival's own effect after a flight.
+    """Return the expected standard errors of the effect of a rival after a flight.
 
     Args:
-        rival: The rival.
-        total: Of `gram` in it, (P + 1, P + 1).
+        rival: Rival model.
+        total: Gram matrix of the rival in the flight, (P + 1, P + 1).
     """
     before = np.linalg.inv(rival.information)
     after = np.linalg.inv(rival.information + total[:-1, :-1])
@@ -152,11 +153,11 @@ def expected(rival: Rival, total: Array) -> list[Expected]:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that a recording does not show, as columns.
+    """Effect that a recording does not show, as sensitivity columns.
 
     Attributes:
         name: The effect.
-        columns: The vehicle with a little of each of its entries, and how much that is in scales.
+        columns: Vehicle with a small value of each entry, and the size of that value in scales.
         labels: Name, unit and scale of each entry.
     """
 
@@ -166,12 +167,12 @@ class Unseen:
 
 
 def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None) -> list[Unseen]:
-    """Effects as columns; of one that is not linear, its first shape.
+    """Return effects as sensitivity columns; a nonlinear effect has the columns of its first shape.
 
     Args:
         vehicle: The vehicle.
         effects: Names in the catalogue.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
+        reach: Positions and times of the recording, (N, 4), which limit the search for an anchor.
     """
     found: dict[str, Unseen] = {}
     for one in suspects(vehicle, reach=reach) if effects else ():
@@ -187,12 +188,12 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
 
 
 def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list[Expected]]:
-    """Standard errors that a flight gives to effects which the recording does not show, each on its own.
+    """Return the expected standard errors of effects that the recording does not show, each tested alone.
 
     Args:
-        rival: The vehicle without them.
-        asked: The effects, in the order of their columns behind the rival's own in
-        total: the products of `gram`.
+        rival: Vehicle without the effects.
+        asked: Effects, in the order of their columns after those of the rival.
+        total: Gram matrix of the flight.
     """
     own, place = len(rival.values), len(rival.values)
     found: dict[str, list[Expected]] = {}
@@ -210,14 +211,14 @@ def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list
 
 
 def worth(asked: Sequence[Unseen], errors: Mapping[str, Sequence[Expected]]) -> float:
-    """What a flight is worth that gives such standard errors: the part of each effect that it shows.
+    """Return the utility of a flight from its expected standard errors: the share of each effect it shows.
 
-    An entry counts the less, the more its standard error exceeds SHOWN of its scale; beyond that, the log of
-    the information (D-optimality) decides between flights that show as much.
+    The weight of an entry falls once its standard error exceeds SHOWN times its scale.  A small term in the
+    log of the standard errors (D-optimality) ranks flights that show equally many entries.
     """
     whole = 0.0
     for effect in asked:
         pairs = zip(effect.labels, errors[effect.name], strict=True)
         size = np.array([max(one.after / scale, 1e-12) for (_, _, scale), one in pairs])
-        whole += float(np.mean(1.0 / (1.0 + (size / SHOWN) ** 2) - LATER * np.log(size)))
+        whole += float(np.mean(1.0 / (1.0 + (size / SHOWN) ** 2) - LOG_WEIGHT * np.log(size)))
     return whole

@@ -1,8 +1,8 @@
-"""The next flight: commands that part what a diagnosis leaves open, within limits of thrust, depth and space.
+"""Next flight: commands that separate the rivals of a diagnosis within limits of thrust, depth and space.
 
-Manoeuvres of the library are tried at several thrusts and lengths.  One is flown only if every predicted
-position of every rival stays within the limits.  Of those that are left the flight takes, one after
-the other, the manoeuvre that adds most to what it has told by then (a greedy sequential design).
+Manoeuvres of the library are simulated at several thrusts and durations.  A manoeuvre is allowed only if
+every predicted position of every rival stays within the limits.  The flight is built greedily: each step adds
+the allowed manoeuvre with the largest gain in utility (sequential design).
 """
 
 from __future__ import annotations
@@ -36,27 +36,28 @@ from hydro.core.recording.shots import SHOT_SECONDS
 from hydro.core.simulation.simulate import trajectory
 
 LENGTHS = (FLIGHT_LENGTH, FLIGHT_LENGTH / 2.0, FLIGHT_LENGTH / 4.0)
-"""Lengths of a session that are tried, the longest first [s]."""
+"""Durations of a session that are tried, the longest first [s]."""
 SHARES = (1.0, 0.7, 0.45, 0.25, 0.12)
-"""Shares of the thrust allowed that are tried; two of them are flown, the greatest and a much smaller one."""
-GENTLER = 0.5
-"""Share of the greatest one from which another speed tells something else."""
+"""Shares of the allowed thrust that are tried; the largest and one much smaller share are flown."""
+LOWER_SHARE = 0.5
+"""Maximum ratio of the second share to the first: a clearly different speed gives new information."""
 SHORTEST = 2.0 * SHOT_SECONDS
+"""Shortest flight [s]: two shots."""
 Pairs = Mapping[tuple[int, int], Array]
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a flight must keep to.
+    """Limits of a flight.
 
     Attributes:
         depth: Least and greatest depth [m].
-        space: Greatest horizontal distance from where a session begins [m].
-        thrust: Greatest thrust of each thruster, as a share of its full one.
-        seconds: Length of the flight, all sessions together [s].
+        space: Greatest horizontal distance from the start of a session [m].
+        thrust: Greatest thrust of each thruster, as a share of its full thrust.
+        seconds: Duration of the flight, all sessions together [s].
 
     Raises:
-        DataError: They leave nothing to fly.
+        DataError: No flight satisfies the limits.
     """
 
     depth: tuple[float, float] = (-np.inf, np.inf)
@@ -65,19 +66,19 @@ class Limits:
     seconds: float = 120.0
 
     def __post_init__(self) -> None:
-        """Refuse limits that leave nothing to fly."""
+        """Check that some flight satisfies the limits."""
         low, high = self.depth
         if not low < high:
             raise DataError(f"depth: {low:g} to {high:g} m is empty; give MIN below MAX")
         if not self.space > 0.0:
             raise DataError(f"space: {self.space:g} m leaves no room; give a distance above 0")
         if not 0.0 < self.thrust <= 1.0:
-            raise DataError(f"thrust: {self.thrust:g} is no share of full thrust; give 0.05 to 1")
+            raise DataError(f"thrust: {self.thrust:g} is not a share of full thrust; give 0.05 to 1")
         if not self.seconds >= SHORTEST:
-            raise DataError(f"seconds: {self.seconds:g} s tell nothing; give {SHORTEST:g} s at least")
+            raise DataError(f"seconds: {self.seconds:g} s is too short; give at least {SHORTEST:g} s")
 
     def begin(self, pose: Array) -> Array:
-        """Where sessions begin: a pose (6,), its depth amid the limits where it lies outside them."""
+        """Return the start pose of all sessions, (6,), with its depth moved inside the limits if needed."""
         low, high = self.depth
         if low < pose[2] < high:
             return pose
@@ -85,7 +86,7 @@ class Limits:
         return np.array([*pose[:2], depth, *pose[3:]])
 
     def hold(self, motion: Array) -> bool:
-        """Whether a motion (N, 12) stays within them."""
+        """Check whether a motion (N, 12) stays within the limits."""
         away = np.hypot(*(motion[:, :2] - motion[0, :2]).T)
         z, (low, high) = motion[:, 2], self.depth
         return bool(away.max() <= self.space and low <= z.min() and z.max() <= high)
@@ -93,14 +94,15 @@ class Limits:
 
 @dataclass(frozen=True)
 class Question:
-    """What a diagnosis leaves open, and how the next flight would be logged.
+    """Open questions of a diagnosis, and the noise and start pose of the next flight.
 
     Attributes:
-        ties: Groups of rivals of which each explains the recording about as well.
-        model: The vehicle with all that was found.
+        ties: Groups of rivals that explain the recording about equally well.
+        model: Vehicle with all findings.
         hidden: Effects that the recording does not show.
-        sigma: What is left of each channel, the noise or more, at the rate of the library, (12,).
-        pose: Where a flight would begin by itself, (6,).
+        sigma: Root mean square residual of each channel, at least the noise, at the rate of the library,
+            (12,) [m, rad, m/s, rad/s].
+        pose: Default start pose of a flight, (6,).
         reach: Positions and times of the recording, (N, 4).
     """
 
@@ -114,13 +116,13 @@ class Question:
 
 @dataclass(frozen=True)
 class Flight:
-    """What to fly next, and what it is expected to tell.
+    """Recommended flight and its predicted results.
 
     Attributes:
-        sessions: Manoeuvres, each begun at rest.
-        start: Pose at which each begins, (6,).
-        distances: By how many standard deviations pairs of rivals are expected to part.
-        errors: Standard errors that are expected.
+        sessions: Manoeuvres; each starts at rest.
+        start: Start pose of each, (6,).
+        distances: Expected separation of pairs of rivals, in standard deviations.
+        errors: Expected standard errors.
         depth: Least and greatest depth of all predictions [m].
         space: Greatest horizontal distance of all predictions from the start [m].
     """
@@ -133,15 +135,15 @@ class Flight:
     space: float
 
     def table(self) -> pl.DataFrame:
-        """The commands: session, t, cmd_1 ... cmd_n."""
+        """Return the commands as a table: session, t, cmd_1 ... cmd_n."""
         numbered = [replace(one, name=f"{number}_{one.name}") for number, one in enumerate(self.sessions, 1)]
         return pl.concat([one.table() for one in numbered])
 
     def lines(self) -> Iterator[str]:
-        """What to fly and what it is expected to tell, for a person."""
+        """Describe the flight and its predicted results, line by line."""
         length = sum(one.seconds for one in self.sessions)
         yield (
-            f"{len(self.sessions)} sessions, {length:g} s in all, each begun at rest, level, heading north, "
+            f"{len(self.sessions)} sessions, {length:g} s in all, each from rest, level, heading north, "
             f"at a depth of {self.start[2]:.3g} m:"
         )
         for one in self.sessions:
@@ -160,7 +162,7 @@ class Flight:
             )
 
     def _by_effect(self) -> dict[tuple[str, str], list[Expected]]:
-        """Expected standard errors by effect and unit."""
+        """Return the expected standard errors by effect and unit."""
         found: dict[tuple[str, str], list[Expected]] = {}
         for one in self.errors:
             unit = f" {one.unit}" if one.unit not in ("", "1") else ""
@@ -169,18 +171,18 @@ class Flight:
 
 
 def _range(values: Sequence[float]) -> str:
-    """Least and greatest of some values."""
+    """Return the range of some values as text."""
     low, high = f"{min(values):.2g}", f"{max(values):.2g}"
     return low if low == high else f"{low} to {high}"
 
 
 @dataclass(frozen=True)
 class Option:
-    """A manoeuvre that may be flown.
+    """Manoeuvre that stays within the limits.
 
     Attributes:
-        manoeuvre: What to fly.
-        grams: What it tells: of `discrimination.gram`, by tie and pair.
+        manoeuvre: The manoeuvre.
+        grams: Gram matrices of `discrimination.gram`, by tie and pair.
         depth: Least and greatest predicted depth [m].
         space: Greatest predicted distance from the start [m].
     """
@@ -192,28 +194,28 @@ class Option:
 
 
 def advise(question: Question, limits: Limits) -> Flight:
-    """The flight that would tell most of what a diagnosis leaves open.
+    """Return the flight that gives most information on the open questions of a diagnosis.
 
     Raises:
-        DataError: Nothing is left open, the vehicle cannot fly, or no manoeuvre stays within the limits.
+        DataError: No question is open, the vehicle cannot fly, or no manoeuvre stays within the limits.
     """
     if question.ties:
         groups = question.ties
         options = list(_options(groups, limits, question))
-        chosen = _chosen(options, lambda total: _parting(groups, total), limits)
+        chosen = _greedy(options, lambda total: _utility(groups, total), limits)
         distances = {
             pair: float(np.sqrt(square))
-            for group, grams in zip(groups, _total(chosen), strict=True)
+            for group, grams in zip(groups, _sum_of(chosen), strict=True)
             for pair, square in parted(group, grams).items()
         }
         errors = [
             error
-            for group, grams in zip(groups, _total(chosen), strict=True)
+            for group, grams in zip(groups, _sum_of(chosen), strict=True)
             for error in expected(group[0], grams[1, 0])
         ]
     else:
         if not question.hidden:
-            raise DataError("the diagnosis leaves nothing open that a flight would tell")
+            raise DataError("the diagnosis leaves nothing open that a flight could answer")
         asked = unseen(question.model.vehicle, question.hidden, question.reach)
         options = list(_options(((question.model,),), limits, question, asked))
         model = question.model
@@ -221,8 +223,8 @@ def advise(question: Question, limits: Limits) -> Flight:
         def told(total: Sequence[Pairs]) -> float:
             return worth(asked, shown(model, asked, total[0][0, 0]))
 
-        chosen = _chosen(options, told, limits)
-        final = shown(model, asked, _total(chosen)[0][0, 0])
+        chosen = _greedy(options, told, limits)
+        final = shown(model, asked, _sum_of(chosen)[0][0, 0])
         distances, errors = {}, [error for each in final.values() for error in each]
     return Flight(
         tuple(one.manoeuvre for one in chosen),
@@ -234,13 +236,13 @@ def advise(question: Question, limits: Limits) -> Flight:
     )
 
 
-def _parting(groups: Sequence[Sequence[Rival]], total: Sequence[Pairs]) -> float:
-    """What the products of some manoeuvres are worth."""
+def _utility(groups: Sequence[Sequence[Rival]], total: Sequence[Pairs]) -> float:
+    """Return the utility of manoeuvres with these total Gram matrices."""
     return sum(utility(parted(group, grams)) for group, grams in zip(groups, total, strict=True))
 
 
-def _total(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
-    """Products of several manoeuvres together."""
+def _sum_of(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
+    """Sum the Gram matrices of several manoeuvres."""
     first = options[0].grams
     return [
         {pair: np.sum([one.grams[k][pair] for one in options], axis=0) for pair in grams}
@@ -248,20 +250,20 @@ def _total(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
     ]
 
 
-def _chosen(
+def _greedy(
     options: Sequence[Option], told: Callable[[list[dict[tuple[int, int], Array]]], float], limits: Limits
 ) -> list[Option]:
-    """Manoeuvres one after the other, each that which adds most, as long as there is time.
+    """Add manoeuvres greedily by utility until the time is used up.
 
     Raises:
-        DataError: There is none.
+        DataError: No manoeuvre fits.
     """
     left, chosen = limits.seconds, list[Option]()
     while True:
         fitting = [one for one in options if one.manoeuvre.seconds <= left + 1e-9]
         if not fitting:
             break
-        chosen.append(max(fitting, key=lambda one: told(_total([*chosen, one]))))
+        chosen.append(max(fitting, key=lambda one: told(_sum_of([*chosen, one]))))
         left -= chosen[-1].manoeuvre.seconds
     if not chosen:
         low, high = limits.depth
@@ -275,7 +277,7 @@ def _chosen(
 def _options(
     groups: Sequence[Sequence[Rival]], limits: Limits, question: Question, asked: Sequence[Unseen] = ()
 ) -> Iterator[Option]:
-    """Manoeuvres within the limits, with what each tells."""
+    """Yield the manoeuvres within the limits, each with its Gram matrices."""
     rivals = [rival for group in groups for rival in group]
     models = [candidate(rival.vehicle) for rival in rivals]
     lead = LONGEST_SENSOR_DELAY if any(model.log[DELAY] for model in models) else 0.0
@@ -300,9 +302,9 @@ def _options(
 def _flyable(
     rival: Rival, models: Sequence[Candidate], limits: Limits, start: Array
 ) -> Iterator[tuple[Manoeuvre, list[Array]]]:
-    """Manoeuvres that every model flies within the limits, and its motions (N, 12).
+    """Yield the manoeuvres that every model flies within the limits, with the motions (N, 12).
 
-    Shorter ones are tried where a longer one does not stay within the limits at all the thrust allowed.
+    Shorter durations are tried if a longer one exceeds the limits at the full allowed thrust.
     """
     curves, done = powers(rival.vehicle), set[str]()
     lengths = [one for one in LENGTHS if one <= limits.seconds] or [limits.seconds]
@@ -312,10 +314,10 @@ def _flyable(
                 continue
             greatest = 0.0
             for share in SHARES:
-                if greatest and share > GENTLER * greatest:
+                if greatest and share > LOWER_SHARE * greatest:
                     continue
                 manoeuvre = whole.thrusting(share * limits.thrust, curves)
-                motions = _within(manoeuvre, models, limits, start)
+                motions = _motions_within(manoeuvre, models, limits, start)
                 if motions is None:
                     continue
                 named = f"{whole.name} at {share * limits.thrust:.0%}"
@@ -327,10 +329,10 @@ def _flyable(
                 done.add(whole.name)
 
 
-def _within(
+def _motions_within(
     manoeuvre: Manoeuvre, models: Sequence[Candidate], limits: Limits, start: Array
 ) -> list[Array] | None:
-    """Motions of all models (N, 12) each; None where one leaves the limits or diverges."""
+    """Return the motions of all models, (N, 12) each, or None if one exceeds the limits or diverges."""
     motions = []
     for model in models:
         try:

@@ -1,8 +1,8 @@
-"""Manoeuvres that a vehicle's thrusters can fly, open loop: commands with a name.
+"""Open-loop manoeuvres that a vehicle's thrusters can fly: named command tables.
 
-Each excites what some effects differ in: heading sweeps a current, coasting down the kinds of damping, drift
-angles lift, static tilts weight and trim, chirps lags and added mass, each thruster alone its gain; sines on
-all axes at once what only several motions together show.
+Each excites the differences between some effects.  Heading sweeps show a current, coasting separates the
+kinds of damping, and drift angles show lift.  Static tilts show weight and trim, chirps show lags and added
+mass, and single thrusters show their gains.  Sines on all axes show effects that need several motions.
 """
 
 from __future__ import annotations
@@ -26,32 +26,33 @@ from hydro.core.vehicle.rigid_body import balance
 from hydro.core.vehicle.thrusters import DEADBAND, POWER, thruster_table
 
 FLIGHT_LENGTH = 30.0
-"""Length of every manoeuvre [s]."""
+"""Default duration of a manoeuvre [s]."""
 CHIRP = (0.05, 2.0)
 """First and last frequency of a chirp [Hz]."""
 STATIC_TILT = np.deg2rad(15.0)
-"""Tilt at which a vehicle is held, as far as its thrusters can [rad]."""
+"""Tilt at which a vehicle is held, if its thrusters reach it [rad]."""
 LEVELS = (0.1, 0.3, 0.6, 1.0)
-"""Shares of the greatest thrust: their steady speeds tell linear drag from drag that grows with speed."""
+"""Shares of the greatest thrust: their steady speeds separate linear drag from drag that grows with speed."""
 SINGLE = 0.6
-"""Command of a thruster on its own."""
+"""Command of a single thruster."""
 ALL_AXES = 0.6
-"""Share of the greatest thrust on each axis where all are excited at once."""
+"""Share of the greatest thrust on each axis when all axes are excited at once."""
 FASTEST = 0.5
-"""Highest frequency of them [Hz]."""
-LEAST_SHARE = 0.02  # of the authority: the torque of a slow turn on a vehicle without damping
+"""Highest frequency of a multisine [Hz]."""
+LEAST_SHARE = 0.02
+"""Minimum share of the yaw authority in a slow turn, for a vehicle without damping."""
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """A command table with a name.
+    """Named command table.
 
     Attributes:
-        name: In one or two words.
-        words: What to fly, for a pilot.
-        commands: (N, n) effective ones (`recording.supply`) in [-1, 1]; row k is held on [t_k, t_k+1),
+        name: Name of one or two words.
+        words: Instructions for a pilot.
+        commands: Effective commands (`recording.supply`) in [-1, 1], (N, n).  Row k is held on [t_k, t_k+1),
             t_k = k / `excitation.RATE`.
-        vehicle: Whose thrust curves turn them into the commands to give; None where they are these.
+        vehicle: Vehicle whose thrust curves convert them to real commands; None if they are real commands.
     """
 
     name: str
@@ -67,16 +68,16 @@ class Manoeuvre:
 
     @property
     def seconds(self) -> float:
-        """Length [s]."""
+        """Duration [s]."""
         return len(self.commands) / LOG_RATE
 
     def thrusting(self, share: float, powers: Array) -> Manoeuvre:
-        """The manoeuvre at a share of its thrusts, whose curves go with these powers (n,) of the command."""
+        """Return the manoeuvre at a share of its thrust; `powers` (n,) are those of the thrust curves."""
         commands = np.sign(self.commands) * np.abs(self.commands) * share ** (1.0 / powers)
         return replace(self, commands=commands.astype(np.float32).astype(np.float64))
 
     def table(self) -> pl.DataFrame:
-        """The commands to give, as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
+        """Return the real commands as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
         commands = self.commands if self.vehicle is None else given_commands(self.vehicle, self.commands)
         given = dict(zip(command_columns(self.commands.shape[1]), commands.T, strict=True))
         session = [self.name.replace(" ", "_")] * len(self.commands)
@@ -84,7 +85,7 @@ class Manoeuvre:
 
 
 def powers(vehicle: Vehicle) -> Array:
-    """Power of the command that each thruster's thrust goes with, (n,)."""
+    """Return the exponent of the thrust curve of each thruster, (n,)."""
     found: Array = thruster_table(vehicle)[:, POWER]
     return found
 
@@ -92,15 +93,15 @@ def powers(vehicle: Vehicle) -> Array:
 def library(
     vehicle: Vehicle, seconds: float = FLIGHT_LENGTH, *, by_hand: bool = True
 ) -> tuple[Manoeuvre, ...]:
-    """The manoeuvres that a vehicle's thrusters can fly, open loop.
+    """Return the open-loop manoeuvres that a vehicle's thrusters can fly.
 
     Args:
         vehicle: The vehicle.
-        seconds: Length of each.
-        by_hand: Only those that a pilot can fly without a table of commands.
+        seconds: Duration of each [s].
+        by_hand: Return only manoeuvres that a pilot can fly without a command table.
 
     Raises:
-        DataError: The vehicle has no thrusters, or an effect or thruster of its file is at fault.
+        DataError: The vehicle has no thrusters, or an effect or thruster of its file is invalid.
     """
     program = assemble(vehicle)
     mixed = mixing(vehicle, inertia_matrix(vehicle))
@@ -108,28 +109,28 @@ def library(
     demands = [*_demands(vehicle, program, mixed, rows)]
     if not by_hand and len(mixed.axes) > 1:
         words = "sums of sines on all axes at once, no frequency on two of them"
-        demand = ALL_AXES * _multisines(rows, sorted(mixed.axes)) * _greatest(vehicle, program, mixed)
+        demand = ALL_AXES * _multisines(rows, sorted(mixed.axes)) * _greatest_wrench(vehicle, program, mixed)
         demands.append(("all axes", words, demand))
-    mixes = [_mixed(mixed, *demand) for demand in demands]
+    mixes = [_manoeuvre(mixed, *demand) for demand in demands]
     felt = mixed.table[:, DEADBAND]
     flown = [one for one in mixes if (np.abs(one.commands) > felt).any()]
     if len(vehicle.thruster):
         words = "each thruster on its own, half ahead and half astern, in turn"
-        flown.append(Manoeuvre("single thrusters", words, _single(len(vehicle.thruster), rows)))
+        flown.append(Manoeuvre("single thrusters", words, _single_thrusters(len(vehicle.thruster), rows)))
     if not flown:
-        raise DataError(f"vehicle {vehicle.name} has no thrusters, so that there is nothing to fly")
+        raise DataError(f"vehicle {vehicle.name} has no thrusters, so there is nothing to fly")
     return tuple(replace(one, vehicle=vehicle) for one in flown)
 
 
 def _demands(
     vehicle: Vehicle, program: Program, mixed: Mixing, rows: int
 ) -> Iterator[tuple[str, str, Array]]:
-    """Name, words and demanded wrench (N, 6) of each manoeuvre whose axes the vehicle has."""
+    """Yield name, words and demanded wrench (N, 6) of each manoeuvre whose axes the vehicle can control."""
     stiffness, axes = _stiffness(vehicle), set(mixed.axes)
-    full = _greatest(vehicle, program, mixed)
+    full = _greatest_wrench(vehicle, program, mixed)
 
     def held(*parts: Mapping[int, float]) -> Array:
-        """Shares of the greatest wrench, each held for an equal part of the time."""
+        """Return shares of the greatest wrench, each held for an equal time, (N, 6)."""
         shares = np.zeros((len(parts), 6))
         for row, part in zip(shares, parts, strict=True):
             row[list(part)] = list(part.values())
@@ -172,29 +173,29 @@ def _demands(
 
 
 def _stiffness(vehicle: Vehicle) -> float:
-    """Moment that rights a vehicle, per sine of its tilt [N m]."""
+    """Return the righting moment of a vehicle per sine of its tilt [N m]."""
     return max(float(balance(vehicle)[3]), 0.0)
 
 
-def _greatest(vehicle: Vehicle, program: Program, mixed: Mixing) -> Array:
-    """Greatest wrench that is demanded on each axis (6,) [N, N m]."""
+def _greatest_wrench(vehicle: Vehicle, program: Program, mixed: Mixing) -> Array:
+    """Return the greatest demanded wrench on each axis, (6,) [N, N m]."""
     limits = wrench_limits(program, NO_HULL, np.full(2, _stiffness(vehicle)))
-    # A vehicle file without damping knows no greatest speed.
+    # Without damping, no greatest wrench follows from the speed limits: use the authority.
     return np.where(limits > 0.0, np.minimum(mixed.authority, limits), mixed.authority)
 
 
 def _chirp(rows: int) -> Array:
-    """Logarithmic sine sweep of amplitude 1, (N,)."""
+    """Return a logarithmic sine sweep of amplitude 1, (N,)."""
     t, growth = np.arange(rows) / LOG_RATE, np.log(CHIRP[1] / CHIRP[0]) * LOG_RATE / rows
     swept: Array = np.sin(2.0 * np.pi * CHIRP[0] * np.expm1(growth * t) / growth)
     return swept
 
 
 def _multisines(rows: int, axes: Sequence[int]) -> Array:
-    """Orthogonal multisines of amplitude 1 on some of six axes, (N, 6) (Morelli 2012).
+    """Return orthogonal multisines of amplitude 1 on some of the six axes, (N, 6) (Morelli 2012).
 
-    Harmonics go to the axes in turn, so that none is excited alike; slow ones, from which speed comes, are
-    the larger, and phases after Schroeder (1970) keep the peaks low.
+    Harmonics are assigned to the axes in turn, so that no two axes share a frequency.  Low frequencies have
+    larger amplitudes, because they produce speed.  Phases after Schroeder (1970) keep the peaks low.
     """
     t, out = np.arange(rows) / rows, np.zeros((rows, 6))
     highest = int(FASTEST * rows / LOG_RATE)
@@ -207,15 +208,15 @@ def _multisines(rows: int, axes: Sequence[int]) -> Array:
     return out
 
 
-def _single(thrusters: int, rows: int) -> Array:
-    """Commands (N, n) of one thruster after the other."""
+def _single_thrusters(thrusters: int, rows: int) -> Array:
+    """Return commands that run one thruster after another, (N, n)."""
     turn = np.arange(rows) * 2 * thrusters // rows
     out = np.zeros((rows, thrusters))
     out[np.arange(rows), turn // 2] = np.where(turn % 2, -SINGLE, SINGLE)
     return out
 
 
-def _mixed(mixed: Mixing, name: str, words: str, demand: Array) -> Manoeuvre:
+def _manoeuvre(mixed: Mixing, name: str, words: str, demand: Array) -> Manoeuvre:
     commands = np.zeros((len(demand), len(mixed.table)))
     for tau, row in zip(demand, commands, strict=True):
         mixing_kernel(mixed.allocation, mixed.table, tau, row)

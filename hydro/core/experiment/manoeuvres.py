@@ -1,10 +1,10 @@
-"""Which manoeuvre to fly next, by prediction.
+"""Choice of the next manoeuvre by prediction.
 
-Rivals are vehicles that explain a recording about as well, by different effects.  Each short manoeuvre of a
-library is simulated; the one in which the rivals would differ most, in units of the sensors' noise, is the
-one to fly.  They are compared as a diagnosis would compare them: over shots of two seconds whose beginnings
-are free (`prediction.multiple_shooting`), so that what a little other beginning could imitate does not
-count.
+Rivals are vehicle models that explain a recording about equally well with different effects.  Each short
+manoeuvre of a library is simulated.  The recommended one has the largest predicted difference between the
+rivals, in units of the sensor noise.  The comparison uses the shots of a diagnosis: two seconds with free
+initial values (`prediction.multiple_shooting`).  So a difference that other initial values could imitate does
+not count.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states
 
 DEPTH = 5.0
-"""Depth at which a manoeuvre begins where nothing else is said [m]."""
+"""Default start depth of a manoeuvre [m]."""
 
 
 @dataclass(frozen=True)
 class Flight:
-    """A manoeuvre and what it would show.
+    """Manoeuvre and its predicted effect.
 
     Attributes:
-        manoeuvre: What to fly.
-        difference: Predicted difference between the two rivals hardest to part, in standard deviations of
-            the noise: the root of the sum of squares over all that is logged.
+        manoeuvre: The manoeuvre.
+        difference: Predicted difference between the two most similar rivals, in standard deviations of the
+            noise: root of the sum of squares over all logged channels.
     """
 
     manoeuvre: Manoeuvre
@@ -50,18 +50,18 @@ class Flight:
 
 
 def best(rivals: Sequence[Vehicle], noise: ArrayLike, *, start: ArrayLike | None = None) -> Flight:
-    """The manoeuvre that tells rivals apart.
+    """Return the manoeuvre that separates rivals best.
 
     Args:
-        rivals: Two vehicles or more with the same thrusters; the manoeuvres are those of the first.
+        rivals: Two or more vehicles with the same thrusters; the manoeuvres are those of the first.
         noise: Standard deviations of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
-        start: Pose at which it begins, at rest, (6,); by default level, heading north, 5 m deep.
+        start: Start pose, at rest, (6,); by default level, heading north, 5 m deep.
 
     Raises:
-        DataError: Fewer than two rivals, or no manoeuvre that their thrusters can fly and that stays finite.
+        DataError: Fewer than two rivals, or no flyable manoeuvre stays finite.
     """
     if len(rivals) < 2:
-        raise DataError("give at least two vehicles to tell apart")
+        raise DataError("give at least two vehicles to compare")
     flights = []
     for manoeuvre, gram in _grams(rivals[0], rivals[1:], noise, start):
         size = np.diag(gram)
@@ -74,16 +74,16 @@ def best(rivals: Sequence[Vehicle], noise: ArrayLike, *, start: ArrayLike | None
 def showing(
     vehicle: Vehicle, changed: Mapping[str, Vehicle], noise: ArrayLike, *, start: ArrayLike | None = None
 ) -> dict[str, Flight]:
-    """The manoeuvre in which each change of a vehicle would show most.
+    """Return for each change of a vehicle the manoeuvre that shows it best.
 
     Args:
         vehicle: The vehicle.
-        changed: The vehicle with an effect of `plain` size, by the effect's name.
+        changed: Vehicle with a clear value (`plain`) of an effect, by the effect's name.
         noise: As for `best`.
         start: As for `best`.
 
     Raises:
-        DataError: No manoeuvre that the vehicle's thrusters can fly and that stays finite.
+        DataError: No flyable manoeuvre stays finite.
     """
     found: dict[str, Flight] = {}
     for manoeuvre, gram in _grams(vehicle, list(changed.values()), noise, start):
@@ -94,12 +94,12 @@ def showing(
 
 
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
-    """The vehicle with more of an effect, by as much as would be plain to see.
+    """Return the vehicle with clearly larger values of an effect: one scale more for each entry.
 
     Args:
         vehicle: The vehicle.
         effect: Name in the catalogue.
-        entries: Which of its free entries, in the order of `parameters.free`; by default all.
+        entries: Indices of the entries that change, in the order of `parameters.free`; by default all.
 
     Raises:
         DataError: The name is not in the catalogue, or the file has several of the effect.
@@ -114,14 +114,14 @@ def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -
 def _grams(
     reference: Vehicle, others: Sequence[Vehicle], noise: ArrayLike, start: ArrayLike | None
 ) -> list[tuple[Manoeuvre, Array]]:
-    """Each manoeuvre, with the products (R, R) of how the others would differ from the reference in it."""
+    """Return each manoeuvre with the Gram matrix (R, R) of the others' differences from the reference."""
     sigma = np.asarray(noise, float)
     pose = np.array([0.0, 0.0, DEPTH, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, float)
     models = [candidate(vehicle) for vehicle in (reference, *others)]
     lead = LONGEST_SENSOR_DELAY if any(model.log[DELAY] for model in models) else 0.0
 
     def flown(manoeuvre: Manoeuvre) -> tuple[Manoeuvre, Array] | None:
-        """A manoeuvre with its products; None of one that diverges, which is none to propose."""
+        """Return a manoeuvre with its Gram matrix, or None if it diverges."""
         try:
             motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, steps=1)
         except DataError:
@@ -140,14 +140,17 @@ def _grams(
 def predicted_shots(
     model: Candidate, manoeuvre: Manoeuvre, motion: Array, sigma: Array, lead: float
 ) -> Shots:
-    """Shots of a predicted motion (N, 12), begun where it is, with what a vehicle would log as measured."""
+    """Return the shots of a predicted motion (N, 12), with the outputs of the model as measurements.
+
+    The shots start on the motion.
+    """
     shots = make_shots(_record(manoeuvre, motion), lead=lead, sigma=sigma)
     shots = replace(shots, first=body_states(motion[:, :6], motion[:, 6:])[shots.starts])
     return replace(shots, measured=multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots))
 
 
 def _record(manoeuvre: Manoeuvre, motion: Array) -> Recording:
-    """A predicted motion (N, 12) as a recording of one session."""
+    """Return a predicted motion (N, 12) as a recording of one session."""
     rows = len(motion)
     return Recording(
         t=manoeuvre.t,

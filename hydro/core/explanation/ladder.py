@@ -116,6 +116,14 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
 
 
 def left_out_rung(rungs: pl.DataFrame, error: float) -> pl.DataFrame:
-    """Return the row of the ladder for held-out stretches, alike in form to the other rows."""
-    same = rungs.filter(horizon=HORIZON).select("step", "effect", *RUNG)[-1:]
-    return same.with_columns(axis=pl.lit(LEFT_OUT), rmse=pl.lit(error), low=UNKNOWN, high=UNKNOWN)
+    """Return the row of the ladder for held-out stretches.
+
+    Args:
+        rungs: Rows of the step; the noise floor is that of all velocities together.
+        error: Root mean square error of all velocities together, HORIZON ahead [m/s].
+    """
+    ahead = rungs.filter(horizon=HORIZON).sort(pl.col("axis") == "all", maintain_order=True)
+    row = ahead.select("step", "effect", *RUNG)[-1:]
+    return row.with_columns(
+        axis=pl.lit(LEFT_OUT), rmse=pl.lit(error), low=UNKNOWN, high=UNKNOWN, unit=pl.lit("m/s")
+    )

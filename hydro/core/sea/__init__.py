@@ -1,1 +1,1 @@
-"""Waves in a recording: how the water would have to move, and which sea that is."""
+"""Detection of waves in a recording from the water motion that would explain its residual forces."""

@@ -1,14 +1,15 @@
-"""How likely a sea is: the Fourier coefficients of the water's motion, and Whittle's likelihood of them.
+"""Whittle likelihood of a sea, given the Fourier coefficients of the water's motion.
 
-The spectra of north, east and down and what they share,
+The spectral matrix of the north, east and down velocity has this model:
 
-    S(omega) = S_v(omega) d d^H + diag(continuum),   d = (cos direction, sin direction, -i),
+    S(omega) = S_v(omega) d d^H + diag(continuum),   d = (cos direction, sin direction, -i).
 
-S_v that of JONSWAP at the recording's depths, are held against the coefficients by Whittle's likelihood
-(Whittle 1953; Brillinger 1981, section 7.3).  A minute parts no frequencies nearer than a tenth of that of a
-swell, whose peak is narrower: the coefficients are held against what the spectrum makes of them under their
-taper, not against the spectrum itself (Sykulski et al. 2019).  The likelihood comes with its gradient: a
-continuum and a band that take each other's place are a long valley, in which differences go astray.
+S_v is the JONSWAP velocity spectrum at the depths of the recording.  Its likelihood is Whittle's
+(Whittle 1953; Brillinger 1981, section 7.3).  A minute of data resolves frequencies no closer than a tenth
+of that of a swell, and the peak of a swell is narrower.  So the coefficients are compared with their
+expected squares under the taper, not with the spectrum itself (Sykulski et al. 2019).  The gradient is
+analytic: a continuum and a band can replace each other along a narrow valley, in which finite differences
+fail.
 """
 
 from __future__ import annotations
@@ -27,21 +28,25 @@ from hydro.core.effects.waves import elevation_spectrum
 from hydro.core.recording.arrays import Recording
 
 PERIODS = (1.5, 20.0)
-"""Of the waves that are looked for [s]."""
-FASTEST = 1.6  # frequency that is looked at, over that of the fastest waves
-SLOWEST = 3  # Fourier frequency of a segment that is looked at first: drifts are below
-EVERY = 2  # Fourier frequencies under Hann's taper that are nearly independent
-FINER, ASIDE = 4, 4  # places between two Fourier frequencies, and such frequencies to each side, of a taper
+"""Least and greatest period of the waves that are tested [s]."""
+FASTEST = 1.6  # highest frequency of the coefficients, relative to that of the fastest waves
+SLOWEST = 3  # number of the lowest Fourier frequency of a segment: slower motion is drift
+STRIDE = 2  # step in Fourier frequencies: under Hann's taper, every other one is nearly independent
+FINER, NEIGHBOURS = 4, 4
+"""Frequencies per Fourier frequency, and Fourier frequencies to each side, in the response of the taper."""
 LEAST_FREQUENCIES = 24
-DEPTHS = 500  # of a segment at most, and frequencies, at which what they leave of a wave is worked out
-AXES, DEGREE = 3, 3  # of a continuum's logarithm in that of frequency
-RAISED = (0.8, 0.8)
-"""Logarithm of the peak enhancement of seas, and its standard deviation (Hasselmann et al. 1973)."""
-UNEVEN = 4.0
-"""Standard deviation of what each polynomial but the constant makes of a continuum's logarithm."""
-LEAST_NOISE = 1e-5  # of the mean square of all coefficients: no continuum is below it
-GREATEST = 50.0  # logarithm of a continuum
-STEP = 1e-3  # of a parameter, for the slopes of the spectra
+"""Minimum number of frequencies of a recording."""
+DEPTHS = 500
+"""Maximum number of depths of a segment, and number of frequencies, at which the decay is computed."""
+AXES, DEGREE = 3, 3
+"""Number of axes, and degree of the polynomial of a log continuum in the log of frequency."""
+PEAK_PRIOR = (0.8, 0.8)
+"""Prior mean and standard deviation of the log of the peak enhancement (Hasselmann et al. 1973)."""
+SHAPE_PRIOR = 4.0
+"""Prior standard deviation of each polynomial coefficient of a log continuum except the constant."""
+LEAST_CONTINUUM = 1e-5  # lower bound of a continuum, relative to the mean square of all coefficients
+MAX_LOG_CONTINUUM = 50.0  # upper bound of a log continuum, which prevents overflow
+STEP = 1e-3  # step of a parameter for the numerical derivatives of the spectra
 
 
 @dataclass(frozen=True)
@@ -49,13 +54,14 @@ class Coefficients:
     """Fourier coefficients of the water's velocity under Hann's taper.
 
     Attributes:
-        omega: Their frequencies [rad/s], (F,).
-        y: North, east, down; of unit expected square where the one-sided spectrum is 1, (F, 3).
-        fine: Frequencies between them [rad/s], (G,).
-        response: Expected square of each coefficient for a unit of the elevation's spectrum at each of
-            these, (F, G): by the taper, the depth and omega^2 for the velocity.
-        longest: Of the segments [s].
-        slowest: Least frequency that is looked at [rad/s].
+        omega: Frequencies of the coefficients [rad/s], (F,).
+        y: Coefficients of the north, east and down velocity, (F, 3).  Their expected square is 1 where the
+            one-sided spectrum is 1.
+        fine: Frequencies on a finer grid [rad/s], (G,).
+        response: Expected square of each coefficient for a unit of the elevation spectrum at each fine
+            frequency, (F, G).  It includes the taper, the decay with depth and omega^2 for the velocity.
+        longest: Duration of the longest segment [s].
+        slowest: Lowest frequency [rad/s].
     """
 
     omega: Array
@@ -67,28 +73,28 @@ class Coefficients:
 
     @cached_property
     def squares(self) -> Array:
-        """Squared size of each, (F, 3)."""
+        """Squared magnitude of each coefficient, (F, 3)."""
         return np.asarray(np.abs(self.y) ** 2)
 
     @cached_property
     def powers(self) -> Array:
-        """Legendre polynomials of the logarithm of frequency between those looked at, (F, DEGREE + 1)."""
+        """Legendre polynomials of the log of frequency, scaled to the tested range, (F, DEGREE + 1)."""
         low, high = math.log(self.slowest), math.log(FASTEST * 2.0 * math.pi / PERIODS[0])
         return np.asarray(legvander((2.0 * np.log(self.omega) - low - high) / (high - low), DEGREE))
 
     def within(self, low: float, high: float) -> Coefficients:
-        """Those between two frequencies [rad/s]."""
+        """Return the coefficients between two frequencies [rad/s]."""
         kept = (self.omega >= low) & (self.omega <= high)
         return replace(self, omega=self.omega[kept], y=self.y[kept], response=self.response[kept])
 
 
 def coefficients(water: Array, record: Recording, gravity: float) -> Coefficients | None:
-    """Fourier coefficients of the water's motion; None of too short a recording."""
+    """Return the Fourier coefficients of the water's motion, or None if the recording is too short."""
     parts = list[tuple[Array, Any, Array, Any]]()
     longest = 0.0
     for begin, end in record.segments:
         seconds, rows = (end - begin) * record.dt, end - begin
-        numbers = np.arange(SLOWEST, rows // 2, EVERY)
+        numbers = np.arange(SLOWEST, rows // 2, STRIDE)
         numbers = numbers[numbers <= FASTEST * seconds / PERIODS[0]]
         if numbers.size < LEAST_FREQUENCIES // 2:
             continue
@@ -97,10 +103,10 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
         y = water[begin:end] - water[begin:end].mean(axis=0)
         spectrum = np.fft.rfft(y * taper[:, None], axis=0)[numbers]
         spectrum *= math.sqrt(record.dt / (math.pi * (taper @ taper)))
-        fine = np.arange(1, FINER * (numbers[-1] + ASIDE) + 1) * 2.0 * math.pi / (FINER * seconds)
+        fine = np.arange(1, FINER * (numbers[-1] + NEIGHBOURS) + 1) * 2.0 * math.pi / (FINER * seconds)
         depths = np.maximum(record.eta[begin:end, 2], 0.0)
-        decay = _left_by_depth(fine, depths, taper, gravity)
-        response = _through(taper, numbers, len(fine)) @ sparse.diags(fine**2 * decay)
+        decay = _depth_decay(fine, depths, taper, gravity)
+        response = _taper_response(taper, numbers, len(fine)) @ sparse.diags(fine**2 * decay)
         parts.append((2.0 * math.pi * numbers / seconds, spectrum, fine, response))
     if sum(len(omega) for omega, *_ in parts) < LEAST_FREQUENCIES:
         return None
@@ -115,10 +121,10 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
     )
 
 
-def _left_by_depth(omega: Array, depths: Array, taper: Array, gravity: float) -> Array:
-    """What the depths (N,) of a segment leave of a wave's power at some frequencies (G,), (G,).
+def _depth_decay(omega: Array, depths: Array, taper: Array, gravity: float) -> Array:
+    """Return the mean decay of wave power over the depths (N,) of a segment at some frequencies (G,), (G,).
 
-    It falls off evenly: a few frequencies and depths tell of all.
+    The decay is smooth, so it is computed at a few depths and frequencies and interpolated.
     """
     every = max(len(depths) // DEPTHS, 1)
     depth, weight = depths[::every], taper[::every] ** 2
@@ -127,9 +133,9 @@ def _left_by_depth(omega: Array, depths: Array, taper: Array, gravity: float) ->
     return np.asarray(np.interp(omega, few, decay))
 
 
-def _through(taper: Array, numbers: Rows, count: int) -> Any:
-    """What Fourier coefficients of some numbers (F,) take of `count` frequencies between them, (F, count)."""
-    aside = np.arange(-FINER * ASIDE, FINER * ASIDE + 1)
+def _taper_response(taper: Array, numbers: Rows, count: int) -> Any:
+    """Return the response of Fourier coefficients (F,) to `count` finer frequencies, (F, count)."""
+    aside = np.arange(-FINER * NEIGHBOURS, FINER * NEIGHBOURS + 1)
     turns = np.exp(-2j * np.pi * np.outer(aside, np.arange(taper.size)) / (FINER * taper.size))
     share = np.abs(turns @ taper) ** 2
     share /= share.sum()
@@ -144,50 +150,54 @@ def _through(taper: Array, numbers: Rows, count: int) -> Any:
 def unlikely(
     seen: Coefficients, floor: Array, sea: Array | None = None, apart: Array | None = None
 ) -> tuple[float, Array]:
-    """Negative log likelihood of the coefficients, and its gradient.
+    """Return the negative log likelihood of the coefficients and its gradient.
 
     Args:
-        seen: They.
-        floor: Of the continua, (3 (DEGREE + 1),).
-        sea: Logarithms of height and frequency of the peak, direction, logarithm of the enhancement; or None.
-        apart: Of a band without orbits: logarithms of the height in each axis, of frequency and enhancement.
+        seen: Coefficients.
+        floor: Polynomial coefficients of the log continua, (3 (DEGREE + 1),).
+        sea: Logs of height and peak frequency, direction, log of the peak enhancement; None for no sea.
+        apart: Band of independent axes: log of the height of each axis, log of the peak frequency, log of the
+            peak enhancement; None for no band.
     """
     f, growth = _continuum(seen, floor)
     if apart is not None:
-        total, by_f, own = _apart(seen, f, apart)
+        total, by_f, own = _independent_band(seen, f, apart)
     elif sea is not None:
-        total, by_f, own = _in_orbit(seen, f, sea)
+        total, by_f, own = _sea(seen, f, sea)
     else:
-        (total, by_f), own = _alone(seen, f), np.zeros(0)
-    uneven = floor.reshape(AXES, -1) / UNEVEN
+        (total, by_f), own = _independent(seen, f), np.zeros(0)
+    uneven = floor.reshape(AXES, -1) / SHAPE_PRIOR
     uneven[:, 0] = 0.0
     total += 0.5 * float((uneven**2).sum())
-    by_floor = (by_f * growth).T @ seen.powers + uneven / UNEVEN
+    by_floor = (by_f * growth).T @ seen.powers + uneven / SHAPE_PRIOR
     if own.size:
-        away = ((sea if sea is not None else np.asarray(apart))[-1] - RAISED[0]) / RAISED[1]
+        away = ((sea if sea is not None else np.asarray(apart))[-1] - PEAK_PRIOR[0]) / PEAK_PRIOR[1]
         total += 0.5 * away**2
-        own[-1] += away / RAISED[1]
+        own[-1] += away / PEAK_PRIOR[1]
     return total, np.concatenate([by_floor.ravel(), own])
 
 
-def _alone(seen: Coefficients, f: Array) -> tuple[float, Array]:
-    """Negative log likelihood of spectra (F, 3) that have nothing in common, and its slope in each."""
+def _independent(seen: Coefficients, f: Array) -> tuple[float, Array]:
+    """Return the negative log likelihood of independent axes with spectra (F, 3), and its derivatives."""
     relative = seen.squares / f
     return float((np.log(f) + relative).sum()), np.asarray((1.0 - relative) / f)
 
 
-def _apart(seen: Coefficients, f: Array, apart: Array) -> tuple[float, Array, Array]:
-    """The same of continua (F, 3) and a band without orbits, and its slopes in the band's parameters."""
+def _independent_band(seen: Coefficients, f: Array, apart: Array) -> tuple[float, Array, Array]:
+    """Return the likelihood of continua (F, 3) and a band of independent axes, and its derivatives."""
     band, slopes = _band(seen, 0.0, apart[AXES], apart[AXES + 1])
     squares = np.exp(2.0 * apart[:AXES])
-    total, by_f = _alone(seen, f + band[:, None] * squares)
+    total, by_f = _independent(seen, f + band[:, None] * squares)
     there = by_f * squares
     return total, by_f, np.concatenate([2.0 * (band @ there), slopes[1:] @ there.sum(axis=1)])
 
 
-def _in_orbit(seen: Coefficients, f: Array, sea: Array) -> tuple[float, Array, Array]:
-    """The same of continua and a sea: determinant and inverse of diag(f) + g d d^H, a change of rank 1."""
-    total, by_f = _alone(seen, f)
+def _sea(seen: Coefficients, f: Array, sea: Array) -> tuple[float, Array, Array]:
+    """Return the likelihood of continua and a sea, and its derivatives.
+
+    diag(f) + g d d^H is a rank-one update, whose determinant and inverse are closed forms.
+    """
+    total, by_f = _independent(seen, f)
     g, slopes = _band(seen, sea[0], sea[1], sea[3])
     d, turned = _orbit(sea[2]), np.array([-math.sin(sea[2]), math.cos(sea[2]), 0.0])
     h = (np.abs(d) ** 2 / f).sum(axis=1)
@@ -202,18 +212,18 @@ def _in_orbit(seen: Coefficients, f: Array, sea: Array) -> tuple[float, Array, A
 
 
 def _orbit(way: float) -> Any:
-    """North, east and down of a wave's orbit toward a direction, (3,)."""
+    """Return the orbit (north, east, down) of a wave that travels in a direction, (3,)."""
     return np.array([math.cos(way), math.sin(way), -1j])
 
 
 def _continuum(seen: Coefficients, floor: Array) -> tuple[Array, Array]:
-    """Continua of north, east and down, and what of them grows with their logarithms, (F, 3) each."""
-    grown = np.exp(np.minimum(seen.powers @ floor.reshape(AXES, -1).T, GREATEST))
-    return np.asarray(grown + LEAST_NOISE * seen.squares.mean()), np.asarray(grown)
+    """Return the continua of north, east and down, and their derivatives in their logs, (F, 3) each."""
+    grown = np.exp(np.minimum(seen.powers @ floor.reshape(AXES, -1).T, MAX_LOG_CONTINUUM))
+    return np.asarray(grown + LEAST_CONTINUUM * seen.squares.mean()), np.asarray(grown)
 
 
 def _band(seen: Coefficients, height: float, top: float, raised: float) -> tuple[Array, Array]:
-    """`_velocity_spectrum` of a logarithm of the height, and its slopes in all three logarithms, (3, F)."""
+    """Return `_velocity_spectrum` for a log height, and its derivatives in the three logs, (3, F)."""
 
     def spectrum(top: float, raised: float) -> Array:
         return _velocity_spectrum(seen, math.exp(height), top, raised)
@@ -225,13 +235,13 @@ def _band(seen: Coefficients, height: float, top: float, raised: float) -> tuple
 
 
 def _velocity_spectrum(seen: Coefficients, height: float, top: float, raised: float) -> Array:
-    """Expected square of the coefficients along the waves at the depths of the recording, (F,)."""
+    """Return the expected square of the coefficients along the waves at the recorded depths, (F,)."""
     elevation = elevation_spectrum(seen.fine, height, 2.0 * math.pi / math.exp(top), math.expm1(raised))
     return np.asarray(seen.response @ elevation)
 
 
 def spectra(seen: Coefficients, at: Array) -> Array:
-    """Spectral matrices of continua and sea, (F, 3, 3)."""
+    """Return the spectral matrices of continua and sea, (F, 3, 3)."""
     floor, sea = at[:-4], at[-4:]
     d = _orbit(sea[2])
     g = _velocity_spectrum(seen, math.exp(sea[0]), sea[1], sea[3])

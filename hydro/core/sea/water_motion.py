@@ -1,11 +1,11 @@
-"""How the water would have to move for a vehicle file to explain all of a recorded motion.
+"""Water motion with which a vehicle file would explain a recorded motion completely.
 
-What a file leaves out of the force, in the three axes of a velocity, is taken for water that moves,
+The residual force in the three axes is attributed to moving water:
 
-    (M_A + rho V) R^T v_w_dot = what is left at nu_r = nu - R^T (v_c + v_w),
+    (M_A + rho V) R^T v_w_dot = residual force at nu_r = nu - R^T (v_c + v_w).
 
-and integrated along the recording from still water.  Drag brings v_w to where it balances a steady force;
-of a true file and calm water nothing but noise is left.
+v_w is integrated along the recording from still water.  A steady force drives v_w to the speed at which drag
+balances it.  With a correct file in calm water, v_w is noise only.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
 
 FASTEST = 20.0
-"""Velocity [m/s] that water has at most: a file with forces far too large for it says nothing."""
+"""Upper bound of the water velocity [m/s], which forces that are far too large in a file would exceed."""
 
 
 def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
-    """Velocity of the water beyond the current that the file has, NED, row by row, (N, 3) [m/s].
+    """Return the water velocity beyond the file's current, NED, for each row, (N, 3) [m/s].
 
     Args:
-        model: The vehicle, without waves.
-        record: The recording.
+        model: Vehicle without waves.
+        record: Recording.
         motion: Its smoothed motion.
     """
     nu = np.ascontiguousarray(true_velocity(model, record, motion.nu))
@@ -66,7 +66,7 @@ def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
 
 
 def carried(model: Candidate) -> Array:
-    """Wrench about CO for a unit acceleration of the water along each body axis, (6, 3)."""
+    """Return the wrench about CO for a unit acceleration of the water along each body axis, (6, 3)."""
     c = constants_of(model.program.flat)
     x, y, z = c[CENTER_OF_BUOYANCY : CENTER_OF_BUOYANCY + 3]
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -85,7 +85,7 @@ def _follow(
     segments: Rows,
     out: Array,
 ) -> None:
-    """Euler's method from row to row; `along` are pose, velocity, times and commands."""
+    """Integrate with Euler's method from row to row; `along` has pose, velocity, times and commands."""
     eta, nu, t, commands = along
     mass = constants_of(flat)[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])

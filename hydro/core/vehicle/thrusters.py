@@ -376,7 +376,7 @@ def _unit_wrench(thruster: Thruster) -> Array:
     position, direction, wrench = thruster.position, thruster.direction, thruster.wrench
     if not thruster.pushes:
         if thruster != Thruster(name=thruster.name, curve="none"):
-            raise DataError(f'thruster {thruster.name}: of curve "none" it has a name alone')
+            raise DataError(f'thruster {thruster.name}: with curve "none", give only a name')
         return np.zeros(6)
     if wrench is not None and position is None and direction is None:
         return np.array(wrench)

@@ -1,1 +1,1 @@
-"""Readers of other people's logs, one per format; `registry` chooses by a file's first bytes."""
+"""Readers of log formats, one module each; `registry` selects one by a file's first bytes."""

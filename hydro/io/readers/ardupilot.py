@@ -16,21 +16,22 @@ from hydro.io.readers.damage import Bounded
 from hydro.io.readers.messages import Item, Options, Selection, Topic
 
 _EVERY = 4096
+"""Number of messages between two reports of progress."""
 _MICRO, _MILLI = 1e6, 1e3
 _INSTANCES = ("C", "I", "Instance")
-"""Fields that tell several sensors or EKF cores apart, of logs whose FMTU messages do not say so."""
+"""Fields that number several sensors or EKF cores, for logs whose FMTU messages do not name the field."""
 _WHOLE = frozenset("bBhHiIM")
 NO_DATA = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "ISBH", "ISBD")
 """Messages about the log itself, and parts of files."""
 WRAP = 2**32 / _MICRO
-"""When microseconds of 32 bits begin again [s]."""
+"""Period after which a 32-bit counter of microseconds wraps [s]."""
 CUT_SHORT = "the last message is cut short, as when power is lost: the log is read up to it"
-_DAYS = 3 * 86400.0
-_YEARS = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100 [s]
+_DAYS = 3 * 86400.0  # maximum step between two plausible times of receipt [s]
+_YEARS = (946_684_800.0, 4_102_444_800.0)  # plausible times of receipt: years 2000 to 2100 [s]
 
 
 def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a DataFlash `.bin`; the clock is UTC where a GPS knew it, else since the start."""
+    """Yield the messages of a DataFlash `.bin`; the clock is UTC with a GPS, otherwise time since start."""
     os.environ.setdefault("MAVLINK_DIALECT", "ardupilotmega")
     from pymavlink.DFReader import DFReader_binary
 
@@ -49,7 +50,7 @@ def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[It
 def messages_of(
     reader: Any, types: set[str], said: io.StringIO, selection: Selection, options: Options
 ) -> Iterator[Item]:
-    """Yield the messages of some types of an open DataFlash log; a note tells where it is damaged."""
+    """Yield the messages of some types of an open DataFlash log; a note reports damage."""
     topics: dict[tuple[str, Any], Topic] = {}
     done = 0
     while types:
@@ -72,7 +73,7 @@ def messages_of(
 
 
 def _cut_short(reader: Any) -> bool:
-    """Whether the last message of a log begins in it and ends beyond."""
+    """Check whether the last message of a log is incomplete."""
     ends = [
         places[-1] + reader.formats[number].len
         for number, places in enumerate(reader.offsets)
@@ -86,7 +87,7 @@ def _same(message: Any) -> Any:
 
 
 def _instance(message: Any) -> Any:
-    """Which of several sensors or cores a message is of; None where there is only one."""
+    """Return the number of a message's sensor or core; None if there is only one."""
     fmt = message.fmt
     name = fmt.instance_field
     if name is None:
@@ -98,7 +99,7 @@ def _instance(message: Any) -> Any:
 
 @contextlib.contextmanager
 def quiet(said: io.StringIO) -> Iterator[None]:
-    """Keep what the library prints, to the length of a few lines, off the terminal."""
+    """Capture a few lines of the library's output, and keep it off the terminal."""
     if said.tell() > 1 << 16:
         said.seek(1 << 15)
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -107,7 +108,7 @@ def quiet(said: io.StringIO) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Keep what compiled code prints to stderr, which no Python stream sees, off the terminal."""
+    """Keep output of compiled code to stderr, which bypasses Python's streams, off the terminal."""
     try:
         kept = os.dup(2)
     except OSError:
@@ -123,7 +124,7 @@ def _silent() -> Iterator[None]:
 
 
 def _tell_damage(said: io.StringIO, options: Options) -> None:
-    """A note where the library found bytes that are no message."""
+    """Add a note if the library found bytes that are not a message."""
     if lines := said.getvalue().splitlines():
         options.notes.append(
             f"the log is damaged in places, which are skipped; the first: {lines[0].strip()[:120]}"
@@ -131,9 +132,9 @@ def _tell_damage(said: io.StringIO, options: Options) -> None:
 
 
 def telemetry(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a MAVLink `.tlog`: frames with the receiver's clock before each.
+    """Yield the messages of a MAVLink `.tlog`: frames, each preceded by the receiver's clock.
 
-    A message's stamp is its own `time_boot_ms` or `time_usec`: links deliver in bursts.
+    The stamp of a message is its `time_boot_ms` or `time_usec`, because links deliver in bursts.
     """
     from pymavlink.dialects.v20 import ardupilotmega
 
@@ -164,11 +165,11 @@ def telemetry(path: Path, selection: Selection, options: Options) -> Iterator[It
     if not done:
         raise DataError(f"{options.name}: no MAVLink message in this file: is it a .tlog?")
     if bad:
-        options.notes.append(f"{bad:,} bytes are no MAVLink messages and skipped")
+        options.notes.append(f"{bad:,} bytes are not MAVLink messages and are skipped")
 
 
 def _mavlink_topic(message: Any, key: tuple[str, Any, int, int], first: tuple[int, int]) -> Topic:
-    """A topic, named by its type; by instance and sender too where these are not the first."""
+    """Return a topic, named by its type, and by instance and sender if they are not the first."""
     kind, instance, *sender = key
     name = kind if instance is None or instance == 0 else f"{kind}[{_word(instance)}]"
     if tuple(sender) != first:
@@ -187,7 +188,10 @@ def _word(instance: Any) -> str:
 
 
 def _frames(file: Bounded, parser: Any, options: Options) -> Iterator[tuple[float, Any]]:
-    """Every frame with the time before it [s]; after bytes that are none, from the next plausible time on."""
+    """Yield every frame with its time of receipt [s].
+
+    After invalid bytes, reading resumes at the next plausible time.
+    """
     latest, lost = None, False
     while head := file.read(8):
         if len(head) < 8:
@@ -213,14 +217,14 @@ def _frames(file: Bounded, parser: Any, options: Options) -> Iterator[tuple[floa
 
 
 def _plausible(received: float, latest: float | None) -> bool:
-    """Whether a time may stand before a frame."""
+    """Check whether a time of receipt is plausible."""
     if latest is None:
         return _YEARS[0] < received < _YEARS[1]
     return abs(received - latest) <= _DAYS
 
 
 def is_telemetry(head: bytes) -> bool:
-    """Whether a file begins with a time in this century and the mark of a MAVLink frame."""
+    """Check whether a file begins with a time in this century and the start of a MAVLink frame."""
     if len(head) < 9 or head[8] not in (0xFD, 0xFE):
         return False
     return _plausible(struct.unpack(">Q", head[:8])[0] / _MICRO, None)

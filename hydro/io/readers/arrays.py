@@ -1,4 +1,4 @@
-"""Arrays of numpy (`.npz`) and MATLAB (`.mat`, version 5): columns `name`, or `name[1]` of several."""
+"""Arrays of numpy (`.npz`) and MATLAB (`.mat`, version 5): columns `name`, or `name[1]` if several."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from hydro.io.readers.expansion import NUMBER, Expansion
 from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
 
 _MAT_HEADER = 128
-"""Bytes before the first element of a `.mat`; the last two tell the order of bytes."""
+"""Bytes before the first element of a `.mat`; the last two state the byte order."""
 _COMPRESSED = 15
-"""Type of an element of a `.mat` that is compressed."""
+"""Type number of a compressed element of a `.mat`."""
 
 
 def npz(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """The arrays of a `.npz` as a table."""
+    """Return the arrays of a `.npz` as a table."""
     expansion = Expansion.of(options.name, path)
     with zipfile.ZipFile(path) as archive:
         expansion.add(sum(entry.file_size for entry in archive.infolist()))
@@ -43,7 +43,7 @@ def npz(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def _check_sizes(archive: zipfile.ZipFile, name: str) -> None:
-    """Refuse an archive whose arrays declare more than is in them: numpy would allocate it first."""
+    """Refuse an archive whose arrays declare more than it contains: numpy would allocate it first."""
     for entry in archive.infolist():
         with archive.open(entry) as stream:
             version = np.lib.format.read_magic(stream)
@@ -58,7 +58,7 @@ def _check_sizes(archive: zipfile.ZipFile, name: str) -> None:
 
 
 def mat(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """The arrays of a `.mat` of version 5 (`save -v7` and older) as a table; structs as `name.field`."""
+    """Return the arrays of a `.mat` of version 5 (`save -v7`, older) as a table; structs as `name.field`."""
     from scipy.io import loadmat
 
     expansion = Expansion.of(options.name, path)
@@ -69,7 +69,7 @@ def mat(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def _count_elements(path: Path, expansion: Expansion) -> None:
-    """Count what the compressed elements of a `.mat` expand to: no size in it is to be trusted."""
+    """Count the expanded size of the compressed elements of a `.mat`; its stated sizes are not trusted."""
     with path.open("rb") as file:
         order = "<" if file.read(_MAT_HEADER)[-2:] == b"IM" else ">"
         while len(tag := file.read(8)) == 8:
@@ -85,14 +85,14 @@ def table(
 ) -> pl.DataFrame:
     """Return arrays as the columns of a table.
 
-    Arrays of several lengths, each with an array of its times, have rows of their own in the order of time.
-    Else those with as many rows as the longest of the usual length are taken.
+    Arrays of several lengths, each with an array of times, get their own rows, sorted by time.  Otherwise the
+    arrays of the most frequent length are used; of equally frequent lengths, the longest.
 
     Raises:
-        DataError: there is no array of numbers, the wanted ones do not have the same number of rows, or they
-            take more than the limit once they are computed with.
+        DataError: There is no array of numbers, the wanted arrays have different lengths, or they exceed the
+            limit as float64.
     """
-    arrays = dict(_flat(named, "", 0))
+    arrays = dict(_numeric_arrays(named, "", 0))
     expansion.add(sum(max(NUMBER * each.size - each.nbytes, 0) for each in arrays.values()))
     columns = {name: each for key, array in arrays.items() for name, each in _columns(key, array)}
     if (timed := clocked.table(columns, selection, options)) is not None:
@@ -113,21 +113,21 @@ def table(
     rows = max(counts, key=lambda count: (counts[count], count))
     others = [name for name, each in columns.items() if len(each) != rows]
     if others:
-        options.notes.append(f"not of {rows:,} rows and left out: {', '.join(others[:8])}")
+        options.notes.append(f"left out, because they do not have {rows:,} rows: {', '.join(others[:8])}")
     return pl.DataFrame({name: each for name, each in columns.items() if len(each) == rows})
 
 
-def _flat(value: Any, name: str, depth: int) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
-    """Every array of numbers with its name, those in structs as `struct.field`."""
+def _numeric_arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+    """Yield every array of numbers with its name, those in structs as `struct.field`."""
     if isinstance(value, Mapping) and depth <= DEEPEST:
         for key, part in value.items():
-            yield from _flat(part, f"{name}.{key}" if name else str(key), depth + 1)
+            yield from _numeric_arrays(part, f"{name}.{key}" if name else str(key), depth + 1)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.size > 1:
         yield name, value
 
 
 def _columns(name: str, array: np.ndarray[Any, Any]) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
-    """The columns of an array, whose rows are its longer side."""
+    """Yield the columns of an array, whose rows are its longer side."""
     flat = np.squeeze(array)
     if flat.ndim == 1:
         yield name, np.ascontiguousarray(flat)

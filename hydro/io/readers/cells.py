@@ -1,4 +1,4 @@
-"""Numbers as people's programs write them into cells: decimal commas, and units behind the number."""
+"""Numbers in text cells with decimal commas or units."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import polars as pl
 _COMMA = r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*[A-Za-z°%µμ/]*\s*)$"
 _NUMBER = r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _UNIT = r"([A-Za-z°%µμ][A-Za-z0-9°%µμ/^*·]*)\s*$"
-_SHOWN = 6
-"""Columns that a note names."""
+_MAX_NAMES = 6
+"""Number of columns that a note names."""
 
 
 def with_points(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
-    """Write decimal commas as points, in columns without numbers that have a point already.
+    """Replace decimal commas by points, in columns without decimal points.
 
-    Only for tables whose separator is no comma: there a comma within a number is a decimal comma.
+    This is only for tables whose separator is not a comma: there a comma in a number is a decimal comma.
 
     Args:
         frame: Columns of text.
-        notes: Gets a line that names the columns.
+        notes: A line that names the columns is appended.
     """
     changed = {}
     for name in frame.columns:
@@ -37,11 +37,11 @@ def with_points(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
 
 
 def without_units(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
-    """Leave out a unit at the end of cells, in columns whose cells are numbers with the same unit, or none.
+    """Remove the unit after numbers, in columns whose cells have the same unit or none.
 
     Args:
         frame: Columns of text.
-        notes: Gets a line that names the columns and their units.
+        notes: A line that names the columns and their units is appended.
     """
     changed, told = {}, []
     for name in frame.columns:
@@ -60,5 +60,5 @@ def without_units(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
 
 
 def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
+    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    return ", ".join(names[:_MAX_NAMES]) + more

@@ -1,7 +1,7 @@
-"""A ROS 1 bag whose index is read as its messages are.
+"""Reader of a ROS 1 bag that reads the index of one chunk at a time.
 
-The library's reader lists every message of a bag before it gives the first: some 170 bytes each, more than
-the numbers in it.  A bag is a sequence of chunks of about a megabyte, each with its own index.
+The library's reader lists every message of a bag before it yields the first, at about 170 bytes each.  That
+is more than the numbers of a message.  A bag is a sequence of chunks of about a megabyte, each with an index.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from hydro.io.readers.compressed import unpacked
 from hydro.io.readers.expansion import Expansion
 
 _HEAD = 55
-"""Bytes of an index record before its entries; its last four say how many bytes these have."""
+"""Bytes of an index record before its entries; the last four state the size of the entries."""
 
 
 def by_chunk(expansion: Expansion) -> type[Any]:
-    """The library's reader of ROS 1 bags, with the index of one chunk at a time, and a limit on its bytes."""
+    """Return the library's reader of ROS 1 bags, changed to one chunk at a time and a limit on bytes."""
     from rosbags.rosbag1 import Reader
     from rosbags.rosbag1.reader import Header, IndexData
 
     class Placed(IndexData):  # type: ignore[misc]
-        """A message's place, ordered by it: times fall where the clock of a simulator begins again."""
+        """Place of a message, ordered by offset: times fall where a simulator's clock restarts."""
 
         def __lt__(self, other: Any) -> bool:
             return bool(self.offset < other.offset)
 
     class ByChunk(Reader):  # type: ignore[misc]
-        """Messages come chunk by chunk, in the order in which they were written."""
+        """Reader that yields messages chunk by chunk, in the order in which they were written."""
 
         connections: list[Any]
         _opening = False
 
         def open(self) -> None:
-            """Read what the bag says of its connections and chunks."""
+            """Read the connections and chunks of the bag."""
             self._opening = True
             super().open()
             self._opening = False
@@ -49,7 +49,7 @@ def by_chunk(expansion: Expansion) -> type[Any]:
             self.connections = [each._replace(msgcount=counts[each.id]) for each in self.connections]
 
         def read_chunk(self) -> Any:
-            """Read the header of a chunk, whose contents are decompressed up to the limit."""
+            """Read the header of a chunk; its contents are decompressed up to the limit."""
             place = self.bio.tell()
             header = Header.read(self.bio)
             form, size = header.get_string("compression"), header.get_uint32("size")
@@ -58,7 +58,7 @@ def by_chunk(expansion: Expansion) -> type[Any]:
             return super().read_chunk()._replace(decompressor=unpack)
 
         def read_index_data(self, pos: int, indexes: dict[int, list[Any]]) -> None:
-            """Read an index record, or pass it by while the bag is opened."""
+            """Read an index record, or skip it while the bag is opened."""
             if self._opening:
                 (size,) = struct.unpack_from("<L", self.bio.read(_HEAD), _HEAD - 4)
                 self.bio.seek(size, os.SEEK_CUR)
@@ -68,7 +68,7 @@ def by_chunk(expansion: Expansion) -> type[Any]:
         def messages(
             self, connections: Collection[Any] = (), start: int | None = None, stop: int | None = None
         ) -> Iterator[tuple[Any, int, bytes]]:
-            """Connection, time of receipt [ns] and bytes of the messages of some connections."""
+            """Yield connection, time of receipt [ns] and bytes of the messages of some connections."""
             wanted = {each.id for each in connections or self.connections}
             for info in sorted(self.chunk_infos, key=lambda each: each.pos):
                 if wanted.isdisjoint(info.connection_counts):

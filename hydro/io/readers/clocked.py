@@ -1,4 +1,4 @@
-"""Arrays of several lengths, one for each sensor, that stand beside arrays of their times."""
+"""Arrays of several lengths, one for each sensor, with arrays of their times."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _CLOCK = re.compile(
 
 
 def table(columns: Named, selection: Selection, options: Options) -> pl.DataFrame | None:
-    """Return the wanted columns with rows of their own for each clock, in the order of time.
+    """Return the wanted columns with their own rows for each clock, sorted by time.
 
     Args:
         columns: All arrays, (n,) each, of any lengths.
-        selection: Which are wanted.
-        options: Gets a note that names the clocks.
+        selection: Wanted columns.
+        options: A note that names the clocks is added.
 
     Returns:
-        None where the wanted arrays have one length, or some have no clock.
+        Table, or None if the wanted arrays have one length or some have no clock.
 
     Raises:
-        DataError: the clocks have no time in common.
+        DataError: The clocks have no time in common.
     """
     clocks = [name for name, each in columns.items() if _CLOCK.fullmatch(name) and _rises(each)]
     asked = selection.columns
@@ -54,23 +54,23 @@ def table(columns: Named, selection: Selection, options: Options) -> pl.DataFram
         f"by the column {TIME}"
     )
     if asked is None and (rest := [name for name in wanted if name not in of]):
-        options.notes.append(f"without times of their length and left out: {', '.join(rest[:8])}")
+        options.notes.append(f"left out, because no times have their length: {', '.join(rest[:8])}")
     return pl.concat(parts, how="diagonal_relaxed").sort(TIME, maintain_order=True)
 
 
 def _rises(values: np.ndarray[Any, Any]) -> bool:
-    """Return whether an array may be one of times."""
+    """Check whether an array may contain times."""
     return bool(np.isfinite(values).all() and (np.diff(values) >= 0).all() and values[-1] > values[0])
 
 
 def _clock_of(name: str, columns: Named, clocks: Sequence[str]) -> str | None:
-    """Return the clock of an array: of its length, and of several the one called most alike."""
+    """Return the clock of an array: the one with its length and the most similar name."""
     same = [each for each in clocks if len(columns[each]) == len(columns[name])]
     return max(same, key=lambda each: _alike(each, name), default=None)
 
 
 def _alike(first: str, second: str) -> int:
-    """Return how many characters two names begin with alike."""
+    """Return the length of the common beginning of two names."""
     return next(
         (place for place, (a, b) in enumerate(zip(first, second, strict=False)) if a != b),
         min(len(first), len(second)),
@@ -78,7 +78,7 @@ def _alike(first: str, second: str) -> int:
 
 
 def _require_overlap(columns: Named, clocks: Sequence[str], name: str) -> None:
-    """Refuse clocks that do not count from one epoch, or not in one unit."""
+    """Check that clocks have the same epoch and unit: their ranges must overlap."""
     for other in clocks[1:]:
         first, second = columns[clocks[0]], columns[other]
         if min(first[-1], second[-1]) <= max(first[0], second[0]):

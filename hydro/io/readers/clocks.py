@@ -1,9 +1,9 @@
-"""Stamps of several clocks on one: what each topic's messages say of their time, beside when they came.
+"""Alignment of several clocks: stamps of each topic's messages, relative to their times of receipt.
 
-A header stamp is when something was measured, the time of receipt when the logger had it; the stamp is
-better where both count from one epoch.  Autopilots and simulators stamp in seconds since their own start:
-such stamps keep their steps and are moved to the logger's clock as a whole.  Where such a clock begins again,
-because the autopilot or the simulator was restarted, so does a session; the order of receipt says where.
+A header stamp is the time of measurement; the time of receipt is when the logger had it.  The stamp is more
+accurate if both have the same epoch.  Autopilots and simulators stamp in seconds since their own start.  Such
+stamps keep their steps and are shifted as a whole to the logger's clock.  If such a clock restarts with the
+autopilot or simulator, a new session starts; the order of receipt shows where.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 
-APART = 10.0
-"""Stamps that lie so many seconds from their receipt, and more, are of another clock."""
-BACK = 1.0
-"""A clock that falls by more begins again [s]; messages overtake each other by less."""
-LEAP = 60.0
-"""A clock that gains or loses more against receipt at once was set [s]; links delay messages by less."""
-NEXT = 1e-3
-"""What a session begins after the one before at least [s], so that their rows do not mix."""
-LASTING = 5
-"""Messages on both sides of a jump whose medians must show it: a single wrong stamp is none."""
-MOST = 50
-"""Jumps of a topic; stamps with more are of several senders, not of a clock that was set."""
+FOREIGN_CLOCK = 10.0
+"""Minimum difference of stamps and receipt [s] from which they are different clocks."""
+RESTART_FALL = 1.0
+"""Minimum fall of a clock [s] that is a restart; messages out of order differ by less."""
+SET_JUMP = 60.0
+"""Minimum jump of a clock relative to receipt [s] that means it was set; links delay messages by less."""
+SESSION_GAP = 1e-3
+"""Minimum distance of a session from the one before [s], so that their rows do not mix."""
+MEDIAN_MESSAGES = 5
+"""Number of messages on both sides of a jump whose medians must show it; a single wrong stamp does not."""
+MAX_JUMPS = 50
+"""Maximum number of jumps of a topic; with more, its stamps are of several senders."""
 
 
 @dataclass(frozen=True)
 class Stamps:
-    """Times of a topic's messages [s], shape (n,): of receipt, and as stamped (NaN without a stamp).
+    """Times of a topic's messages [s], shape (n,): received, and stamped (NaN without a stamp).
 
     Attributes:
-        topic: Its name.
+        topic: Name of the topic.
         received: Times of receipt, in the order of the log.
         stamped: Times that the messages state.
-        wraps: The stamp begins again at 0 after so many seconds; 0 where it never does.
-        again: Rows from which on the clock of receipt begins again.
+        wraps: Period after which the stamp wraps to 0 [s]; 0 if it does not wrap.
+        again: Rows at which the clock of receipt restarts.
     """
 
     topic: str
@@ -54,8 +54,8 @@ class OneClock(NamedTuple):
 
     Attributes:
         times: Times of each topic's messages [s].
-        notes: What was done to whose stamps, a line each.
-        begins: Times at which a clock begins again [s], rising: a session begins at each.
+        notes: Corrections of stamps, a line each.
+        begins: Times at which a clock restarts [s], increasing: a session begins at each.
     """
 
     times: list[Array]
@@ -74,16 +74,16 @@ def one_clock(topics: Sequence[Stamps]) -> OneClock:
     notes: list[str] = []
     begins: list[float] = []
     begun, latest = 0.0, -np.inf
-    for rows, whose in _stretches(topics):
+    for rows, whose in _between_restarts(topics):
         parts = [
             replace(each, received=each.received[own], stamped=each.stamped[own])
             for each, own in zip(topics, rows, strict=True)
         ]
         if not any(len(each.received) for each in parts):
             continue
-        moved, lines = _moved(parts)
+        moved, lines = _shifted(parts)
         first = min(float(t.min()) for t in moved if len(t))
-        late = max(latest + NEXT - first, 0.0)
+        late = max(latest + SESSION_GAP - first, 0.0)
         if np.isfinite(latest):
             begins.append(first + late)
             notes.append(
@@ -99,8 +99,8 @@ def one_clock(topics: Sequence[Stamps]) -> OneClock:
     return OneClock(times, notes, np.array(begins))
 
 
-def _moved(topics: Sequence[Stamps]) -> tuple[list[Array], list[str]]:
-    """Return the times of topics whose clocks run on, and a line for each clock that was moved."""
+def _shifted(topics: Sequence[Stamps]) -> tuple[list[Array], list[str]]:
+    """Return the times of topics whose clocks do not restart, and a line for each shifted clock."""
     delays = []
     for each in topics:
         there = np.isfinite(each.stamped)
@@ -114,19 +114,19 @@ def _moved(topics: Sequence[Stamps]) -> tuple[list[Array], list[str]]:
 
 
 def _unwrapped(each: Stamps) -> Array:
-    """Return stamps without the jump back of a counter that begins again, while receipt goes on."""
+    """Return stamps without the wraps of their counter."""
     if not each.wraps:
         return each.stamped
     there = np.flatnonzero(np.isfinite(each.stamped))
     out = each.stamped.copy()
     step, passed = np.diff(out[there]), np.diff(each.received[there])
-    falls = (step < -0.5 * each.wraps) & (np.abs(step + each.wraps - passed) < LEAP)
+    falls = (step < -0.5 * each.wraps) & (np.abs(step + each.wraps - passed) < SET_JUMP)
     out[there[1:]] += each.wraps * np.cumsum(falls)
     return out
 
 
-def _stretches(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]:
-    """Yield the rows of each topic between restarts of clocks, and whose clock was restarted before."""
+def _between_restarts(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]:
+    """Yield the rows of each topic between restarts of clocks, and the clock that restarted before."""
     count = max((len(each.again) for each in topics), default=0)
     edges = [[0, *each.again, len(each.received)] for each in topics]
     for number in range(count + 1):
@@ -141,10 +141,10 @@ def _stretches(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]:
 
 
 def _between_jumps(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]:
-    """Yield the rows of each topic between jumps of their stamps, and the topics whose stamps jumped before.
+    """Yield the rows of each topic between jumps of their stamps, and the topics that jumped before.
 
-    A jump lies between the receipt of two messages.  Jumps of several topics whose intervals share a time are
-    one restart; it is placed at the first receipt after it, and parts the topics that show none there.
+    A jump lies between the receipt of two messages.  Jumps of several topics whose intervals overlap are one
+    restart.  It is placed at the first receipt after it, and it also splits topics without a jump there.
     """
     jumps = [_jumps(each) for each in topics]
     intervals = [
@@ -173,39 +173,41 @@ def _between_jumps(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]
 
 
 def _jumps(each: Stamps) -> list[tuple[int, int]]:
-    """Return the rows before and after every lasting jump of a topic's stamps against receipt."""
+    """Return the rows before and after every lasting jump of a topic's stamps relative to receipt."""
     there = np.flatnonzero(np.isfinite(each.stamped))
     if len(there) < 2:
         return []
     late = each.received[there] - each.stamped[there]
     step = np.diff(late)
-    places = np.flatnonzero((np.diff(each.stamped[there]) < -BACK) | (np.abs(step) > LEAP))
+    places = np.flatnonzero((np.diff(each.stamped[there]) < -RESTART_FALL) | (np.abs(step) > SET_JUMP))
     found = []
     for place in places.tolist():
-        before = np.median(late[max(place + 1 - LASTING, 0) : place + 1])
-        after = np.median(late[place + 1 : place + 1 + LASTING])
+        before = np.median(late[max(place + 1 - MEDIAN_MESSAGES, 0) : place + 1])
+        after = np.median(late[place + 1 : place + 1 + MEDIAN_MESSAGES])
         if abs(after - before) > 0.5 * abs(step[place]):
             found.append((int(there[place]), int(there[place + 1])))
-    return found if len(found) <= MOST else []
+    return found if len(found) <= MAX_JUMPS else []
 
 
 def _shifts(topics: Sequence[Stamps], delays: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Return by how much each topic's stamps are moved: those of one foreign clock all by the same.
+    """Return the shift of each topic's stamps: topics of one foreign clock get the same shift.
 
-    The smallest delay of a clock's topics is taken, for receipt is never before the measurement.
+    The smallest delay of a clock's topics is used, because receipt is never before the measurement.
     """
     shifts, notes = [0.0] * len(delays), []
-    left = sorted((place for place, delay in enumerate(delays) if abs(delay) > APART), key=delays.__getitem__)
+    left = sorted(
+        (place for place, delay in enumerate(delays) if abs(delay) > FOREIGN_CLOCK), key=delays.__getitem__
+    )
     while left:
         shift = delays[left[0]]
-        group = [place for place in left if delays[place] - shift <= APART]
+        group = [place for place in left if delays[place] - shift <= FOREIGN_CLOCK]
         for place in group:
             shifts[place] = shift
         names = ", ".join(sorted(topics[place].topic for place in group)[:4])
         more = f" and {len(group) - 4} more" if len(group) > 4 else ""
         notes.append(
             f"stamps of {names}{more} are of another clock: moved by {shift:.3f} s to the logger's "
-            "(exact among themselves; against the rest as good as the fastest receipt)"
+            "(exact among these; relative to others, as accurate as the fastest receipt)"
         )
         left = left[len(group) :]
     return shifts, notes

@@ -1,4 +1,4 @@
-"""Messages into typed columns: a pass that lists what a log has, and one that keeps what is wanted of it."""
+"""Collection of messages in typed columns: a pass that lists topics, and one that keeps wanted fields."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from typing import Any
 import numpy as np
 
 from hydro.core.errors import DataError, HydroError, shown
-from hydro.io.readers.clocks import BACK
+from hydro.io.readers.clocks import RESTART_FALL
 from hydro.io.readers.messages import Item, Selection, Topic, leaves
 from hydro.io.readers.spill import Spill
 from hydro.io.readers.tables import CLOCKS, Buffer, Tables, Undecoded
 
-BEHIND = 20
-"""Messages in a row that lie behind the latest time before the clock of receipt is said to begin again."""
-LOOKED_AT = 20
-"""Messages of a topic whose fields are listed: lengths of arrays may grow, names do not."""
+LATE_MESSAGES = 20
+"""Number of consecutive late messages from which the clock of receipt has restarted."""
+EXAMINED = 20
+"""Number of messages per topic whose fields are listed: lengths of arrays may grow, names do not."""
 
 
 @dataclass
 class Listed:
-    """What a topic has.
+    """Summary of a topic.
 
     Attributes:
         topic: The topic.
-        count: Messages.
+        count: Number of messages.
         first: Time of its first message [s].
         last: Time of its last message [s].
         fields: Paths of its numeric fields, in the order of the message.
-        skipped: Paths of fields that are no numbers.
-        failed: Messages, of those looked at, that could not be decoded.
+        skipped: Paths of fields that are not numbers.
+        failed: Number of examined messages that could not be decoded.
     """
 
     topic: Topic
@@ -43,10 +43,10 @@ class Listed:
     failed: int = 0
 
     def add(self, received: float, raw: Any) -> None:
-        """Count a message, and look into it while the topic is young."""
+        """Count a message, and examine its fields if it is one of the first."""
         self.count += 1
         self.first, self.last = min(self.first, received), max(self.last, received)
-        if self.count <= LOOKED_AT and self.topic.decode is not None:
+        if self.count <= EXAMINED and self.topic.decode is not None:
             try:
                 message = self.topic.decode(raw)
             except HydroError:
@@ -62,13 +62,13 @@ class Listed:
 
     @property
     def rate(self) -> float:
-        """Messages per second [Hz]; NaN of fewer than two."""
+        """Messages per second [Hz]; NaN for fewer than two."""
         span = self.last - self.first
         return (self.count - 1) / span if span > 0.0 else np.nan
 
 
 def inventory(stream: Iterable[Item]) -> list[Listed]:
-    """What topics a log has, in the order in which they appear; no message is kept."""
+    """List the topics of a log, in order of appearance, without keeping a message."""
     found: dict[Topic, Listed] = {}
     for topic, received, raw in stream:
         entry = found.get(topic)
@@ -79,15 +79,15 @@ def inventory(stream: Iterable[Item]) -> list[Listed]:
 
 
 def columns(listed: Sequence[Listed]) -> list[str]:
-    """The columns that a log of these topics has."""
+    """Return the columns of a log with these topics."""
     return [*CLOCKS, *(f"{each.topic.name}.{path}" for each in listed for path in each.fields)]
 
 
 def collect(stream: Iterable[Item], selection: Selection, name: str) -> Tables:
-    """The wanted columns of a log, of every topic in rows of its own.
+    """Return the wanted columns of a log, each topic in its own rows.
 
     Raises:
-        DataError: a wanted topic cannot be read; the line calls the log `name`.
+        DataError: A wanted topic cannot be read; the message calls the log `name`.
     """
     buffers: dict[Topic, Buffer] = {}
     lost: dict[Topic, int] = {}
@@ -117,10 +117,10 @@ def collect(stream: Iterable[Item], selection: Selection, name: str) -> Tables:
 
 
 class _Receipt:
-    """Clock of receipt, which begins again where a bag follows the time of a simulator that is reset.
+    """Clock of receipt, which restarts if a bag follows the time of a simulator that is reset.
 
     Args:
-        buffers: The topics so far; each is told from which of its rows on the clock begins again.
+        buffers: Topics so far; the rows of each restart are added to each.
     """
 
     def __init__(self, buffers: Mapping[Topic, Buffer]) -> None:
@@ -131,20 +131,20 @@ class _Receipt:
         self._count = 0
 
     def see(self, topic: Topic, received: float) -> None:
-        """Take the time of a topic's next message [s].
+        """Record the time of a topic's next message [s].
 
-        A clock begins again where many messages in a row lie behind those of their own topics.  A single one
-        is late; and topics that are written one after the other fall among each other alone.
+        The clock restarts if many messages in a row lie behind earlier ones of their own topics.  A single
+        such message is late.  Topics written one after another fall only relative to each other.
         """
         latest = self._latest.get(topic, -np.inf)
-        if received >= latest - BACK:
+        if received >= latest - RESTART_FALL:
             self._latest[topic] = max(latest, received)
             self._behind = 0 if np.isfinite(latest) else self._behind
             return
         if not self._behind:
             self._rows = {own: len(each) for own, each in self._buffers.items()}
         self._behind += 1
-        if self._behind == BEHIND:
+        if self._behind == LATE_MESSAGES:
             self._count += 1
             for own, each in self._buffers.items():
                 each.again += [0] * (self._count - 1 - len(each.again))
@@ -152,12 +152,12 @@ class _Receipt:
             self._latest, self._behind = {topic: received}, 0
 
     def finish(self) -> None:
-        """Tell the topics that came after a restart that they have nothing before it."""
+        """Add the restarts to topics that started after them."""
         for each in self._buffers.values():
             each.again[:0] = [0] * (self._count - len(each.again))
 
 
 def unfit(error: Exception) -> str:
-    """Return why a topic is not read whose messages do not fit its type."""
+    """Return the reason why a topic is not read whose messages do not fit its type."""
     reason = shown((str(error) or type(error).__name__).splitlines()[0][:120])
-    return f"its messages do not fit the definition of their type ({reason}); --msg DIR gives another"
+    return f"its messages do not fit the definition of their type ({reason}): give another with --msg DIR"

@@ -1,4 +1,4 @@
-"""Parquet: columns with types, also durations, lists and structs."""
+"""Reader of Parquet: typed columns, including durations, lists and structs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
     """Read all columns of a Parquet file; structs become `name.field`, lists `name[0]` and so on.
 
     Raises:
-        DataError: the file is damaged.
+        DataError: The file is damaged.
     """
     try:
         content = path.read_bytes()
@@ -38,7 +38,7 @@ def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def _flat(column: pl.Series, options: Options, depth: int) -> Iterator[pl.Series]:
-    """Yield the columns that a nested column holds; a list longer than `LONGEST` is left out with a note."""
+    """Yield the columns in a nested column; a list longer than `LONGEST` is skipped with a note."""
     dtype = column.dtype
     if not dtype.is_nested():
         yield column

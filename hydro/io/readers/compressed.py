@@ -1,4 +1,4 @@
-"""Decompression that stops at a limit: of messages, of the chunks of a bag, and of whole files."""
+"""Decompression with a limit: messages, chunks of a bag, and whole files."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from typing import BinaryIO
 from hydro.io.readers.expansion import Expansion
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a frame of zstd."""
-_DENSEST = (1 << 17) / 4
-"""Bytes that zstd can make of one: a block of 128 KiB is at least four bytes."""
+"""First bytes of a zstd frame."""
+_MAX_RATIO = (1 << 17) / 4
+"""Maximum ratio of expansion of zstd: a block of 128 KiB has at least four bytes."""
 _STEP = 1 << 20
-"""Bytes that are decompressed at a time where their number is not known."""
+"""Number of bytes per step of a decompression of unknown size."""
 
 
 def unzstd(raw: bytes, expansion: Expansion) -> bytes:
-    """Decompress a frame of zstd.  A size that it states is held to by the library.
+    """Decompress a zstd frame.  The library enforces a size that the frame states.
 
     Raises:
-        DataError: it expands beyond the limit.
-        ValueError: it states more bytes than it can have.
-        zstandard.ZstdError: it is damaged, or has another size than it states.
+        DataError: It expands beyond the limit.
+        ValueError: It states an impossible size.
+        zstandard.ZstdError: It is damaged, or has another size than it states.
     """
     import zstandard
 
     stated = zstandard.frame_content_size(raw)
-    if stated > _DENSEST * len(raw):
+    if stated > _MAX_RATIO * len(raw):
         raise ValueError(f"a frame of {len(raw):,} bytes that states {stated:,}")
     if stated >= 0:
         expansion.add(stated)
@@ -47,13 +47,13 @@ def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
 
     Args:
         raw: The chunk.
-        form: Its compression: `zstd`, `lz4` or `bz2`; anything else is none.
-        stated: Bytes that it has, by its header.
-        expansion: The count of its file.
+        form: Compression: `zstd`, `lz4` or `bz2`; anything else means none.
+        stated: Expanded size in bytes, from the header.
+        expansion: Count of the file.
 
     Raises:
-        DataError: it expands beyond the limit.
-        ValueError: it has more bytes than its header states, or is cut short.
+        DataError: It expands beyond the limit.
+        ValueError: It has another size than its header states, or is cut short.
     """
     if form == "zstd":
         return unzstd(raw, expansion)
@@ -73,7 +73,7 @@ def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
     """Decompress a file into another.
 
     Raises:
-        DataError: it expands beyond the limit.
+        DataError: It expands beyond the limit.
     """
     import zstandard
 
@@ -85,11 +85,11 @@ def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
 
 
 def count_zlib(file: BinaryIO, length: int, expansion: Expansion) -> None:
-    """Count what the next `length` bytes of a file expand to, without keeping it.
+    """Count the expanded size of the next `length` bytes of a file without keeping them.
 
     Raises:
-        DataError: they expand beyond the limit.
-        zlib.error: they are damaged.
+        DataError: They expand beyond the limit.
+        zlib.error: They are damaged.
     """
     unpacker = zlib.decompressobj()
     for block in _blocks(file, length):

@@ -1,6 +1,6 @@
-"""Files that are not what they claim to be: one line for whatever a library makes of them.
+"""Errors of one line for damaged files, whatever exception a library raises.
 
-What a file declares about its own sizes is not believed: no read takes more than the file still has.
+Sizes that a file declares are not trusted: no read requests more than the rest of the file.
 """
 
 from __future__ import annotations
@@ -15,18 +15,20 @@ from typing import Any
 from hydro.core.errors import DataError, HydroError, shown
 
 EXTRA = "pip install 'deep-hydro-sim[logs]'"
+"""Command that installs the libraries of readers."""
 _LARGE = 1 << 16
+"""Minimum size of a read that is limited to the rest of the file [bytes]."""
 
 
 @contextlib.contextmanager
 def reading(name: str, kind: str) -> Iterator[None]:
-    """Turn every failure of the block into one line about the file.
+    """Turn every failure of the block into an error of one line about the file.
 
-    Libraries raise all there is on a damaged file (`struct.error`, `KeyError`, `AssertionError` and their
-    own), so all is caught here, at the one place where it can only be the file.
+    Libraries raise many exceptions on a damaged file (`struct.error`, `KeyError`, `AssertionError` and their
+    own).  All are caught here, where only the file can be the cause.
 
     Raises:
-        DataError: the block failed, or the library that it needs is not installed.
+        DataError: The block failed, or the library that it needs is not installed.
     """
     try:
         yield
@@ -41,28 +43,28 @@ def reading(name: str, kind: str) -> Iterator[None]:
 
 
 def _reason(error: Exception) -> str:
-    """The first line of an error, short and printable."""
+    """Return the first line of an error, short and printable."""
     text = (str(error) or type(error).__name__).splitlines()[0]
     return shown(text if len(text) <= 160 else f"{text[:157]}...")
 
 
 class Bounded(io.BufferedReader):
-    """A file whose reads are cut to what is left of it, so that no declared size is ever allocated."""
+    """File whose reads are limited to the rest of it, so that a wrong declared size is never allocated."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(io.FileIO(path))
         self.size = os.stat(path).st_size
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read up to `size` bytes, all that are left by default."""
+        """Read up to `size` bytes; by default all that remain."""
         if size is not None and size > _LARGE:
             size = max(0, min(size, self.size - self.tell()))
         return super().read(size)
 
 
 class BoundedPath(type(pathlib.Path())):  # type: ignore[misc]
-    """A path that opens its file bounded, for libraries that take no open file."""
+    """Path that opens its file as `Bounded`, for libraries that accept no open file."""
 
     def open(self, *args: Any, **kwargs: Any) -> Any:
-        """Open the file for reading bytes, whatever else is asked for."""
+        """Open the file for reading bytes, whatever the arguments."""
         return Bounded(self)

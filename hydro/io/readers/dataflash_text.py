@@ -1,4 +1,4 @@
-"""ArduPilot's DataFlash logs as text: the `.log` that Mission Planner and mavlogdump make of a `.bin`."""
+"""ArduPilot's DataFlash logs as text: the `.log` that Mission Planner and mavlogdump write from a `.bin`."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from hydro.io.readers.ardupilot import CUT_SHORT, NO_DATA, messages_of, quiet
 from hydro.io.readers.messages import Item, Options, Selection
 
 _TAIL = 1 << 16
-"""Bytes at the end of a log in which its last line begins."""
+"""Number of bytes at the end of a log that contain its last line."""
 _FIRST = re.compile(rb"^FMT, ?128, ?\d+, ?FMT,", re.MULTILINE)
 
 
 def begins(head: bytes) -> bool:
-    """Return whether a file begins with the message that describes messages, in text."""
+    """Check whether a file begins with the format description of DataFlash text."""
     return _FIRST.search(head) is not None
 
 
 def dataflash_text(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a DataFlash log in text, named and timed as those of a `.bin`."""
+    """Yield the messages of a DataFlash text log, with the names and times of a `.bin`."""
     os.environ.setdefault("MAVLINK_DIALECT", "ardupilotmega")
     from pymavlink.DFReader import DFReader_text
 
@@ -40,7 +40,7 @@ def dataflash_text(path: Path, selection: Selection, options: Options) -> Iterat
 
 
 def _cut_short(path: Path, reader: Any) -> bool:
-    """Return whether the last line of a log has fewer values than its message."""
+    """Check whether the last line of a log has fewer values than its message type."""
     with path.open("rb") as file:
         file.seek(max(path.stat().st_size - _TAIL, 0))
         last = file.read().rstrip(b"\n").rpartition(b"\n")[2].decode(errors="replace")

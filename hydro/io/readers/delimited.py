@@ -1,4 +1,4 @@
-"""Tables of text: CSV with commas, semicolons or tabs."""
+"""Reader of text tables: CSV with commas, semicolons or tabs."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Options, Selection
 
 EMPTY = ("", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")
-"""Cells that loggers write where there is no value. NaN is kept: a controller may say it of a motor."""
+"""Cells that loggers write for a missing value. NaN is kept: a controller may write it for a motor."""
 _SEPARATORS = (",", ";", "\t")
 _RECEIVED, _STAMP = "%time", "field.header.stamp"
 """Columns of `rostopic echo -p`, in nanoseconds."""
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _CELL = 16
-"""Bytes of a cell of text in a table, also of an empty one."""
+"""Memory of a text cell in a table, including an empty one [bytes]."""
 _CONTROL = re.compile(rb"[\x01-\x08\x0b\x0e-\x1f\x7f]")
 
 
 def is_text(head: bytes) -> bool:
-    """Return whether the beginning of a file is text; NUL bytes between characters are overlooked."""
+    """Check whether the beginning of a file is text; NUL bytes are ignored."""
     if head.startswith(_UTF16):
         return True
     return bool(head.strip(b"\0 \r\n\t")) and not _CONTROL.search(head)
 
 
 def csv(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """Read all columns of a CSV as text, so that an error can name the row of what is no number.
+    """Read all columns of a CSV as text, so that an error can name the row of an invalid number.
 
-    Tables of `rostopic echo -p` get the columns `time` and `receive_time` [s], as a bag has them.
+    Tables of `rostopic echo -p` get the columns `time` and `receive_time` [s], like those of a bag.
     """
     return parse_csv(path.read_bytes(), options)
 
 
 def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
-    """Return the table in these bytes of text; the notes of `options` tell what was mended.
+    """Return the table in these bytes of text; repairs are noted in `options`.
 
     Raises:
-        DataError: they are no table, name a column twice, or are far fewer than the cells that they make.
+        DataError: They are not a table, name a column twice, or expand to too many cells.
     """
     name = options.name
     text = _text(content, options)
@@ -78,13 +78,13 @@ def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
 
 
 def _text(content: bytes, options: Options) -> str:
-    """Decode a file, without NUL bytes and with lines that end in a line feed."""
+    """Decode a file, without NUL bytes and with line feeds at the ends of lines."""
     if content.startswith(_UTF16):
         text = content.decode("utf-16", errors="replace")
     else:
         if nuls := content.count(b"\0"):
             content = content.replace(b"\0", b"")
-            options.notes.append(f"{nuls:,} NUL bytes are left out, as a logger without power leaves them")
+            options.notes.append(f"{nuls:,} NUL bytes are left out; a logger writes them when it loses power")
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
@@ -95,7 +95,10 @@ def _text(content: bytes, options: Options) -> str:
 
 
 def _without_torn_row(text: str, start: int, columns: int, separator: str, options: Options) -> str:
-    """Return a table without a last row that has too few cells and no end of line: its writer was cut off."""
+    """Return a table without a truncated last row.
+
+    Such a row has too few cells and no line feed, because its writer was interrupted.
+    """
     begin = max(text.rfind("\n") + 1, start)
     row = text[begin:]
     if not row.strip() or row.startswith("#") or '"' in row or columns <= row.count(separator) + 1:
@@ -107,7 +110,7 @@ def _without_torn_row(text: str, start: int, columns: int, separator: str, optio
 
 
 def _lines(text: str, start: int = 0) -> Iterator[tuple[str, int]]:
-    """Yield each line with its line feed, and where it begins."""
+    """Yield each line with its line feed, and its start."""
     while start < len(text):
         end = text.find("\n", start) + 1 or len(text)
         yield text[start:end], start
@@ -115,7 +118,7 @@ def _lines(text: str, start: int = 0) -> Iterator[tuple[str, int]]:
 
 
 def _first_line(text: str) -> tuple[str, int]:
-    """Return the first line that is neither empty nor a comment, and where it begins."""
+    """Return the first line that is neither empty nor a comment, and its start."""
     for line, start in _lines(text):
         if line.strip() and not line.startswith("#"):
             return line.strip("\r\n"), start
@@ -123,7 +126,7 @@ def _first_line(text: str) -> tuple[str, int]:
 
 
 def _header(text: str, start: int, separator: str) -> tuple[list[str], int]:
-    """Return the names of the columns, and where the rows begin; a quoted name may hold separators."""
+    """Return the column names, and the start of the rows; a quoted name may contain separators."""
     end = start
 
     def lines() -> Iterator[str]:
@@ -140,7 +143,7 @@ def _header(text: str, start: int, separator: str) -> tuple[list[str], int]:
 
 
 def _with_times(frame: pl.DataFrame) -> pl.DataFrame:
-    """Return the table of `rostopic echo -p` with its clocks in seconds; any other as it is."""
+    """Return the table of `rostopic echo -p` with its clocks in seconds, or any other table unchanged."""
     if _RECEIVED not in frame.columns or {"time", "receive_time"} & set(frame.columns):
         return frame
     seconds = {

@@ -1,7 +1,7 @@
-"""Limit on how much a file may expand: what its contents take once they are decompressed.
+"""Limit on the expanded size of a file: the memory of its contents after decompression.
 
-A file of 60 kB can hold 2 GB of zeros.  Readers therefore count the bytes that they are about to make of a
-file, by the sizes that its format states or step by step where it states none, and stop at a limit.
+A file of 60 kB can hold 2 GB of zeros.  Readers therefore count the bytes that they are about to expand, and
+stop at a limit.  They use the sizes that the format states, or count step by step if it states none.
 """
 
 from __future__ import annotations
@@ -15,18 +15,17 @@ from pathlib import Path
 from hydro.core.errors import DataError
 
 RATIO = 100.0
-"""Bytes that a file may expand to by default, for each of its own.
+"""Default limit of the expanded size, relative to the file's size.
 
-Recordings expand 3 to 20 times, tables of numbers that hardly change up to 50 times; files that are made to
-fill a memory expand 200 times (LZ4), 1,000 times (zip, MATLAB) and far more (zstd, bzip2, Parquet).  A file
-can then take no more than 100 times what its sender had to send.
+Recordings expand 3 to 20 times, and tables of nearly constant numbers up to 50 times.  Files made to exhaust
+the memory expand 200 times (LZ4), 1,000 times (zip, MATLAB) and far more (zstd, bzip2, Parquet).
 """
 LEAST = 100e6
-"""Bytes that every file may expand to: no machine lacks them.  It matters to files below 1 MB alone."""
+"""Expanded size that every file may have [bytes]; it affects only files below 1 MB."""
 OPTION = "--max-expanded"
 """Command-line option that replaces the limit."""
 NUMBER = 8
-"""Bytes that a number takes once it is computed with, however few its file needs for it."""
+"""Bytes of a number during computation, independent of its size in the file."""
 _GIGA = 1e9
 
 _chosen: ContextVar[float | None] = ContextVar("max_expanded", default=None)
@@ -34,10 +33,10 @@ _chosen: ContextVar[float | None] = ContextVar("max_expanded", default=None)
 
 @contextmanager
 def allowed(gigabytes: float | None) -> Iterator[None]:
-    """Hold every file that is read in the block to another limit.
+    """Set another limit for every file that is read in the block.
 
     Args:
-        gigabytes: The limit [GB, of 10^9 bytes]; None for the default, which depends on the file's size.
+        gigabytes: Limit [GB, of 10^9 bytes]; None for the default, which depends on the file's size.
     """
     before = _chosen.set(gigabytes)
     try:
@@ -47,20 +46,20 @@ def allowed(gigabytes: float | None) -> Iterator[None]:
 
 
 def limit(size: float) -> float:
-    """Return how many bytes a file of `size` bytes may expand to."""
+    """Return the maximum expanded size of a file of `size` bytes."""
     chosen = _chosen.get()
     return max(LEAST, RATIO * size) if chosen is None else chosen * _GIGA
 
 
 class Expansion:
-    """Count of the bytes that one file has expanded to.
+    """Count of the expanded bytes of one file.
 
     Attributes:
-        limit: How many they may be.
+        limit: Maximum of the count.
 
     Args:
-        name: What error lines call the file.
-        size: Its bytes.
+        name: Name of the file in error messages.
+        size: Its size [bytes].
     """
 
     def __init__(self, name: str, size: int) -> None:
@@ -69,15 +68,15 @@ class Expansion:
 
     @classmethod
     def of(cls, name: str, path: Path) -> Expansion:
-        """Return the count of a file, or of all files in a folder, at its beginning."""
+        """Return a new count for a file, or for all files in a folder."""
         files = path.rglob("*") if path.is_dir() else [path]
         return cls(name, sum(each.stat().st_size for each in files if each.is_file()))
 
     def add(self, count: float) -> None:
-        """Count bytes that are about to be made of the file.
+        """Count bytes before the file is expanded to them.
 
         Raises:
-            DataError: they are more than the limit, with those before them.
+            DataError: The total exceeds the limit.
         """
         self._count += count
         if self._count > self.limit:

@@ -1,4 +1,4 @@
-"""MCAP, by `mcap`: ROS 2 (CDR), ROS 1 and JSON channels, also side by side in one file."""
+"""MCAP, by `mcap`: ROS 2 (CDR), ROS 1 and JSON channels, also mixed in one file."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ from hydro.io.readers.ros import topic as ros_topic
 
 _NANO = 1e9
 _EVERY = 4096
+"""Number of records between two reports of progress."""
 _FORMS = {"ros1msg": "msg", "ros2msg": "msg", "ros2idl": "idl"}
 _ENCODINGS = {"cdr": 2, "ros1": 1}
 _MAVLINK = (("time_boot_ms", 1e3), ("time_usec", 1e6))
 _SHORT = "/SERVO_OUTPUT_RAW"
-"""The message whose microseconds have 32 bits."""
+"""Topic whose microseconds have 32 bits."""
 _LONGEST_JSON = int(LEAST / 24)
-"""Bytes of the longest JSON message that is decoded: `{},` takes three of them and, as an object, 72."""
+"""Maximum size of a decoded JSON message [bytes]: `{},` takes three of them and, as an object, 72."""
 
 
 def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of an MCAP file, or of all those in a ROS 2 recording's folder, in order of the file."""
+    """Yield the messages of an MCAP file, or of all those in a ROS 2 recording's folder, in file order."""
     if path.is_dir():
         for part in sorted(path.glob("*.mcap"), key=_in_turn):
             yield from messages(part, selection, options)
@@ -62,7 +63,7 @@ def messages(path: Path, selection: Selection, options: Options) -> Iterator[Ite
 
 
 def _records(file: Bounded, expansion: Expansion) -> Iterator[Any]:
-    """Yield the records of a file, those in chunks one at a time."""
+    """Yield the records of a file, reading one chunk at a time."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
@@ -93,12 +94,12 @@ def _in_chunk(chunk: Any, expansion: Expansion) -> Iterator[Any]:
 
 
 def _in_turn(part: Path) -> list[tuple[str, int]]:
-    """Return what sorts the files of a recording by their numbers: `dive_2` before `dive_10`."""
+    """Return the sort key of a recording's files: by number, `dive_2` before `dive_10`."""
     return [(word, int(each or -1)) for word, each in re.findall(r"(\D*)(\d*)", part.name)]
 
 
 class _Topics:
-    """The channels of a file as topics, each made when its first message comes."""
+    """Channels of a file as topics, each created with its first message."""
 
     def __init__(self, options: Options, expansion: Expansion) -> None:
         self.schemas: dict[int, Any] = {}
@@ -108,7 +109,7 @@ class _Topics:
         self._made: dict[int, Topic] = {}
 
     def of(self, channel: int) -> Topic:
-        """The topic of a channel's number."""
+        """Return the topic of a channel number."""
         if channel not in self._made:
             self._made[channel] = self._make(self.channels[channel])
         return self._made[channel]
@@ -136,10 +137,10 @@ _JSON = msgspec.json.Decoder()
 
 
 def decoded_json(raw: bytes) -> Any:
-    """Decode a message of JSON, also one with NaN or Infinity, which Python's loggers write.
+    """Decode a JSON message, including NaN or Infinity, which Python's loggers write.
 
     Raises:
-        ValueError: it is no JSON, or too long for a measurement.
+        ValueError: It is not JSON, or too long for a measurement.
     """
     if len(raw) > _LONGEST_JSON:
         raise ValueError(f"{len(raw):,} bytes of JSON are more than a measurement has")
@@ -150,7 +151,10 @@ def decoded_json(raw: bytes) -> Any:
 
 
 def json_stamp(message: Any) -> float | None:
-    """When a JSON message was measured [s]: stamp of its header, `timestamp`, or MAVLink's own time."""
+    """Return the time of measurement of a JSON message [s].
+
+    It is the stamp of its header, `timestamp`, or the time field of MAVLink.
+    """
     if not isinstance(message, Mapping):
         return None
     for place in (_at(message, "header", "stamp"), message.get("timestamp"), message.get("stamp")):

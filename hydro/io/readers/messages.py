@@ -1,7 +1,7 @@
-"""What the readers of message logs have in common: topics, the columns wanted of them, numbers in messages.
+"""Common parts of the readers of message logs: topics, selected columns, numbers in messages.
 
-A column is called `topic.field.subfield[index]`.  Messages are objects with attributes (ROS, MAVLink) or
-mappings (JSON); numbers are read from both by the same paths.
+A column is named `topic.field.subfield[index]`.  Messages are objects with attributes (ROS, MAVLink) or
+mappings (JSON); the same paths read numbers from both.
 """
 
 from __future__ import annotations
@@ -17,43 +17,43 @@ from typing import Any
 import numpy as np
 
 LONGEST = 64
-"""Elements of an array that are columns; a longer one is an image, a cloud or a buffer."""
+"""Maximum length of an array that becomes columns; a longer one is an image, a point cloud or a buffer."""
 DEEPEST = 12
-"""Levels of a message; what is nested deeper is no measurement."""
+"""Maximum nesting of a message; deeper fields are not measurements."""
 _TOKEN = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which columns of a log are wanted; `columns` None means all."""
+    """Wanted columns of a log; `columns` None means all."""
 
     columns: frozenset[str] | None = None
 
     def paths(self, topic: str) -> list[str] | None:
-        """The fields wanted of a topic; None means all."""
+        """Return the wanted fields of a topic; None means all."""
         if self.columns is None:
             return None
         begin = f"{topic}."
         return sorted(name[len(begin) :] for name in self.columns if name.startswith(begin))
 
     def takes(self, topic: str) -> bool:
-        """Whether any field of a topic is wanted."""
+        """Check whether any field of a topic is wanted."""
         return self.columns is None or any(name.startswith(f"{topic}.") for name in self.columns)
 
     def takes_type(self, name: str) -> bool:
-        """Whether a message type is wanted, by itself or as one of several instances."""
+        """Check whether a message type is wanted, by itself or as one of several instances."""
         return self.takes(name) or any(each.startswith(f"{name}[") for each in self.columns or ())
 
 
 @dataclass
 class Options:
-    """What a reader is told besides the file.
+    """Options and notes of a reader.
 
     Attributes:
-        name: What error lines call the file.
-        definitions: Folder with `.msg` files for ROS messages whose log does not describe them.
-        progress: Called with the share of the file that is read, from 0 to 1.
-        notes: What readers have to say about the file, a line each.
+        name: Name of the file in error messages.
+        definitions: Folder with `.msg` files for ROS messages that the log does not describe.
+        progress: Called with the share of the file that has been read, from 0 to 1.
+        notes: Notes of the reader about the file, a line each.
     """
 
     name: str
@@ -64,15 +64,15 @@ class Options:
 
 @dataclass(eq=False)
 class Topic:
-    """A sequence of messages with the same fields.
+    """Sequence of messages with the same fields.
 
     Attributes:
-        name: What columns begin with.
+        name: Prefix of the columns.
         kind: Type of the messages.
-        decode: A message of its stored form; None where this cannot be read.
-        stamp: When the message says it was measured [s]; None or 0 where it does not.
-        wraps: The stamp begins again at 0 after so many seconds; 0 where it never does.
-        unread: Why messages are not read, for people; empty where they are.
+        decode: Decode a stored message; None if that is not possible.
+        stamp: Return the time of measurement that a message states [s]; None or 0 without one.
+        wraps: Period after which the stamp wraps to 0 [s]; 0 if it does not wrap.
+        unread: Reason why messages cannot be read, in words; empty if they can.
     """
 
     name: str
@@ -84,13 +84,13 @@ class Topic:
 
 
 Item = tuple[Topic, float, Any]
-"""A topic, when its message was received [s], and the message as it is stored."""
+"""Topic, time of receipt [s], and stored message."""
 Stream = Callable[[Path, Selection, Options], Iterator[Item]]
-"""A reader of messages: those of wanted topics, in any order."""
+"""Reader of messages; it yields those of wanted topics, in any order."""
 
 
 def number(value: Any) -> float | None:
-    """A value as a number: a ROS time in seconds, None for what is no number."""
+    """Return a value as a number: a ROS time in seconds, None for other types."""
     if isinstance(value, int | float | np.number | np.bool_):
         return float(value)
     seconds, rest = getattr(value, "sec", None), getattr(value, "nanosec", None)
@@ -98,7 +98,7 @@ def number(value: Any) -> float | None:
 
 
 def leaves(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, float | None]]:
-    """Every field of a message with its number, None for a field of another kind."""
+    """Yield every field of a message with its number, None for a field of another kind."""
     if (found := number(value)) is not None:
         yield path, found
     elif depth > DEEPEST or value is None or isinstance(value, str | bytes):
@@ -118,7 +118,7 @@ def leaves(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, fl
 
 
 def fields(message: Any) -> Sequence[str]:
-    """The names of a message object's fields."""
+    """Return the names of a message object's fields."""
     if hasattr(message, "get_fieldnames"):
         return tuple(message.get_fieldnames())
     found = dataclasses.fields(message) if dataclasses.is_dataclass(message) else ()
@@ -126,9 +126,9 @@ def fields(message: Any) -> Sequence[str]:
 
 
 def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]:
-    """What takes the values at some paths out of messages like an example.
+    """Return a function that extracts the values at some paths from messages like an example.
 
-    Plain attributes are fetched in one call; whatever else a path may hold is followed step by step.
+    Plain attributes are fetched in one call; other paths are followed step by step.
     """
     plain = not isinstance(example, Mapping) and not any("[" in path for path in paths)
     if plain and all(follow(example, tokens(path)) is not None for path in paths):
@@ -139,12 +139,12 @@ def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]
 
 
 def tokens(path: str) -> list[str | int]:
-    """The names and indices of a path such as `channels[3]`."""
+    """Return the names and indices of a path such as `channels[3]`."""
     return [int(index) if index else name for name, index in _TOKEN.findall(path)]
 
 
 def follow(message: Any, steps: Sequence[str | int]) -> Any:
-    """The value at a path; None where there is none."""
+    """Return the value at a path; None if there is none."""
     for step in steps:
         try:
             if isinstance(step, int) or isinstance(message, Mapping):

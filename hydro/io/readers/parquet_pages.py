@@ -1,6 +1,6 @@
-"""Pages of a Parquet file by their own headers, and what they expand to before one of them is decompressed.
+"""Expanded size of the pages of a Parquet file, from their headers, before decompression.
 
-Libraries make room for a page by the size in its header, whatever the end of the file says of it.
+Libraries allocate the size in a page's header, regardless of the metadata at the end of the file.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ import pyarrow.parquet as pq
 from hydro.io.readers.expansion import LEAST, NUMBER, Expansion
 
 _EXPANDED, _STORED = 2, 3
-"""Fields of a page's header: its bytes after and before they are decompressed."""
+"""Fields of a page header: its expanded and its stored size [bytes]."""
 _KINDS = {5: "values", 7: "dictionary", 8: "values"}
-"""Fields of a page's header that describe values, a dictionary, or values in the second version."""
+"""Fields of a page header that describe values, a dictionary, or values of the second version."""
 _COUNT = 1
-"""Field of these that has the number of values."""
-_SURELY_LITTLE = LEAST / 8
-"""Bytes of text that may be decoded before it is known whether they are too many."""
+"""Field of these with the number of values."""
+_SMALL_TEXT = LEAST / 8
+"""Size of text below which its exact expanded size is not computed [bytes]."""
 _PLAIN, _PLAIN_LENGTHS = 0, 6
-"""Encodings of text of which every character is in the page."""
+"""Encodings of text that store every character in the page."""
 
 
 def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> None:
-    """Count what the columns of a file expand to.
+    """Count the expanded size of a file's columns.
 
-    A number takes `NUMBER` bytes, however often it is repeated in few; text takes its characters.
+    A number counts `NUMBER` bytes, even if it is repeated; text counts its characters.
 
     Args:
         file: The file.
         content: Its bytes.
-        expansion: Gets the count.
+        expansion: Count of the file.
 
     Raises:
-        DataError: it is beyond the limit.
+        DataError: The count exceeds the limit.
     """
     whole = 0
     texts: list[tuple[int, Any, int]] = []
@@ -55,18 +55,18 @@ def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> No
 
 
 def _count_text(file: pq.ParquetFile, group: int, column: Any, longest: int, expansion: Expansion) -> None:
-    """Count text that repeats other text: where it could be much, by decoding some rows at a time."""
-    if column.num_values * longest <= _SURELY_LITTLE:
+    """Count text that repeats other text; large text is decoded some rows at a time."""
+    if column.num_values * longest <= _SMALL_TEXT:
         expansion.add(column.num_values * longest)
         return
-    rows = max(int(_SURELY_LITTLE / longest), 1)
+    rows = max(int(_SMALL_TEXT / longest), 1)
     for batch in file.iter_batches(rows, row_groups=[group], columns=[column.path_in_schema]):
         expansion.add(batch.nbytes)
 
 
 @dataclass(frozen=True)
 class _Page:
-    """Page of a column: its bytes once decompressed, its values, and whether it repeats no text."""
+    """Page of a column: its expanded size, its number of values, and whether its text has no repetition."""
 
     expanded: int
     values: int
@@ -74,7 +74,7 @@ class _Page:
 
 
 def _pages(content: memoryview, column: Any) -> Iterator[_Page]:
-    """Yield the pages of a column in one group of rows, up to the first that no reader could read."""
+    """Yield the pages of a column in one row group, up to the first invalid header."""
     start = column.data_page_offset
     if column.has_dictionary_page and 0 < column.dictionary_page_offset < start:
         start = column.dictionary_page_offset
@@ -97,7 +97,7 @@ def _pages(content: memoryview, column: Any) -> Iterator[_Page]:
 
 
 def _struct(content: memoryview, place: int) -> tuple[dict[int, Any], int]:
-    """Return the fields of a structure in Thrift's compact protocol by number, and where it ends."""
+    """Return the fields of a Thrift compact structure by number, and its end."""
     found: dict[int, Any] = {}
     field = 0
     while head := content[place]:
@@ -111,7 +111,7 @@ def _struct(content: memoryview, place: int) -> tuple[dict[int, Any], int]:
 
 
 def _value(content: memoryview, place: int, kind: int) -> tuple[Any, int]:
-    """Return a value of a type of Thrift, None where only its end matters; and where it ends."""
+    """Return a Thrift value, or None if only its end matters; and its end."""
     if kind in (1, 2):
         return kind == 1, place
     if kind == 3:
@@ -136,13 +136,13 @@ def _value(content: memoryview, place: int, kind: int) -> tuple[Any, int]:
 
 
 def _integer(content: memoryview, place: int) -> tuple[int, int]:
-    """Return a signed integer and where it ends."""
+    """Return a signed integer and its end."""
     number, place = _varint(content, place)
     return (number >> 1) ^ -(number & 1), place
 
 
 def _varint(content: memoryview, place: int) -> tuple[int, int]:
-    """Return an integer of seven bits a byte and where it ends."""
+    """Return an integer of seven bits a byte and its end."""
     number = shift = 0
     while True:
         byte = content[place]

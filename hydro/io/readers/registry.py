@@ -1,4 +1,4 @@
-"""Which reader a log needs: by its first bytes; by its suffix only where a format has none of its own."""
+"""Choice of a log's reader: by its first bytes, or by its suffix if the format has no magic bytes."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from hydro.io.readers.messages import Options, Selection, Stream
 from hydro.io.readers.tables import Tables
 
 HEAD = 512
-"""Bytes at the beginning of a file by which its format is told."""
+"""Number of first bytes of a file that identify its format."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """A format of logs.
+    """Format of logs.
 
     Attributes:
-        name: What people call it.
-        begins: Whether a file that begins with these bytes is of it.
-        messages: Reads its messages; None for a table.
-        table: Reads its table; None for messages.
-        suffix: Of files that no bytes tell, the ending.
+        name: Name of the format.
+        begins: Check whether a file with these first bytes has the format.
+        messages: Reader of messages; None for a table.
+        table: Reader of a table; None for messages.
+        suffix: Suffix of files without identifying bytes.
     """
 
     name: str
@@ -65,7 +65,7 @@ READERS = (
     Reader("numpy archive", _magic(b"PK\x03\x04"), table=arrays.npz),
     Reader("CSV file", lambda head: True, table=delimited.csv),
 )
-"""All formats, the one that no bytes tell at the end."""
+"""All formats; the last one accepts any bytes."""
 _FOREIGN = (
     (b"#ROSBAG V1", "a ROS bag of version 1", "rosbag migrate"),
     (b"#ROSLOG", "a ROS bag of version 1", "rosbag migrate"),
@@ -76,9 +76,9 @@ _FOREIGN = (
     (b"BZh", "compressed with bzip2", "bunzip2"),
     (b"7z\xbc\xaf", "a 7z archive", "7z x"),
 )
-"""What people also have: first bytes, name, and what makes a readable log of it."""
+"""Formats that are not read: first bytes, name, and the conversion to a readable log."""
 _POINTER = b"version https://git-lfs.github.com/spec/"
-"""How Git LFS begins the small file that it puts in the place of a large one."""
+"""First bytes of the small pointer file that Git LFS puts in the place of a large one."""
 FORMATS = (
     "CSV, Parquet, .npz, .mat, ROS 1 bag, ROS 2 (.db3, .mcap or their folder), DataFlash .bin or its .log, "
     "PX4 .ulg, MAVLink .tlog"
@@ -86,20 +86,20 @@ FORMATS = (
 
 
 def reader_of(path: Path, name: str) -> Reader:
-    """The reader of a file, or of a ROS 2 recording's folder.
+    """Return the reader of a file, or of a ROS 2 recording's folder.
 
     Raises:
-        DataError: nothing here reads it; the line says what to make of it.
+        DataError: No reader knows the format; the message has a conversion.
     """
     if path.is_dir():
         _refuse_pointers([each for each in sorted(path.iterdir()) if each.is_file()], name)
         if any(path.glob("*.mcap")):
-            return _named("MCAP file")
+            return _reader("MCAP file")
         if (path / "metadata.yaml").is_file():
-            return _named("ROS 2 recording")
+            return _reader("ROS 2 recording")
         raise DataError(
-            f"{name}: a folder without metadata.yaml is no ROS 2 recording, and without "
-            "session=NAME/part.parquet no dataset: name a file in it"
+            f"{name}: without metadata.yaml this folder is not a ROS 2 recording, and without "
+            "session=NAME/part.parquet it is not a dataset: name a file in it"
         )
     _refuse_pointers([path], name)
     with path.open("rb") as file:
@@ -119,7 +119,7 @@ def reader_of(path: Path, name: str) -> Reader:
 
 
 def _refuse_pointers(files: Sequence[Path], name: str) -> None:
-    """Refuse a file that Git LFS left in the place of the log."""
+    """Refuse a file that is a Git LFS pointer instead of the log."""
     for each in files:
         with each.open("rb") as file:
             if file.read(len(_POINTER)) == _POINTER:
@@ -130,15 +130,15 @@ def _refuse_pointers(files: Sequence[Path], name: str) -> None:
                 )
 
 
-def _named(name: str) -> Reader:
+def _reader(name: str) -> Reader:
     return next(each for each in READERS if each.name == name)
 
 
 def read(path: Path, reader: Reader, selection: Selection, options: Options) -> pl.DataFrame | Tables:
-    """A table whole, or the wanted columns of a log of messages; all of them cost a second pass over it.
+    """Return a table, or the wanted columns of a log of messages; all columns need a second pass.
 
     Raises:
-        DataError: the file is damaged, or its library is not installed.
+        DataError: The file is damaged, or its library is not installed.
     """
     with reading(options.name, reader.name):
         if reader.table is not None:
@@ -154,10 +154,10 @@ def read(path: Path, reader: Reader, selection: Selection, options: Options) -> 
 
 
 def topics(path: Path, reader: Reader, options: Options) -> list[Listed]:
-    """The topics of a log of messages, in one pass that keeps none of them.
+    """Return the topics of a log of messages, in one pass without keeping messages.
 
     Raises:
-        DataError: the file is damaged, or its library is not installed.
+        DataError: The file is damaged, or its library is not installed.
     """
     assert reader.messages is not None
     with reading(options.name, reader.name):

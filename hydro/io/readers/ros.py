@@ -20,18 +20,18 @@ from hydro.io.readers.versions import Versions
 
 _NANO, _MICRO = 1e9, 1e6
 _EVERY = 4096
-"""Messages between two reports of progress."""
+"""Number of messages between two reports of progress."""
 
 
 class Definitions:
-    """The message types that a log describes, else those of a folder, else those of the distribution.
+    """Message types from a log, or else from a folder, or else from the ROS distribution.
 
     Args:
-        ros: 1 or 2: which distribution's types stand in for what a log does not describe.
+        ros: Version of ROS, 1 or 2, whose distribution has the types that a log does not describe.
         folder: Folder with `.msg` files, or None.
 
     Raises:
-        DataError: the folder is none, or a file in it is no message definition.
+        DataError: The folder does not exist, or a file in it is not a message definition.
     """
 
     def __init__(self, ros: int, folder: Path | None) -> None:
@@ -44,29 +44,29 @@ class Definitions:
         self._broken: dict[str, str] = {}
         self._described: set[str] = set()
         if folder is not None:
-            self._take(_from_folder(folder))
+            self._add_types(_from_folder(folder))
 
-    def _take(self, types: dict[str, Any]) -> None:
+    def _add_types(self, types: dict[str, Any]) -> None:
         self._types.update(types)
         self._described.update(types)
 
     def add(self, kind: str, text: str, form: str) -> None:
-        """Take the definition that a log has of a type; `form` is `msg` or `idl`."""
+        """Add the definition of a type from a log; `form` is `msg` or `idl`."""
         from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
         try:
             if form == "msg":
-                self._take(get_types_from_msg(text, kind))
+                self._add_types(get_types_from_msg(text, kind))
             else:
                 for part in re.split(r"^=+\n", text, flags=re.MULTILINE):
                     body = part.partition("\n")[2] if part.startswith("IDL: ") else part
                     if body.strip():
-                        self._take(get_types_from_idl(body))
+                        self._add_types(get_types_from_idl(body))
         except Exception as error:
             self._broken[kind] = str(error).partition("\n")[0]
 
     def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
-        """What makes a message of this type of its bytes; else None and why there is none."""
+        """Return the decoder of a message type; or None and the reason."""
         undescribed = self._ros == 2 and kind not in self._described
         if undescribed and (kind in BUILT_IN or kind in self._types):
             return Versions(self._versions(kind)), ""
@@ -78,7 +78,7 @@ class Definitions:
         return self._reader(self._store, kind, self._types, needed), ""
 
     def _versions(self, kind: str) -> Iterator[Callable[[bytes], Any]]:
-        """Yield decoders of a type that the log does not describe: of every distribution, or built in."""
+        """Yield decoders of a type that the log does not describe: built in, or of every distribution."""
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         def distributions() -> Iterator[dict[str, Any]]:
@@ -103,14 +103,14 @@ class Definitions:
     def _reader(
         self, store: Any, kind: str, types: dict[str, Any], needed: Iterable[str]
     ) -> Callable[[bytes], Any]:
-        """Return what decodes a type, all of whose parts are put into a store."""
+        """Return the decoder of a type, and register all its parts in a store."""
         if new := {name: types[name] for name in needed if name not in store.fielddefs}:
             store.register(new)
         read = store.deserialize_ros1 if self._ros == 1 else store.deserialize_cdr
         return partial(_decode, read, kind)
 
     def stamp(self, kind: str) -> Callable[[Any], float | None]:
-        """What reads a message's own time, of its header or a field `stamp`."""
+        """Return a function that reads a message's stamp, from its header or a field `stamp`."""
         if kind in BUILT_IN and kind not in self._described:
             text = BUILT_IN[kind][0]
             names = [line.split()[-1] for line in text.splitlines()]
@@ -124,7 +124,7 @@ class Definitions:
 
 
 def _missing(kind: str, types: dict[str, Any], needed: dict[str, None]) -> str:
-    """List a type and all its parts in `needed`; return the name of one without definition, or nothing."""
+    """List a type and all its parts in `needed`; return the name of one without definition, or ""."""
     if kind in needed:
         return ""
     if kind not in types:
@@ -143,7 +143,7 @@ def _decode(read: Callable[[bytes, str], Any], kind: str, raw: bytes) -> Any:
 
 
 def _decode_plain(decode: Callable[[bytes], Any], expansion: Expansion, raw: bytes) -> Any:
-    """Decode a message, compressed one by one or not: no message of ROS begins as a frame of zstd does."""
+    """Decode a message that may be compressed; no ROS message begins with the magic bytes of zstd."""
     return decode(unzstd(raw, expansion) if raw[:4] == ZSTD else raw)
 
 
@@ -152,7 +152,7 @@ def _header_stamp(message: Any) -> float | None:
 
 
 def _from_folder(folder: Path) -> dict[str, Any]:
-    """The types of all `.msg` files under a folder, named by the folder of their package."""
+    """Return the types of all `.msg` files under a folder, named after the folder of their package."""
     from rosbags.typesys import get_types_from_msg
 
     files = sorted(folder.rglob("*.msg"))
@@ -171,7 +171,7 @@ def _from_folder(folder: Path) -> dict[str, Any]:
 
 
 def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a ROS 1 bag, those of each of its chunks in order of receipt."""
+    """Yield the messages of a ROS 1 bag, those of each of its chunks in order of receipt."""
     expansion = Expansion.of(options.name, path)
     with by_chunk(expansion)(BoundedPath(path)) as reader:
         yield from messages_of(reader, Definitions(1, options.definitions), selection, options, expansion)
@@ -180,7 +180,7 @@ def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
 def messages_of(
     reader: Any, known: Definitions, selection: Selection, options: Options, expansion: Expansion
 ) -> Iterator[Item]:
-    """The wanted messages of an open reader."""
+    """Yield the wanted messages of an open reader."""
     for each in reader.connections:
         if each.msgdef.data:
             known.add(each.msgtype, each.msgdef.data, each.msgdef.format.name.lower())
@@ -196,7 +196,7 @@ def messages_of(
 
 
 def topic(name: str, kind: str, known: Definitions, expansion: Expansion) -> Topic:
-    """A topic of ROS messages, readable where all its types are known."""
+    """Return a topic of ROS messages, readable if all its types are known."""
     decode, why = known.decoder(kind)
     decode = decode and partial(_decode_plain, decode, expansion)
     return Topic(name, kind, decode, known.stamp(kind), unread=why)

@@ -1,4 +1,4 @@
-"""ROS 2 recordings in SQLite, by `rosbags`, and folders whose files or messages are compressed."""
+"""ROS 2 recordings in SQLite, by `rosbags`, including compressed files or messages."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _METADATA = "metadata.yaml"
 
 
 def sqlite(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a ROS 2 recording in SQLite: the `.db3` file, or its folder with `metadata.yaml`."""
+    """Yield the messages of a ROS 2 recording in SQLite: a `.db3` file, or a folder with `metadata.yaml`."""
     from rosbags.rosbag2 import Reader
 
     expansion = Expansion.of(options.name, path)
     with tempfile.TemporaryDirectory() as folder:
         if path.is_dir():
-            storage, path = _plain(path, Path(folder), expansion), Path(folder)
+            storage, path = _uncompressed(path, Path(folder), expansion), Path(folder)
             if storage == "mcap":
                 yield from mcap_file.messages(path, selection, options)
                 return
@@ -34,11 +34,11 @@ def sqlite(path: Path, selection: Selection, options: Options) -> Iterator[Item]
             yield from messages_of(reader, Definitions(2, options.definitions), selection, options, expansion)
 
 
-def _plain(recording: Path, folder: Path, expansion: Expansion) -> str:
-    """Make a recording in another folder whose files are not compressed; return the name of its storage.
+def _uncompressed(recording: Path, folder: Path, expansion: Expansion) -> str:
+    """Copy a recording to another folder with uncompressed files; return the name of its storage format.
 
-    Messages that are compressed one by one stay so, and are called plain: they are decompressed when they
-    are decoded.
+    Messages that are compressed one by one stay compressed but are declared plain; the decoder decompresses
+    them.
     """
     from ruamel.yaml import YAML
 

@@ -1,7 +1,7 @@
 """Message types that vehicles log and no ROS distribution has: names and types of their fields.
 
-A recording of ROS 2 before Iron does not describe its types.  Where a type has changed, all versions are
-listed, the newest first; the reader takes the one that a topic's messages fit (`versions.Versions`).
+A recording of ROS 2 before Iron does not describe its types.  If a type has changed, all versions are listed,
+the newest first; the reader uses the first that fits a topic's messages (`versions.Versions`).
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ _COMPACT: dict[str, tuple[str, ...]] = {
         f"{_LOCAL}{_TURNED}{_GLOBAL}{_BOTTOM}{_ERRORS}bool dead_reckoning; {_LIMITS}",
         f"{_LOCAL}{_TURNED}{_GLOBAL}{_BOTTOM}{_ERRORS}{_LIMITS}",
     ),
-    # Doppler logs
+    # DVL
     "marine_acoustic_msgs/msg/Dvl": (
         f"{_HEAD}; uint8 velocity_mode; uint8 dvl_type; geometry_msgs/Vector3 velocity; "
         "float64[9] velocity_covar; float64 altitude; float64 course_gnd; float64 speed_gnd; "

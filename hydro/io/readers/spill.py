@@ -1,4 +1,4 @@
-"""Numbers on the disk while a log is read: memory holds one block of a topic, however long the log is."""
+"""Buffer on disk for the numbers of a log: memory holds one block per topic, however long the log is."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from hydro.core.columns import Array
 from hydro.core.errors import DataError
 
 BLOCK = 4096
-"""Messages of a topic that are kept in memory before they are written."""
+"""Number of messages of a topic that are kept in memory before they are written."""
 SMALL = 16_000_000
-"""Bytes of a log that need no file."""
+"""Size of a log below which no file is written [bytes]."""
 _DOUBLE = 8
 
 
 class Spill:
-    """A temporary file without a name, which goes with the last object that reads it."""
+    """Temporary file without a name, which is deleted with the last object that reads it."""
 
     def __init__(self) -> None:
         self._file = tempfile.SpooledTemporaryFile(max_size=SMALL)  # noqa: SIM115  closed by the finalizer
         weakref.finalize(self, self._file.close)
 
     def put(self, block: Sequence[array[float]]) -> int:
-        """Write columns one after another; where the first begins.
+        """Write columns one after another; return the start of the first.
 
         Raises:
-            DataError: the disk is full.
+            DataError: The disk is full.
         """
         place = self._file.seek(0, 2)
         try:
@@ -47,17 +47,17 @@ class Spill:
         return place
 
     def take(self, place: int, into: Array) -> None:
-        """Read as many numbers as `into` has."""
+        """Read as many numbers as `into` holds."""
         self._file.seek(place)
         self._file.readinto(into.data.cast("B"))
 
 
 class Columns:
-    """Some columns of numbers with a row for each message, written to a spill block by block.
+    """Columns of numbers with a row for each message, written to a spill block by block.
 
     Args:
-        count: Columns.
-        spill: Where to.
+        count: Number of columns.
+        spill: Spill that receives the blocks.
     """
 
     def __init__(self, count: int, spill: Spill) -> None:
@@ -67,7 +67,7 @@ class Columns:
         self._places: list[int] = []
 
     def advance(self) -> None:
-        """Tell that every one of the `open` columns has one number more."""
+        """Count a row, after each of the `open` columns got one number."""
         self.rows += 1
         if self.rows % BLOCK == 0:
             self._places.append(self._spill.put(self.open))
@@ -75,7 +75,7 @@ class Columns:
                 del column[:]
 
     def column(self, number: int, start: int = 0, stop: int | None = None) -> Array:
-        """The numbers of one column in rows `start` to `stop`, the last left out; by default all."""
+        """Return the numbers of one column in rows `start` to `stop` (excluded); by default all."""
         stop = self.rows if stop is None else stop
         out = np.empty(max(stop - start, 0))
         for block in range(start // BLOCK, -(-stop // BLOCK) if len(out) else 0):

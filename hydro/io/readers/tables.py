@@ -1,7 +1,7 @@
-"""The numbers of a log of messages: of each topic in rows of its own, on the disk until they are asked for.
+"""Numbers of a log of messages: each topic in its own rows, on disk until they are needed.
 
-One table of all topics has a row for each message and mostly nothing in it; what is read of a log with a map
-never needs it.  `Tables.wide` makes it for those who do.
+One table of all topics would have a row for each message and mostly nulls.  An import with a map does not
+need it; `Tables.wide` makes it for other uses.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from hydro.io.readers.spill import Columns, Spill
 
 TIME, RECEIVED = "time", "receive_time"
 CLOCKS = (TIME, RECEIVED)
-"""Columns that every log of messages has beside those of its topics [s]."""
+"""Columns that every log of messages has in addition to those of its topics [s]."""
 
 
 class Undecoded(Exception):
-    """A message that does not fit the definition of its type."""
+    """Error for a message that does not fit the definition of its type."""
 
 
 class Buffer:
-    """The wanted fields of a topic, one number each for every message.
+    """Wanted fields of a topic, one number each for every message.
 
     Attributes:
-        again: Rows from which on the clock of receipt begins again.
+        again: Rows at which the clock of receipt restarts.
     """
 
     def __init__(self, topic: Topic, paths: Sequence[str], spill: Spill) -> None:
@@ -45,11 +45,11 @@ class Buffer:
         return self._numbers.rows
 
     def add(self, received: float, raw: object) -> None:
-        """Keep the numbers of a message.
+        """Add the numbers of a message.
 
         Raises:
-            Undecoded: it cannot be decoded; the buffer stays as it was.
-            DataError: it expands beyond the limit of its file.
+            Undecoded: It cannot be decoded; the buffer stays as it was.
+            DataError: It expands beyond the limit of its file.
         """
         assert self.topic.decode is not None
         try:
@@ -74,22 +74,22 @@ class Buffer:
 
     @property
     def received(self) -> Array:
-        """When its messages were received [s]."""
+        """Times of receipt of its messages [s]."""
         return self._numbers.column(0)
 
     def stamps(self) -> Stamps:
-        """Its times."""
+        """Return its times."""
         received, stamped = self.received, self._numbers.column(1)
         return Stamps(self.topic.name, received, stamped, self.topic.wraps, tuple(self.again))
 
     @property
     def columns(self) -> dict[str, int]:
-        """Its columns that have ever held a number, and their places."""
+        """Columns with at least one number, and their indices."""
         held = ((place, path) for place, path in enumerate(self.paths) if self._there[place])
         return {f"{self.topic.name}.{path}": place for place, path in held}
 
     def values(self, place: int, start: int = 0, stop: int | None = None) -> Array:
-        """The numbers of a column in some of its rows, NaN where a message has none."""
+        """Return the numbers of a column in some of its rows, NaN where a message has none."""
         return self._numbers.column(len(CLOCKS) + place, start, stop)
 
 
@@ -97,10 +97,10 @@ class Table:
     """Some topics in one table, its rows in order of time.
 
     Attributes:
-        time: Times of its rows [s], (n,), not falling.
+        time: Times of its rows [s], (n,), not decreasing.
 
     Args:
-        buffers: The topics, those that come first first among rows of one time.
+        buffers: Topics; rows of equal time keep their order.
         times: Times of the messages of each [s].
     """
 
@@ -117,11 +117,11 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Its columns, without the clocks."""
+        """Columns without the clocks."""
         return list(dict.fromkeys(name for each in self._buffers for name in each.columns))
 
     def column(self, name: str, start: int = 0, stop: int | None = None) -> Array:
-        """A column in some rows, by default all; NaN where a row has nothing."""
+        """Return a column in some rows, by default all; NaN where a row has no value."""
         if self._places is None:
             (buffer,) = self._buffers
             return buffer.values(buffer.columns[name], start, stop)
@@ -131,7 +131,7 @@ class Table:
         ]
 
     def unset(self, name: str, start: int = 0, stop: int | None = None) -> Mask:
-        """Return the rows in which a message of its topic says NaN, (n,)."""
+        """Return the rows in which a message of its topic is NaN, (n,)."""
         if self._places is None:
             own = np.ones(len(self.time), bool)
         else:
@@ -142,14 +142,14 @@ class Table:
         return np.asarray(own[start:stop] & np.isnan(self.column(name, start, stop)))
 
     def wide(self) -> pl.DataFrame:
-        """All columns, and the clocks."""
+        """Return all columns, and the clocks."""
         received = self._placed(each.received for each in self._buffers)
         table = [pl.Series(TIME, self.time), pl.Series(RECEIVED, received)]
         table += [pl.Series(name, self.column(name), nan_to_null=True) for name in self.names]
         return pl.DataFrame(table)
 
     def _placed(self, parts: Iterable[Array | None]) -> Array:
-        """Numbers of each topic in the rows of all; of a topic without any nothing."""
+        """Return numbers of each topic in the rows of all, NaN for topics without numbers."""
         if self._places is None:
             (whole,) = parts
             assert whole is not None
@@ -162,15 +162,15 @@ class Table:
 
 
 class Tables:
-    """The topics of a log, each with rows of its own, all on one clock.
+    """Topics of a log, each with its own rows, all on one clock.
 
     Attributes:
-        notes: What was done to their clocks, a line each.
-        begins: Times at which a clock begins again, and a session with it [s], rising.
+        notes: Corrections of their clocks, a line each.
+        begins: Times at which a clock restarts, and a session with it [s], increasing.
 
     Args:
-        buffers: Those with messages, in the order in which the log has them.
-        notes: What is to be told of their messages, a line each.
+        buffers: Topics with messages, in the order of the log.
+        notes: Notes on their messages, a line each.
     """
 
     def __init__(self, buffers: Sequence[Buffer], notes: Sequence[str] = ()) -> None:
@@ -180,12 +180,12 @@ class Tables:
 
     @property
     def height(self) -> int:
-        """Messages."""
+        """Number of messages."""
         return sum(map(len, self._buffers))
 
     @property
     def columns(self) -> list[str]:
-        """All columns, as `wide` has them."""
+        """All columns, as in `wide`."""
         return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
 
     def values(self, name: str) -> Array:
@@ -194,20 +194,20 @@ class Tables:
         return np.concatenate([np.empty(0), *parts])
 
     def times(self) -> Array:
-        """Times of all messages [s], in their order."""
+        """Return the times of all messages [s], sorted."""
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
 
     def wide(self) -> pl.DataFrame:
-        """One table with a row for each message, with nulls in the columns of other topics."""
+        """Return one table with a row for each message, with nulls in the columns of other topics."""
         if not self._buffers:
             return pl.DataFrame(schema=dict.fromkeys(CLOCKS, pl.Float64))
         return Table(self._buffers, self._times).wide()
 
     def together(self, wanted: Sequence[Sequence[str]]) -> Iterator[tuple[Table, list[str]]]:
-        """As many tables as there can be with every group of columns in one; and which of these each has.
+        """Yield tables with their columns, as many as possible with each group of columns in one table.
 
         Args:
-            wanted: Groups of columns, each of which shall share rows.
+            wanted: Groups of columns, each of which must share rows.
         """
         of: dict[str, set[str]] = {}
         for each in self._buffers:
@@ -229,10 +229,10 @@ class Tables:
 
 
 class Numbers(Mapping[str, Array]):
-    """Some columns of tables in stretches of rows, each read when it is asked for; NaN for what is no number.
+    """Columns of tables in ranges of rows, each read on demand; NaN for infinite values.
 
     Args:
-        tables: Of each column, its table and the first and last row, the last left out.
+        tables: For each column, its table and the range of rows, the last excluded.
     """
 
     def __init__(self, tables: Mapping[str, tuple[Table, int, int]]) -> None:

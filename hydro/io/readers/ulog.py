@@ -20,11 +20,12 @@ from hydro.io.readers.messages import Item, Options, Selection, Topic, tokens
 
 MAGIC = b"ULog\x01\x12\x35"
 _HEADER = 16
-"""Bytes before the first message: magic, version, time of start."""
+"""Bytes before the first message: magic bytes, version, start time."""
 _MICRO = 1e6
 _EVERY = 4096
+"""Number of messages between two reports of progress."""
 _FIELD = 256
-"""Bytes that a field of a topic takes in the library: an object, its name, and its place in a type."""
+"""Memory of a field of a topic in the library [bytes]: an object, its name, and its place in a type."""
 
 Tree = dict[Any, Any]
 """Fields by name: arrays with a row for each message, or lists and mappings of these."""
@@ -33,8 +34,8 @@ Tree = dict[Any, Any]
 def ulog(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
     """Yield the messages of a ULog in order of time.
 
-    A topic of several instances is called `name` for the first and `name[1]` and so on.  A topic that was
-    subscribed to several times, each for a part of the log, is one.
+    A topic with several instances is called `name` for the first, then `name[1]` and so on.  Several
+    subscriptions to a topic, each for a part of the log, are one topic.
     """
     with quiet(io.StringIO()), Bounded(path) as file:
         log = _bounded(Expansion.of(options.name, path))(file, _types(selection))
@@ -59,9 +60,9 @@ def ulog(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
 
 
 def _bounded(expansion: Expansion) -> type[Any]:
-    """Return the library's reader, which counts the fields of each topic before it lists them.
+    """Return the library's reader with a count of the fields of each topic before it lists them.
 
-    Types are made of types, so that a few of them can have more fields than a memory holds.
+    Types consist of types, so a few of them can have more fields than fit in memory.
     """
     from pyulog import ULog
 
@@ -77,7 +78,7 @@ def _bounded(expansion: Expansion) -> type[Any]:
 
 
 def _fields(kind: str, formats: Mapping[str, Any], known: dict[str, int]) -> int:
-    """Return how many numbers a type has, with those of its parts; `known` has those of other types."""
+    """Return the number of fields of a type, including its parts; `known` caches other types."""
     if kind not in formats:
         return 1
     if kind not in known:
@@ -87,7 +88,7 @@ def _fields(kind: str, formats: Mapping[str, Any], known: dict[str, int]) -> int
 
 
 def _types(selection: Selection) -> list[str] | None:
-    """Return the topics that columns may be of; None where all are wanted."""
+    """Return the topics of the wanted columns; None if all are wanted."""
     if selection.columns is None:
         return None
     return sorted({name.partition(".")[0].partition("[")[0] for name in selection.columns})
@@ -117,7 +118,7 @@ def _merged(topics: Sequence[tuple[Topic, Array]], options: Options) -> Iterator
 
 
 def _tree(columns: Mapping[str, Any]) -> Tree:
-    """Return columns such as `esc[0].rpm` as the nested fields that their names state."""
+    """Return columns such as `esc[0].rpm` as nested fields."""
     root: Tree = {}
     for name, values in columns.items():
         steps = tokens(name)
@@ -130,7 +131,7 @@ def _tree(columns: Mapping[str, Any]) -> Tree:
 
 
 def _listed(tree: Any) -> Any:
-    """Return nested fields with a list in the place of every mapping whose keys are 0, 1, 2 and so on."""
+    """Return nested fields with lists in place of mappings whose keys are 0, 1, 2 and so on."""
     if not isinstance(tree, dict):
         return tree
     parts = {name: _listed(part) for name, part in tree.items()}
@@ -138,7 +139,7 @@ def _listed(tree: Any) -> Any:
 
 
 def _row(tree: Any, place: int) -> Any:
-    """Return one message of the fields of all."""
+    """Return one message of nested arrays."""
     if isinstance(tree, dict):
         return {name: _row(part, place) for name, part in tree.items()}
     if isinstance(tree, list):
@@ -147,7 +148,7 @@ def _row(tree: Any, place: int) -> Any:
 
 
 def _cut_short(path: Path) -> bool:
-    """Return whether the last message of a log begins in it and ends beyond."""
+    """Check whether the last message of a log is incomplete."""
     content = memoryview(path.read_bytes())
     place = _HEADER
     while place + 3 <= len(content):

@@ -1,4 +1,4 @@
-"""Messages whose type has several versions: the one that fits a topic's messages is found by trying."""
+"""Decoder of messages whose type has several versions: the first version that fits is used."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ Read = Callable[[Any], Any]
 
 
 class Versions:
-    """Decoder of a topic that takes the first version of its type that its messages fit.
+    """Decoder of a topic that uses the first version of its type that fits its messages.
 
     Args:
-        every: Yields a decoder for each version, the likeliest first; asked for only as long as none fits.
+        every: Yields a decoder for each version, the most likely first, and only until one fits.
     """
 
     def __init__(self, every: Iterator[Read]) -> None:
@@ -24,7 +24,7 @@ class Versions:
         """Decode a message.
 
         Raises:
-            Exception: whatever the likeliest version raises, where none fits.
+            Exception: Error of the most likely version, if none fits.
         """
         if self._found is not None:
             return self._found(raw)

@@ -1,1 +1,1 @@
-"""MuJoCo from compiled code: its model, its memory, and the callbacks inside its step."""
+"""Compiled water forces in MuJoCo: its models, its memory, and the callbacks inside its step."""

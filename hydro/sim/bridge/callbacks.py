@@ -1,18 +1,18 @@
-"""MuJoCo's callbacks for vehicles in water, in machine code: no Python, no GIL, no memory between calls.
+"""Compiled MuJoCo callbacks for vehicles in water, without Python, the GIL or memory between calls.
 
-With nu the FRD velocity of CO, T the map from MuJoCo's velocity to it (`T qvel = nu`) and nu_r the velocity
-through the water, `passive` adds for each vehicle::
+nu is the FRD velocity of CO, T maps MuJoCo's velocity to it (`T qvel = nu`), and nu_r is the velocity through
+the water.  For each vehicle, `passive` adds::
 
     M            += T^T I T                                          added mass is inertia, not feedback
     qfrc_passive += T^T (I [omega x v_r; 0] - C(nu_r) nu_r + C_cancelled(nu) nu + effects - tau_held)
 
-with nu_r for nu in C_cancelled and in the network where that learnt in still water (`water.residual`).
-[omega x v_r; 0] is there because MuJoCo's linear acceleration is the world's derivative, and because a
-current that is steady in the world turns in the body (`simulation.dynamics`).  `sensor` runs once per step,
-on the state that the step begins with: it begins control steps and sets internal states at the start.  `rate`
-is the thrusters' lag, and `thrust` their thrust where it is more than a multiple of the lag state.
+nu_r replaces nu in C_cancelled and in the network if the network learnt in still water (`water.residual`).
+[omega x v_r; 0] is needed for two reasons (`simulation.dynamics`).  MuJoCo's linear acceleration is the
+derivative in world axes, and a current that is steady in the world rotates in the body frame.
 
-The kernels are those of `core`, the same that `simulation.simulate` runs; parameters lie in numeric fields
+`sensor` runs once per step on the state at its start: it starts control steps and initialises internal
+states.  `rate` is the lag of a thruster.  `thrust` is its thrust if this is not just proportional to the lag
+state.  The kernels are those of `core`, as in `simulation.simulate`.  Parameters are in numeric fields
 (`sim.bridge.water`) and states in activations.
 """
 
@@ -74,15 +74,15 @@ _mj_readCtrl = types.ExternalFunction(
     ),
 )
 S = 9
-"""Where the state of motion stands in the room on the stack, behind a rotation,"""
+"""Index of the state of motion in the stack buffer, after a rotation."""
 TAU, SCRATCH = S + layout.MOTION, S + layout.MOTION + 6
-"""and behind it a wrench and scratch."""
+"""Indices of a wrench and of scratch space after it."""
 FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
 
 
 @within
-def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
-    """The state of motion `s` of `core.effects.layout`, and P (9,): z-up world components to body FRD."""
+def _write_motion(data: int, vehicle: Array, P: Array, s: Array) -> None:
+    """Write the state of motion `s` (`core.effects.layout`), and P (9,), z-up world to body FRD."""
     s[layout.TIME] = number(data, structs.TIME)
     body, dof = int(vehicle[water.AT_BODY]), int(vehicle[water.AT_DOF])
     xmat, xpos, qvel = (
@@ -104,8 +104,8 @@ def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
 
 
 @within
-def _heed(model: int, data: int, vehicle: Array, s: Array) -> None:
-    """Write the commands of this step into `s`, as given, before any delay."""
+def _write_commands(model: int, data: int, vehicle: Array, s: Array) -> None:
+    """Write the commands of this step into `s`, before any delay."""
     count = min(int(program_of(vehicle)[THRUSTER_COUNT]), layout.MOST_COMMANDS)
     if count:
         first = integers(model, structs.CTRLADR, int(vehicle[water.AT_ACTUATOR]), 1)[0]
@@ -115,16 +115,16 @@ def _heed(model: int, data: int, vehicle: Array, s: Array) -> None:
 
 
 @within
-def _asked_at(vehicle: Array) -> int:
-    """Where in the state of motion the velocity is that a residual network is asked about.
+def _network_input(vehicle: Array) -> int:
+    """Return the index of the residual network's velocity input in the state of motion.
 
-    Over ground, or through the water.
+    The input is the velocity over ground or through the water.
     """
     return layout.RELATIVE_VELOCITY if vehicle[water.AT_DRIFTING] > 0.0 else layout.VELOCITY
 
 
 @within
-def _exert(P: Array, tau: Array, force: Array) -> None:
+def _add_body_wrench(P: Array, tau: Array, force: Array) -> None:
     """Add T^T tau to `force` (6,): a body wrench (FRD, about CO) as MuJoCo's generalised force."""
     for j in range(3):
         force[j] += P[j] * tau[0] + P[3 + j] * tau[1] + P[6 + j] * tau[2]
@@ -154,8 +154,8 @@ def _add_coriolis(A: Array, factor: float, nu: Array, part: Array, tau: Array) -
 
 
 @within
-def _weigh_down(data: int, vehicle: Array, P: Array, scratch: Array) -> bool:
-    """Add one vehicle's inertia to M; whether M is factored anew for it already."""
+def _add_to_mass(data: int, vehicle: Array, P: Array, scratch: Array) -> bool:
+    """Add one vehicle's inertia to M; return whether its rows of M have been factored again."""
     at, rows, dof = (
         int(vehicle[water.AT_INERTIA]),
         int(vehicle[water.AT_ROWS]),
@@ -174,7 +174,7 @@ def _weigh_down(data: int, vehicle: Array, P: Array, scratch: Array) -> bool:
 
 @within
 def _add_forces(model: int, data: int, vehicle: Array) -> bool:
-    """Add one vehicle's inertia and forces; whether M is factored for what was added to it."""
+    """Add one vehicle's inertia and forces; return whether M has been factored with its inertia."""
     room = stack()
     P, s, tau, scratch = (
         part(room, 0, 9),
@@ -182,19 +182,19 @@ def _add_forces(model: int, data: int, vehicle: Array) -> bool:
         part(room, TAU, 6),
         part(room, SCRATCH, 18),
     )
-    _observe(data, vehicle, P, s)
-    # first, since its divisions wait for one another and for nothing else
-    factored = _weigh_down(data, vehicle, P, scratch) if vehicle[water.AT_INERTIA] > 0.0 else True
+    _write_motion(data, vehicle, P, s)
+    # First: its divisions depend only on one another, so the processor can overlap them with the rest.
+    factored = _add_to_mass(data, vehicle, P, scratch) if vehicle[water.AT_INERTIA] > 0.0 else True
     for i in range(6):
         tau[i] = 0.0
-    nu_r, felt = part(s, layout.RELATIVE_VELOCITY, 6), part(s, _asked_at(vehicle), 6)
+    nu_r, felt = part(s, layout.RELATIVE_VELOCITY, 6), part(s, _network_input(vehicle), 6)
     dof = int(vehicle[water.AT_DOF])
 
     if vehicle[water.AT_EFFECTS] > 0.0:
         program, at = program_of(vehicle), int(vehicle[water.AT_STATES])
-        _heed(model, data, vehicle, s)
+        _write_commands(model, data, vehicle, s)
         count = int(program[STATE_COUNT])
-        # MuJoCo clears `act_dot` after this stage: rates written here only need somewhere to go
+        # MuJoCo clears `act_dot` after this stage: the rates written here are discarded.
         wrench(
             program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau
         )
@@ -206,43 +206,43 @@ def _add_forces(model: int, data: int, vehicle: Array) -> bool:
         _add_coriolis(part(vehicle, at, 36), 1.0, felt, scratch, tau)
     at = int(vehicle[water.AT_HELD])
     if at >= 0:
-        _take(numbers(data, structs.USERDATA, at, 6), tau)
+        _subtract_held(numbers(data, structs.USERDATA, at, 6), tau)
     if vehicle[water.AT_CONTROL] > 0.0:
         block = part(vehicle, int(vehicle[water.AT_CONTROL]), structs.WHOLE)
         control.exert(block, control_states(data, vehicle), felt, scratch, tau)
     at = int(vehicle[water.AT_INERTIA])
     if at:
         _add_transport(part(vehicle, at, 36), nu_r, tau)
-    _exert(P, tau, numbers(data, structs.QFRC_PASSIVE, dof, 6))
+    _add_body_wrench(P, tau, numbers(data, structs.QFRC_PASSIVE, dof, 6))
     return factored
 
 
 @within
-def _take(held: Array, tau: Array) -> None:
-    """A held wrench stands on the left-hand side of the balance."""
+def _subtract_held(held: Array, tau: Array) -> None:
+    """Subtract a held wrench, which is on the left-hand side of the balance."""
     for i in range(6):
         tau[i] -= held[i]
 
 
 @within
-def _is_stale(model: int, data: int, vehicle: Array) -> bool:
-    """Whether MuJoCo's M may hold a vehicle's added inertia already."""
+def _has_added_mass(model: int, data: int, vehicle: Array) -> bool:
+    """Check whether MuJoCo's M may already contain a vehicle's added inertia."""
     mass = numbers(model, structs.SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
     A = part(vehicle, int(vehicle[water.AT_INERTIA]), 36)
     return stale(A, mass, numbers(data, structs.M, int(vehicle[water.AT_ROWS]), ENTRIES))
 
 
 def _passive(model: int, data: int) -> None:
-    """`mjcb_passive`: all vehicles of a model."""
+    """Compute `mjcb_passive` for all vehicles of a model."""
     count = field(model, structs.NNUMERIC)
     made = True
     for index in range(count):
         vehicle = vehicle_at(model, index)
         if vehicle.size and (vehicle[water.AT_DOF] < 0.0 or vehicle[water.AT_VERSION] != water.VERSION):
-            # Never prepared: let MuJoCo stop with its warning, not fly on without water.
+            # The model was not prepared: NaN makes MuJoCo stop with a warning instead of simulating dry.
             numbers(data, structs.QFRC_PASSIVE, 0, 1)[0] = np.nan
             return
-        if vehicle.size and vehicle[water.AT_INERTIA] > 0.0 and _is_stale(model, data, vehicle):
+        if vehicle.size and vehicle[water.AT_INERTIA] > 0.0 and _has_added_mass(model, data, vehicle):
             made = False
     if not made:
         _mj_makeM(model, data)
@@ -257,10 +257,10 @@ def _passive(model: int, data: int) -> None:
 
 @within
 def _delay_commands(model: int, data: int, vehicle: Array) -> None:
-    """Fix the delayed commands of this step.
+    """Set the delayed commands of this step.
 
-    Under RK4 the last stage of a step has the time of the next one's first, so a delay by time alone would
-    let it see the next command.  Delays are rounded to whole steps.
+    Under RK4, the last stage of a step has the time of the next step's first stage.  A delay by time alone
+    would let it see the next command, so delays are rounded to whole steps.
     """
     program, first = program_of(vehicle), int(vehicle[water.AT_ACTUATOR])
     read = number(data, structs.TIME) + 0.5 * number(model, structs.TIMESTEP)
@@ -274,10 +274,10 @@ def _delay_commands(model: int, data: int, vehicle: Array) -> None:
 
 @jit
 def _begin(data: int, vehicle: Array, renew: bool) -> None:
-    """Set internal states at the start, and begin a control step if it is due."""
+    """Initialise internal states at the start, and start a control step if it is due."""
     room = stack()
     P, s = part(room, 0, 9), part(room, S, layout.MOTION)
-    _observe(data, vehicle, P, s)
+    _write_motion(data, vehicle, P, s)
     flag = numbers(data, structs.ACT, int(vehicle[water.AT_STARTED]), 1)
     if flag[0] == 0.0:
         flag[0] = 1.0
@@ -296,14 +296,14 @@ def _begin(data: int, vehicle: Array, renew: bool) -> None:
             weights,
             control_states(data, vehicle),
             number(data, structs.TIME),
-            part(s, _asked_at(vehicle), 6),
+            part(s, _network_input(vehicle), 6),
         )
 
 
 def _sensor(model: int, data: int, _stage: int) -> None:
-    """`mjcb_sensor`: what happens once per step.
+    """Do the work of `mjcb_sensor`, once per step.
 
-    Delayed commands are fixed; at the start internal states are set; a control step begins where one is due.
+    It sets delayed commands, initialises internal states at the start, and starts due control steps.
     """
     for index in range(field(model, structs.NNUMERIC)):
         vehicle = vehicle_at(model, index)
@@ -329,21 +329,21 @@ def _internal_rates(data: int, vehicle: Array) -> None:
     count = int(program[STATE_COUNT])
     room = stack()
     s, tau = part(room, S, layout.MOTION), part(room, TAU, 6)
-    _observe(data, vehicle, part(room, 0, 9), s)
+    _write_motion(data, vehicle, part(room, 0, 9), s)
     wrench(program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau)
 
 
 @within
 def lag_share(row: Array, step: float) -> float:
-    """Mean rate [1/s] of a lag over a time step, as a share of the distance to the settled state."""
+    """Return the mean rate of a lag over a time step, per distance to the settled state [1/s]."""
     return (1.0 - lag_decay(row, step)) / step
 
 
 def _rate(model: int, data: int, actuator: int) -> float:
-    """`mjcb_act_dyn`: rate of a thruster's lag state.
+    """Return the rate of a thruster's lag state (`mjcb_act_dyn`).
 
-    Under RK4 its derivative.  The other integrators add `rate * timestep`, so they get the mean rate over the
-    step, which makes the lag exact for a held command.
+    Under RK4 it is the derivative.  Other integrators add `rate * timestep`, so they get the mean rate over
+    the step, which makes the lag exact for a held command.
     """
     prm = parameters_of(model, actuator)
     if prm[structs.PRM_MAGIC] != water.MAGIC:
@@ -368,10 +368,10 @@ def _rate(model: int, data: int, actuator: int) -> float:
 
 
 def _thrust(model: int, data: int, actuator: int) -> float:
-    """`mjcb_act_bias`: thrust [N] of a thruster.
+    """Return the thrust of a thruster [N] (`mjcb_act_bias`).
 
-    Under Euler and implicitfast it is that of the lag state at the start of the step.  Stonefish moves its
-    rotors before its body in each Euler tick, so that there it is that of the lag state at the end of it:
+    Under Euler and implicitfast it follows from the lag state at the start of the step.  Stonefish moves its
+    rotors before its body in each Euler tick, so there it follows from the lag state at the end of the tick,
     one step earlier than here.
     """
     prm = parameters_of(model, actuator)
@@ -387,13 +387,16 @@ def _thrust(model: int, data: int, actuator: int) -> float:
         room = stack()
         vehicle = numbers(model, structs.NUMERIC_DATA, int(prm[structs.PRM_VEHICLE]), structs.WHOLE)
         s = part(room, S, layout.MOTION)
-        _observe(data, vehicle, part(room, 0, 9), s)
+        _write_motion(data, vehicle, part(room, 0, 9), s)
         inflow = inflow_speed(row, part(s, layout.RELATIVE_VELOCITY, 6))
     return state_to_thrust(row, state, inflow)
 
 
 def compile_callbacks() -> dict[str, Any]:
-    """The callbacks by the names of MuJoCo's pointers to them; LLVM must know all `FUNCTIONS`."""
+    """Return the compiled callbacks by the names of MuJoCo's pointers to them.
+
+    LLVM must know the addresses of all `FUNCTIONS`.
+    """
     struct, place = types.intp, types.int32
     return {
         "mjcb_passive": cfunc(types.void(struct, struct), counted=False)(_passive),

@@ -1,8 +1,8 @@
-"""Where the fields of MuJoCo's C structs lie, so that compiled code can read them through bare pointers.
+"""Byte offsets of the fields of MuJoCo's C structs, for compiled code that reads bare pointers.
 
-The byte offsets follow from the declarations that MuJoCo ships in `mujoco.introspect` and the C layout rules
-of the platform.  They are checked once per process against the addresses the Python bindings themselves use:
-with a MuJoCo whose structs differ, hydro refuses to start rather than read a wrong number.
+The offsets follow from the declarations in `mujoco.introspect` and the C layout rules of the platform.  They
+are checked once per process against the addresses of the Python bindings.  If the structs of the installed
+MuJoCo differ, hydro refuses to start.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mujoco.introspect import ast_nodes, enums, structs
 
 from hydro.core.errors import HydroError
 
-# Every C type name that stands by value in mjModel or mjData and is not itself a struct or an enum.
+# C types of mjModel and mjData that occur by value and are neither structs nor enums.
 _SCALARS: dict[str, Any] = {
     "mjtNum": ctypes.c_double,
     "mjtSize": ctypes.c_int64,
@@ -51,7 +51,7 @@ _PROBE = """
 
 
 def _c_type(declared: Any) -> Any:
-    """The ctypes type of one declaration."""
+    """Return the ctypes type of a declaration."""
     if isinstance(declared, ast_nodes.PointerType):
         return ctypes.c_void_p
     if isinstance(declared, ast_nodes.ArrayType):
@@ -75,7 +75,7 @@ def _c_type(declared: Any) -> Any:
 
 @cache
 def _c_struct(name: str) -> type[ctypes.Structure]:
-    """The ctypes struct of a MuJoCo struct, by its declaration."""
+    """Return the ctypes struct of a MuJoCo struct, from its declaration."""
     declaration = structs.STRUCTS.get(name) or structs.STRUCTS[f"{name}_"]
     return type(
         name, (ctypes.Structure,), {"_fields_": [(f.name, _c_type(f.type)) for f in declaration.fields]}
@@ -83,11 +83,11 @@ def _c_struct(name: str) -> type[ctypes.Structure]:
 
 
 def offset(struct: str, field: str) -> int:
-    """Byte offset of a field.
+    """Return the byte offset of a field.
 
     Args:
         struct: `"mjModel"` or `"mjData"`.
-        field: The field's name in C, `opt.timestep` for one of a struct within.
+        field: Name of the field in C, or `opt.timestep` for a field of an inner struct.
 
     Raises:
         HydroError: The installed MuJoCo has no such field.
@@ -96,7 +96,7 @@ def offset(struct: str, field: str) -> int:
 
 
 def _find(struct: str, field: str) -> tuple[int, Any]:
-    """Byte offset and ctypes type of a field."""
+    """Return the byte offset and ctypes type of a field."""
     found, kind = 0, cast(Any, _c_struct(struct))
     for name in field.split("."):
         descriptor = getattr(kind, name, None)
@@ -108,7 +108,7 @@ def _find(struct: str, field: str) -> tuple[int, Any]:
 
 
 def _mismatch(struct: str, field: str, owner: Any) -> str | None:
-    """The field's name where its offset leads to something else than what the bindings show, else None."""
+    """Return the field's name if its offset is wrong according to the bindings, else None."""
     at, kind = _find(struct, field)
     value = functools.reduce(getattr, field.split("."), owner)
     if isinstance(value, np.ndarray):
@@ -117,13 +117,13 @@ def _mismatch(struct: str, field: str, owner: Any) -> str | None:
 
 
 def verify(used: dict[str, tuple[str, ...]]) -> None:
-    """Check offsets against the addresses that MuJoCo's own bindings use, on a small probe model.
+    """Check offsets against the addresses that MuJoCo's bindings use, on a small probe model.
 
     Args:
-        used: For `"mjModel"` and `"mjData"` the fields that compiled code reads.
+        used: Fields that compiled code reads, for `"mjModel"` and `"mjData"`.
 
     Raises:
-        HydroError: Some field is not where its declaration says.
+        HydroError: A field is not where its declaration says.
     """
     model = mujoco.MjModel.from_xml_string(_PROBE)
     data = mujoco.MjData(model)

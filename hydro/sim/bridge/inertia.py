@@ -1,9 +1,9 @@
-"""Added mass in MuJoCo's mass matrix: it is inertia, not feedback, so it enters M before anything is solved.
+"""Added mass in MuJoCo's mass matrix M: it is inertia, not feedback, and enters M before the solver.
 
-A vehicle's six rows of M are a full lower triangle of 21 numbers, row by row, and no other row refers to them
-where nothing else hangs on the vehicle by a joint.  MuJoCo has factored M by then; such a vehicle's rows are
-factored anew by themselves, as `mj_factorM` does it, which would go through the whole model and read its
-clock twice.
+A vehicle's six rows of M form a full lower triangle of 21 numbers.  No other row refers to them unless a body
+is attached to the vehicle by a joint.  MuJoCo has factored M before the callback.  The rows of such a vehicle
+are factored again on their own, with the operations of `mj_factorM`.  Calling that function would process the
+whole model and read its clock twice.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from hydro.core.compiled import within
 from hydro.core.vehicle.frames import HALF_TURN
 
 ENTRIES = 21
-"""Numbers of the lower triangle."""
+"""Number of entries of the lower triangle."""
 LEAST_PIVOT = 1e-12
-"""A mass or moment of inertia below which MuJoCo is left to say what is wrong."""
+"""Minimum pivot; below it, MuJoCo itself reports the error of a mass or moment of inertia."""
 
 
 @within
@@ -47,7 +47,7 @@ def add_inertia(A: Array, P: Array, half: Array, M: Array) -> None:
 def factor(M: Array, L: Array, inverse: Array) -> bool:
     """Factor a lower triangle M = L^T D L, all (21,), D on L's diagonal, and write 1/D to `inverse` (6,).
 
-    The operations are those of `mj_factorM`, one by one.  False where M is not positive definite.
+    The operations are those of `mj_factorM`.  Return False if M is not positive definite.
     """
     for i in range(ENTRIES):
         L[i] = M[i]
@@ -71,10 +71,10 @@ def factor(M: Array, L: Array, inverse: Array) -> bool:
 
 @within
 def stale(A: Array, mass: float, M: Array) -> bool:
-    """Whether M (21,) may hold an added inertia A (36,) already, as where the velocity stage is repeated.
+    """Check whether M (21,) may already contain an added inertia A (36,), as after a repeated velocity stage.
 
-    The translational part of M is the body's mass times the identity, and the trace of the added part is the
-    same at any attitude.
+    The translational part of M is the body's mass times the identity, and the trace of the added part does
+    not depend on the attitude.
     """
     added = A[0] + A[7] + A[14]
     found = M[0] + M[2] + M[5] - 3.0 * mass
@@ -82,7 +82,7 @@ def stale(A: Array, mass: float, M: Array) -> bool:
 
 
 def is_packed(rows: Array, lengths: Array) -> bool:
-    """Whether rows (6,) of M that begin there and have these lengths are one lower triangle."""
+    """Check whether rows (6,) of M with these addresses and lengths are one lower triangle."""
     return bool(
         np.array_equal(lengths, np.arange(1, 7)) and np.array_equal(rows - rows[0], [0, 1, 3, 6, 10, 15])
     )

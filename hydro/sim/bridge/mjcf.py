@@ -1,8 +1,8 @@
-"""A vehicle file as a MuJoCo model: rigid body, restoring forces, hull and thrusters, all native.
+"""MuJoCo model of a vehicle file, with native rigid body, restoring forces, hull and thrusters.
 
-MuJoCo's world is z-up and its bodies here are FLU, both the image of NED and FRD under diag(1, -1, -1).  The
-body's origin is the vehicle file's origin CO.  What MuJoCo has no notion of (thruster chain, added mass,
-effects, a residual model) travels in `<custom><numeric>` (`sim.bridge.water`) and is done by compiled
+MuJoCo's world is z-up and its bodies here are FLU: the images of NED and FRD under diag(1, -1, -1).  The
+body's origin is the vehicle file's origin CO.  Thruster chain, added mass, effects and a residual model are
+unknown to MuJoCo.  They are stored in `<custom><numeric>` (`sim.bridge.water`) and computed by compiled
 callbacks (`sim.bridge.callbacks`).
 """
 
@@ -41,15 +41,17 @@ _INTEGRATORS = {
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,
 }
 
-# The share of the vehicle's mass lent to the welded body that carries buoyancy.  MuJoCo's gravity
-# compensation is a multiple of a body's own weight, so the body must have some; the parent gives it up.
 _LENT_MASS = 1e-6
-# Radius of gyration of that body, only so that its inertia is not zero [m].
-_LENT_RADIUS = 1e-2
+"""Share of the vehicle's mass in the welded body that carries buoyancy.
 
-VISCOSITY = 1e-3  # of water [Pa s]
+MuJoCo's gravity compensation is a multiple of a body's weight, so that body needs some mass.
+"""
+_LENT_RADIUS = 1e-2
+"""Radius of gyration of that body [m], so that its inertia is not zero."""
+
+VISCOSITY = 1e-3  # viscosity of water [Pa s]
 FLUID = (0.5, 0.25, 1.5, 1.0, 1.0)
-"""MuJoCo's defaults of its fluid model: blunt, slender and angular drag, Kutta and Magnus lift."""
+"""Default coefficients of MuJoCo's fluid model: blunt, slender and angular drag, Kutta and Magnus lift."""
 
 
 def scene(
@@ -60,22 +62,21 @@ def scene(
     integrator: Integrator = "implicitfast",
     folder: Path | None = None,
 ) -> mujoco.MjSpec:
-    """A MuJoCo specification of one vehicle alone in unbounded water.
+    """Return a MuJoCo specification of one vehicle in unbounded water.
 
     Args:
-        vehicle: The vehicle file.
-        water: What of the water it feels; everything the file says by default.
+        vehicle: Vehicle file.
+        water: Water forces that act; by default all of the file.
         timestep: Physics step [s].
         integrator: MuJoCo integrator.
-        folder: Folder of the vehicle file, where a hull mesh is looked for; without it the mesh is an
-            ellipsoid.
+        folder: Folder of the vehicle file, which has its hull mesh; without it the hull is an ellipsoid.
 
     Returns:
-        A specification to which pillars, cameras or more vehicles may be added before `compile()`;
+        Specification, to which pillars, cameras or more vehicles may be added before `compile()`;
         `sim.bridge.native.prepare` then makes the compiled model ready to step.
 
     Raises:
-        DataError: The vehicle's inertia is one that no rigid body can have.
+        DataError: No rigid body can have the vehicle's inertia.
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
@@ -99,21 +100,21 @@ def add_vehicle(
 ) -> mujoco.MjsBody:
     """Add a floating vehicle to a scene.
 
-    The body is called `name`; its thrusters' sites and actuators `name/T1`, …  Each actuator's control is
-    that thruster's command in [-1, 1], its force the thrust [N].
+    The body is called `name`, and its thrusters' sites and actuators `name/T1`, …  Each actuator's control is
+    the thruster's command in [-1, 1], its force the thrust [N].
 
     Args:
-        spec: The scene, with gravity along -z.
-        vehicle: The vehicle file.
-        water: What of the water it feels; everything the file says by default.
-        name: Name of the body; the vehicle's own by default.
-        folder: Folder of the vehicle file, where a hull mesh is looked for.
+        spec: Scene, with gravity along -z.
+        vehicle: Vehicle file.
+        water: Water forces that act; by default all of the file.
+        name: Name of the body; the vehicle's name by default.
+        folder: Folder of the vehicle file, which has its hull mesh.
 
     Returns:
         The vehicle's body.
 
     Raises:
-        DataError: The vehicle's inertia is one that no rigid body can have.
+        DataError: No rigid body can have the vehicle's inertia.
     """
     name = vehicle.name if name is None else name
     body = spec.worldbody.add_body(name=name, sleep=mujoco.mjtSleepPolicy.mjSLEEP_NEVER)
@@ -123,7 +124,7 @@ def add_vehicle(
     hull = _add_hull(spec, body, vehicle.hull, name, folder)
     water = wet(vehicle) if water is None else water
     if water.ellipsoid:
-        _immerse(spec, hull, vehicle.environment.water_density)
+        _use_fluid_model(spec, hull, vehicle.environment.water_density)
     table = thrusters_of(water.program.flat)
     for i, (thruster, row) in enumerate(zip(vehicle.thruster, table, strict=True)):
         carried = water.activations if i == 0 else 0
@@ -137,13 +138,13 @@ def add_vehicle(
 
 
 def _point_inertia(mass: float, at: Array) -> Array:
-    """Inertia of a point mass about the origin, (3, 3)."""
+    """Return the inertia of a point mass about the origin, (3, 3)."""
     inertia: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
     return inertia
 
 
 def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
-    """Give the body its mass and inertia, and a welded child at the centre of buoyancy that floats."""
+    """Set the mass and inertia of the body, and weld a buoyant child to the centre of buoyancy."""
     rigid, buoyancy = vehicle.rigid_body, vehicle.buoyancy
     mass, lent = rigid.mass, _LENT_MASS * rigid.mass
     center_of_gravity = np.array(rigid.center_of_gravity)
@@ -158,7 +159,7 @@ def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
         - _point_inertia(lent, center_of_buoyancy - center_of_gravity)
         - _point_inertia(rest, rest_center - center_of_gravity)
     )
-    _refuse_impossible(rest_inertia, vehicle.name)
+    _check_inertia(rest_inertia, vehicle.name)
     flipped = rest_inertia * np.outer(HALF_TURN, HALF_TURN)
     body.explicitinertial = True
     body.mass = rest
@@ -173,8 +174,8 @@ def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
     float_.gravcomp = buoyancy.force / (lent * vehicle.environment.gravity)
 
 
-def _refuse_impossible(inertia: Array, vehicle: str) -> None:
-    """MuJoCo takes only the inertia of a real body: no principal moment exceeds the sum of the others."""
+def _check_inertia(inertia: Array, vehicle: str) -> None:
+    """Check that a rigid body can have an inertia: no principal moment exceeds the sum of the others."""
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
         raise DataError(
@@ -187,7 +188,7 @@ def _refuse_impossible(inertia: Array, vehicle: str) -> None:
 def _add_hull(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, folder: Path | None
 ) -> mujoco.MjsGeom:
-    """A hull to see and to touch, without mass: the file's mesh if its folder is known, else an ellipsoid."""
+    """Return a visible, touchable hull without mass: the mesh if the folder is known, else an ellipsoid."""
     style = {"name": f"{name}/hull", "mass": 0.0, "rgba": [0.95, 0.75, 0.1, 1.0]}
     mesh = folder / hull.mesh if folder is not None and hull.mesh else None
     if mesh is None:
@@ -204,8 +205,8 @@ def _add_hull(
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}/hull", quat=[0, 1, 0, 0], **style)
 
 
-def _immerse(spec: mujoco.MjSpec, hull: mujoco.MjsGeom, density: float) -> None:
-    """Let MuJoCo's own fluid model act on the hull as a user would set it: in water, with its defaults.
+def _use_fluid_model(spec: mujoco.MjSpec, hull: mujoco.MjsGeom, density: float) -> None:
+    """Apply MuJoCo's fluid model to the hull with its default coefficients in water.
 
     It has drag, lift and the Coriolis terms of the ellipsoid's added mass, but no M_A nu_dot.
     """
@@ -216,10 +217,10 @@ def _immerse(spec: mujoco.MjSpec, hull: mujoco.MjsGeom, density: float) -> None:
 def _add_thruster(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, thruster: Thruster, row: Array, carried: int, name: str
 ) -> None:
-    """A site where the thrust acts; an actuator whose control is the command and whose force the thrust [N].
+    """Add a site where the thrust acts, and an actuator: control is the command, force the thrust [N].
 
-    Its activations are `carried` numbers of the vehicle's, then its delayed command where it has a delay,
-    then its lag state.
+    Its activations are `carried` numbers of the vehicle, then its delayed command if it has a delay, then its
+    lag state.
     """
     if thruster.wrench is not None:
         site, wrench = body.add_site(name=name), np.array(thruster.wrench)
@@ -237,7 +238,7 @@ def _add_thruster(
     )
     delayed, lags = bool(row[DELAY] > 0.0), bool(row[TIME_CONSTANT] > row[LAG_STEP])
     proportional = lags and not row[[SPEED_LAG, ASYMMETRY, INFLOW]].any()
-    # MuJoCo multiplies the lag state by a gain, which is all of many a thruster and spares its callback.
+    # MuJoCo multiplies the lag state by a gain; for a proportional thruster this replaces its callback.
     actuator.gainprm[0] = 1.0 + row[GAIN] if proportional else 0.0
     actuator.biastype = mujoco.mjtBias.mjBIAS_NONE if proportional else mujoco.mjtBias.mjBIAS_USER
     if carried or delayed or lags:
@@ -249,7 +250,7 @@ def _add_thruster(
 
 
 def _add_clock(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, carries: int) -> None:
-    """A sensor that makes MuJoCo call hydro once per step; an actuator for states no thruster can carry."""
+    """Add a sensor that triggers the callback once per step, and an actuator for states if needed."""
     spec.add_sensor(
         name=name, type=mujoco.mjtSensor.mjSENS_USER, dim=1, needstage=mujoco.mjtStage.mjSTAGE_POS
     )

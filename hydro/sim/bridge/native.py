@@ -1,7 +1,7 @@
-"""Install hydro's compiled callbacks in MuJoCo, and make models that carry vehicles ready for them.
+"""Installation of hydro's compiled callbacks in MuJoCo, and preparation of models with vehicles.
 
-The callbacks (`sim.bridge.callbacks`) are found by every `mj_step`, `mujoco.batch.Batch` and `mujoco.rollout`
-of the process, run without the GIL, and pass over models that carry no vehicle of hydro.
+Every `mj_step`, `mujoco.batch.Batch` and `mujoco.rollout` of the process calls the callbacks
+(`sim.bridge.callbacks`).  They run without the GIL and ignore models without a vehicle of hydro.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from hydro.sim.residual import control
 
 
 def prepare(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Make a compiled model ready to step: install the callbacks and tell them where each vehicle lies.
+    """Make a compiled model ready to step: install the callbacks and store the addresses of each vehicle.
 
-    The constants by which MuJoCo judges contacts (`body_invweight0`, `dof_invweight0`) are recomputed with
-    the added mass in. Call it again after `mj_setConst`, which knows nothing of added mass.
+    The constants with which MuJoCo scales contacts (`body_invweight0`, `dof_invweight0`) are recomputed with
+    the added mass. Call it again after `mj_setConst`, which ignores added mass.
 
     Args:
-        model: A compiled model, changed in place.  Without numeric fields of hydro it stays as it is.
+        model: Compiled model, changed in place.  Without numeric fields of hydro it stays as it is.
 
     Returns:
         The model.
 
     Raises:
-        DataError: A setting of the model would make MuJoCo ignore the callback or solve contacts without
+        DataError: A setting of the model would make MuJoCo skip the callback, or solve contacts without
             added mass.
-        HydroError: The installed MuJoCo differs from the one hydro knows.
+        HydroError: The installed MuJoCo is not the supported one.
     """
     names = [model.numeric(i).name for i in range(model.nnumeric)]
     vehicles = [name.removeprefix(PREFIX) for name in names if name.startswith(PREFIX)]
@@ -48,14 +48,14 @@ def prepare(model: mujoco.MjModel) -> mujoco.MjModel:
     install()
     _refuse_settings(model)
     for name in vehicles:
-        _locate(model, name)
+        _write_addresses(model, name)
     if any(model.numeric(PREFIX + name).data[water.AT_INERTIA] for name in vehicles):
-        _weigh(model)
+        _recompute_weights(model)
     return model
 
 
 def _refuse_settings(model: mujoco.MjModel) -> None:
-    """Refuse options under which a callback is skipped or comes too late."""
+    """Refuse options with which MuJoCo skips a callback or calls it too late."""
     off = model.opt.disableflags
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     if off & both == both:
@@ -63,17 +63,13 @@ def _refuse_settings(model: mujoco.MjModel) -> None:
             "model: springs and dampers are both disabled, so MuJoCo skips all passive forces; enable one"
         )
     if off & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
-        raise DataError(
-            "model: sensors are disabled, and with them what hydro does once per step; enable them"
-        )
+        raise DataError("model: sensors are disabled, but hydro needs them once per step; enable them")
     if model.opt.solver == mujoco.mjtSolver.mjSOL_PGS or model.opt.noslip_iterations > 0:
-        raise DataError(
-            "model: the PGS and noslip solvers do not feel added mass; use the Newton or CG solver"
-        )
+        raise DataError("model: the PGS and noslip solvers ignore added mass; use the Newton or CG solver")
 
 
-def _locate(model: mujoco.MjModel, name: str) -> None:
-    """Tell a vehicle's field where its body, velocity and states lie, and its actuators where it lies."""
+def _write_addresses(model: mujoco.MjModel, name: str) -> None:
+    """Store the addresses of body, velocity and states in a vehicle's field, and its own in the actuators."""
     field = model.numeric(PREFIX + name)
     data = np.array(field.data)
     if data[water.AT_MAGIC] != water.MAGIC or data[water.AT_VERSION] != water.VERSION:
@@ -90,7 +86,7 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
     program = int(data[water.AT_PROGRAM])
     address, step = int(model.numeric_adr[field.id]), float(model.opt.timestep)
     actuators = [i for i in range(model.nactuator) if model.actuator(i).name.startswith(f"{name}/")]
-    thrusters = actuators if data[program + THRUSTER_COUNT] else []  # else only what carries states
+    thrusters = actuators if data[program + THRUSTER_COUNT] else []  # else it only carries states
     if len(thrusters) != data[program + THRUSTER_COUNT]:
         raise DataError(f"model: vehicle {name} has lost thrusters; build the model again")
     table = address + program + int(data[program + THRUSTER_TABLE])
@@ -121,7 +117,7 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
 
 
 def _free_body(model: mujoco.MjModel, name: str, *, needs_room: bool) -> tuple[int, int]:
-    """A vehicle's body and first degree of freedom; `needs_room`: MuJoCo must store its full inertia."""
+    """Return a vehicle's body and first degree of freedom; check the storage of M if `needs_room`."""
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
     if body < 0:
         raise DataError(f"model: numeric field {PREFIX}{name} names no body of the model")
@@ -135,8 +131,8 @@ def _free_body(model: mujoco.MjModel, name: str, *, needs_room: bool) -> tuple[i
     return body, dof
 
 
-def _weigh(model: mujoco.MjModel) -> None:
-    """Recompute the inverse weights at the reference pose, as `mj_setConst` does, with the added mass in."""
+def _recompute_weights(model: mujoco.MjModel) -> None:
+    """Recompute the inverse weights at the reference pose with the added mass, as `mj_setConst` does."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
@@ -163,7 +159,7 @@ def install() -> None:
     """Install the callbacks in this process, once.
 
     Raises:
-        HydroError: The installed MuJoCo differs from the one hydro knows, or other callbacks are in place.
+        HydroError: The installed MuJoCo is not the supported one, or other callbacks are installed.
     """
     fields.verify({"mjModel": structs.MODEL_FIELDS, "mjData": structs.DATA_FIELDS})
     library = _library()
@@ -174,16 +170,16 @@ def install() -> None:
         if slot.value:
             raise HydroError(f"another {name} is installed in MuJoCo; remove it before using hydro's")
         slot.value = callback.address
-        _alive.append(callback)
+        _installed.append(callback)
 
 
-_alive: list[Any] = []
-"""The callbacks: MuJoCo holds bare pointers to them."""
+_installed: list[Any] = []
+"""References that keep the callbacks alive: MuJoCo holds bare pointers to them."""
 
 
 @cache
 def _library() -> ctypes.CDLL:
-    """The MuJoCo library that this process already uses."""
+    """Return the MuJoCo library that this process already uses."""
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):

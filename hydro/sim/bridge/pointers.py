@@ -1,7 +1,7 @@
-"""Bare memory for compiled code: fields of C structs as numbers and arrays, and scratch on the stack.
+"""Raw memory access for compiled code: fields of C structs as numbers and arrays, and stack buffers.
 
-Arrays made here are views of memory that others keep, so nothing counts references to them, and nothing
-checks their bounds: a slice by `part` costs an addition, where one by brackets costs a dozen comparisons.
+Arrays made here are views of foreign memory, without reference counts and without bounds checks.  A slice by
+`part` costs one addition; a slice by brackets costs a dozen comparisons.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 Integers = NDArray[np.int32]
 
 ROOM = 160
-"""Doubles of scratch that `stack` gives."""
+"""Number of doubles in a `stack` buffer."""
 
 _DOUBLES, _SINGLES, _INTEGERS = (
     types.Array(kind, 1, "C") for kind in (types.float64, types.float32, types.int32)
@@ -30,7 +30,7 @@ _DOUBLES, _SINGLES, _INTEGERS = (
 
 
 def _load(kind: Any) -> Any:
-    """The code that reads one number of a kind at a byte offset of a struct."""
+    """Return the code that reads one number of a type at a byte offset of a struct."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         at = builder.inttoptr(builder.add(*arguments), context.get_value_type(kind).as_pointer())
@@ -39,32 +39,32 @@ def _load(kind: Any) -> Any:
     return kind(types.intp, types.intp), generate
 
 
-def written_out(function: F) -> F:
-    """Of a function that returns a view: its body stands in its caller, so that no view is returned."""
+def inlined(function: F) -> F:
+    """Compile a function that returns a view inline in its caller, so that no view is returned."""
     return numba.njit(function, inline="always")  # type: ignore[no-any-return]
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def field(_context: Any, struct: Any, at: Any) -> Any:
-    """The 64-bit integer or pointer at a byte offset of a struct."""
+    """Return the 64-bit integer or pointer at a byte offset of a struct."""
     return _load(types.int64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def choice(_context: Any, struct: Any, at: Any) -> Any:
-    """The int at a byte offset of a struct."""
+    """Return the int at a byte offset of a struct."""
     return _load(types.int32)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def number(_context: Any, struct: Any, at: Any) -> Any:
-    """The double at a byte offset of a struct."""
+    """Return the double at a byte offset of a struct."""
     return _load(types.float64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def stack(_context: Any) -> Any:
-    """Room for `ROOM` doubles on the stack of the calling function: no allocator in the callback."""
+    """Return a buffer of `ROOM` doubles on the stack of the calling function, without an allocator."""
 
     def generate(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         room = cgutils.alloca_once(builder, llvmlite.ir.ArrayType(llvmlite.ir.DoubleType(), ROOM))
@@ -77,7 +77,7 @@ def stack(_context: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def as_doubles(_context: Any, array: Any) -> Any:
-    """An array of doubles as a pointer to them."""
+    """Return the pointer to an array of doubles."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return make_array(array)(context, builder, arguments[0]).data
@@ -86,7 +86,7 @@ def as_doubles(_context: Any, array: Any) -> Any:
 
 
 def _view(context: Any, builder: Any, kind: Any, data: Any, length: Any) -> Any:
-    """The array of so many numbers at a pointer."""
+    """Return an array of the given length at a pointer."""
     width = context.get_abi_sizeof(context.get_data_type(kind.dtype))
     array = make_array(kind)(context, builder)
     at = builder.bitcast(data, context.get_data_type(kind.dtype).as_pointer())
@@ -97,7 +97,7 @@ def _view(context: Any, builder: Any, kind: Any, data: Any, length: Any) -> Any:
 
 
 def _of_a_field(kind: Any) -> Any:
-    """The code of `numbers` and of `integers`."""
+    """Return the code of `numbers` and `integers`."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         struct, at, start, length = arguments
@@ -110,7 +110,7 @@ def _of_a_field(kind: Any) -> Any:
 
 
 def _of_an_array(kind: Any, whole: Any) -> Any:
-    """The code of `part` and of `singles`."""
+    """Return the code of `part` and `singles`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = make_array(whole)(context, builder, arguments[0])
@@ -122,23 +122,23 @@ def _of_an_array(kind: Any, whole: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def numbers(_context: Any, struct: Any, at: Any, start: Any, length: Any) -> Any:
-    """A view of `length` doubles from entry `start` on of an array field."""
+    """Return a view of `length` doubles of an array field, from entry `start`."""
     return _of_a_field(_DOUBLES)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def integers(_context: Any, struct: Any, at: Any, start: Any, length: Any) -> Any:
-    """A view of `length` ints from entry `start` on of an array field."""
+    """Return a view of `length` ints of an array field, from entry `start`."""
     return _of_a_field(_INTEGERS)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def part(_context: Any, array: Any, start: Any, length: Any) -> Any:
-    """A view of `length` doubles from entry `start` on of an array of doubles."""
+    """Return a view of `length` doubles of an array of doubles, from entry `start`."""
     return _of_an_array(_DOUBLES, array)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def singles(_context: Any, array: Any, start: Any, length: Any) -> Any:
-    """A view of `length` float32 that lie in an array of doubles from entry `start` on."""
+    """Return a view of `length` float32 stored in an array of doubles, from entry `start`."""
     return _of_an_array(_SINGLES, array)

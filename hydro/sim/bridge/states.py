@@ -1,9 +1,8 @@
-"""The state in the vehicle's terms (eta in NED, nu in FRD) and in MuJoCo's (`qpos`, `qvel`).
+"""Conversion between the vehicle's state (eta in NED, nu in FRD) and MuJoCo's (`qpos`, `qvel`).
 
-MuJoCo's free joint has the position and the linear velocity of the body's origin in the z-up world, a unit
-quaternion (w, x, y, z) from FLU to that world, and the angular velocity in FLU.  With F = diag(1, -1, -1)
-turning NED into the z-up world and FRD into FLU alike, the orientation is F R F and the linear velocity F R
-v.
+MuJoCo's free joint has the position and linear velocity of the body's origin in the z-up world, a unit
+quaternion (w, x, y, z) from FLU to that world, and the angular velocity in FLU.  F = diag(1, -1, -1) turns
+NED into the z-up world and FRD into FLU.  So the orientation is F R F and the linear velocity F R v.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from hydro.core.vehicle.frames import (
 
 
 def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
-    """MuJoCo's coordinates of a state.
+    """Convert a state to MuJoCo's coordinates.
 
     Args:
         eta: x y z phi theta psi of CO, NED, ZYX, shape (..., 6) [m, rad].
@@ -37,7 +36,10 @@ def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
 
 
 def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
-    """`qpos` (..., 7) and `qvel` (..., 6) of x y z and quaternion (..., 7), FRD to NED, and nu (..., 6)."""
+    """Return `qpos` (..., 7) and `qvel` (..., 6) of a pose (..., 7) and nu (..., 6).
+
+    The pose is x y z and the quaternion from FRD to NED.
+    """
     quaternion = pose[..., 3:]
     linear = np.einsum("...ij,...j->...i", rotation_from_quaternion(quaternion), nu[..., :3])
     qpos = np.concatenate([swap_frd_flu(pose[..., :3]), swap_quaternion(quaternion)], axis=-1)
@@ -45,7 +47,7 @@ def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
 
 
 def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
-    """The state eta (..., 6) and nu (..., 6) of MuJoCo's coordinates `qpos` (..., 7) and `qvel` (..., 6)."""
+    """Return eta (..., 6) and nu (..., 6) from MuJoCo's `qpos` (..., 7) and `qvel` (..., 6)."""
     qpos, qvel = np.asarray(qpos, dtype=np.float64), np.asarray(qvel, dtype=np.float64)
     quaternion = swap_quaternion(qpos[..., 3:7])
     back = rotation_from_quaternion(quaternion)

@@ -1,8 +1,8 @@
-"""Where a vehicle's numbers lie in MuJoCo's structs: its field, its states, and the rows of its thrusters.
+"""Layout of a vehicle's numbers in MuJoCo's structs: its field, its states, and its thruster rows.
 
-A numeric field holds a vehicle's parameters (`sim.bridge.water`); an actuator's `biasprm` leads from a
-thruster to its row and to its vehicle; activations hold the states.  Offsets of the structs' fields are found
-at import.
+A numeric field holds a vehicle's parameters (`sim.bridge.water`).  An actuator's `biasprm` has the addresses
+of its thruster row and its vehicle.  Activations hold the states.  Offsets of the structs' fields are
+determined at import.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from hydro.core.compiled import within
 from hydro.core.vehicle.thrusters import COLUMNS
 from hydro.sim.bridge import water
 from hydro.sim.bridge.fields import offset
-from hydro.sim.bridge.pointers import integers, numbers, part, written_out
+from hydro.sim.bridge.pointers import inlined, integers, numbers, part
 from hydro.sim.residual import control
 
 MODEL_FIELDS = (
@@ -54,22 +54,22 @@ TIME, QVEL, XPOS, XMAT, M, FACTORED_M, INVERSE_D, QFRC_PASSIVE, ACT, ACT_DOT, CT
 RK4 = 1  # mjINT_RK4
 NBIAS = 10  # mjNBIAS
 
-# What `prepare` writes into a thruster's `biasprm`.
+# Entries of a thruster's `biasprm`, written by `prepare`.
 PRM_MAGIC, PRM_VEHICLE = 0, 1  # ..., address of the vehicle's field
 PRM_THRUSTER = 2  # address of the thruster's row; -1 for an actuator that only carries states
-PRM_CARRIES = 3  # 1 where this actuator carries its vehicle's internal states
-PRM_STEP, PRM_SHARE = 4, 5  # a time step [s] and what `lag_share` is for it
-PRM_STATE = 6  # where in `act` its lag state is; a delayed command stands before it
-PRM_CONTROL = 7  # where in `ctrl` its command is, as given
-PRM_DELAYED = 8  # 1 where it obeys the delayed command
-PRM_LAGS = 9  # 1 where it has a lag
+PRM_CARRIES = 3  # 1 if this actuator carries its vehicle's internal states
+PRM_STEP, PRM_SHARE = 4, 5  # a time step [s] and its `lag_share`
+PRM_STATE = 6  # index in `act` of its lag state; a delayed command precedes it
+PRM_CONTROL = 7  # index in `ctrl` of its command before any delay
+PRM_DELAYED = 8  # 1 if its command is delayed
+PRM_LAGS = 9  # 1 if it has a lag
 
-WHOLE = 1 << 30  # length of a view whose end is known from within
+WHOLE = 1 << 30  # length of a view whose end is determined by its content
 
 
-@written_out
+@inlined
 def vehicle_at(model: int, index: int) -> Array:
-    """Parameters in the numeric field `index`; none (length 0) where it is not of hydro."""
+    """Return the parameters in the numeric field `index`; empty if it is not a field of hydro."""
     length = integers(model, NUMERIC_SIZE, index, 1)[0]
     found = numbers(model, NUMERIC_DATA, integers(model, NUMERIC_ADR, index, 1)[0], length)
     own = length >= water.HEADER and found[water.AT_MAGIC] == water.MAGIC
@@ -77,32 +77,32 @@ def vehicle_at(model: int, index: int) -> Array:
     return vehicle
 
 
-@written_out
+@inlined
 def program_of(vehicle: Array) -> Array:
-    """The compiled effects and thrusters of a vehicle."""
+    """Return the compiled effects and thrusters of a vehicle."""
     program: Array = part(vehicle, int(vehicle[water.AT_PROGRAM]), WHOLE)
     return program
 
 
-@written_out
+@inlined
 def control_states(data: int, vehicle: Array) -> Array:
-    """States of the network's control, none (length 0) where there is none."""
+    """Return the states of the network's control; empty without a network."""
     at = int(vehicle[water.AT_CONTROL])
     count = int(vehicle[at + control.AT_STATES]) if at else 0
     states: Array = numbers(data, ACT, int(vehicle[water.AT_CONTROL_STATES]), count)
     return states
 
 
-@written_out
+@inlined
 def parameters_of(model: int, actuator: int) -> Array:
-    """What `prepare` has written into an actuator's `biasprm`."""
+    """Return an actuator's `biasprm`, as written by `prepare`."""
     prm: Array = numbers(model, BIASPRM, NBIAS * actuator, NBIAS)
     return prm
 
 
-@written_out
+@inlined
 def thruster_row(model: int, prm: Array) -> Array:
-    """Row of the thruster table of an actuator; none (length 0) where it is not one of hydro's."""
+    """Return the thruster row of an actuator; empty if it is not a thruster of hydro."""
     own = prm[PRM_MAGIC] == water.MAGIC and prm[PRM_THRUSTER] >= 0.0
     row: Array = numbers(model, NUMERIC_DATA, int(prm[PRM_THRUSTER]) if own else 0, COLUMNS if own else 0)
     return row
@@ -110,13 +110,13 @@ def thruster_row(model: int, prm: Array) -> Array:
 
 @within
 def last_activation(model: int, actuator: int) -> int:
-    """Address of a thruster's lag state; a delayed command stands before it."""
+    """Return the address of a thruster's lag state; a delayed command precedes it."""
     return int(integers(model, ACTADR, actuator, 1)[0] + integers(model, ACTNUM, actuator, 1)[0] - 1)
 
 
-@written_out
+@inlined
 def command_of(data: int, prm: Array) -> float:
-    """The command that a thruster obeys during this step."""
+    """Return the command that acts on a thruster during this step."""
     if prm[PRM_DELAYED] > 0.0:
         return float(numbers(data, ACT, int(prm[PRM_STATE]) - 1, 1)[0])
     return float(numbers(data, CTRL, int(prm[PRM_CONTROL]), 1)[0])

@@ -1,10 +1,10 @@
-"""What of the water a vehicle in MuJoCo feels, and how it travels in the model: as one numeric field.
+"""Water forces of a vehicle in MuJoCo, and their storage in the model as one numeric field.
 
-The field begins with a header of counts and positions, exact as doubles, followed by blocks: two or three 6x6
-matrices, the vehicle's compiled effects and thrusters (`core.effects.program`), and a residual network with
-its filter and conditioning (`sim.residual.control`).  A block at position 0 is absent.  What only the
-compiled model knows (addresses of body, velocity and activations) is -1 until `sim.bridge.native.prepare`
-writes it.
+The field begins with a header of counts and positions, which are exact as doubles.  Blocks follow: two or
+three 6x6 matrices, the compiled effects and thrusters (`core.effects.program`), and a residual network with
+its filter and conditioning (`sim.residual.control`).  A block at position 0 is absent.  Values that only the
+compiled model has (addresses of body, velocity and activations) are -1 until `sim.bridge.native.prepare`
+writes them.
 """
 
 from __future__ import annotations
@@ -22,47 +22,46 @@ from hydro.core.effects.program import thrusters_of
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import DELAY
-from hydro.sim.residual.control import Control, up_to_a_line
+from hydro.sim.residual.control import Control, line_padding
 
 PREFIX = "hydro/"
-"""A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
+"""Prefix of numeric fields: `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
 
-MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
+MAGIC = 4859381026137.0  # identifies fields of hydro; XML text keeps its 13 digits
 VERSION = 8.0
 AT_MAGIC, AT_VERSION = 0, 1
-AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
-AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared
+AT_BODY, AT_DOF = 2, 3  # of the free joint; written by `prepare`
+AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # starts in `act`; written by `prepare`
 AT_INERTIA = 7  # matrix added to M
-AT_CORIOLIS = 8  # matrix whose Coriolis wrench of nu_r is exerted
-AT_CANCELLED = 9  # matrix whose Coriolis wrench is taken away
+AT_CORIOLIS = 8  # matrix whose Coriolis wrench at nu_r acts
+AT_CANCELLED = 9  # matrix whose Coriolis wrench is cancelled
 AT_PROGRAM = 10
-AT_EFFECTS = 11  # 1 where the program's wrenches act
+AT_EFFECTS = 11  # 1 if the program's wrenches act
 AT_CONTROL = 12
-AT_HELD = 13  # where in `userdata` the host holds a wrench; -1: nowhere
-AT_ACTUATOR = 14  # its first thruster; prepared
-AT_DELAYED = 15  # 1 where a thruster's command is delayed
-AT_DRIFTING = 16  # 1 where network and what is taken away are of nu_r, not of nu
-AT_ROWS = 17  # where its rows of M begin; prepared
-AT_ALONE = 18  # 1 where nothing hangs on it by a joint, so that no other row of M refers to them; prepared
+AT_HELD = 13  # index in `userdata` of a wrench held by the host; -1 without one
+AT_ACTUATOR = 14  # first thruster; written by `prepare`
+AT_DELAYED = 15  # 1 if a thruster's command is delayed
+AT_DRIFTING = 16  # 1 if network and cancelled wrench use nu_r, not nu
+AT_ROWS = 17  # address of its rows of M; written by `prepare`
+AT_ALONE = 18  # 1 if no body hangs on it by a joint, so its rows of M stand alone; written by `prepare`
 HEADER = 19
 UNKNOWN = -1.0
 
 
 @dataclass(frozen=True)
 class Water:
-    """What acts on a vehicle beside MuJoCo's own rigid body, weight and buoyancy.
+    """Forces on a vehicle in addition to MuJoCo's rigid body, weight and buoyancy.
 
     Attributes:
-        program: Thrusters, and the wrenches of the effects that act.
-        inertia: Added to the mass matrix, (6, 6) about CO.
-        coriolis: Whose C(nu_r) nu_r is exerted, (6, 6); the inertia itself where the whole effect is wanted.
-        cancelled: Whose C(nu) nu is taken away, (6, 6): M_RB where a residual model brings all of C.
+        program: Thrusters, and the wrenches of the active effects.
+        inertia: Inertia added to the mass matrix, (6, 6) about CO.
+        coriolis: Inertia whose C(nu_r) nu_r acts, (6, 6); equal to `inertia` for the whole effect.
+        cancelled: Inertia whose C(nu) nu is cancelled, (6, 6): M_RB if a residual model includes all of C.
         control: Residual network that runs inside the simulation.
-        drifting: Whether the network is asked about the motion through the water, nu_r, and the C taken away
-            is of nu_r too: one that learnt in still water, flown in a current.
-        held: Whether the host holds a wrench on the left-hand side of the balance in `userdata`, six entries,
-            FRD.
-        ellipsoid: Whether MuJoCo's own fluid model acts on the hull.
+        drifting: Use nu_r as input of the network and in the cancelled C: for a network that learnt in still
+            water and moves in a current.
+        held: The host holds a wrench on the left-hand side of the balance in `userdata`, six entries, FRD.
+        ellipsoid: MuJoCo's fluid model acts on the hull.
     """
 
     program: Program
@@ -76,14 +75,14 @@ class Water:
 
     @property
     def activations(self) -> int:
-        """Numbers that this vehicle keeps in MuJoCo's activations beside the thrusters' lags."""
+        """Number of MuJoCo activations of this vehicle, without the thrusters' lags."""
         count = self.program.states
         if self.control is not None:
             count += self.control.states
         return count + 1 if count else 0
 
     def encode(self, held: int = -1) -> Array:
-        """The numeric field's data; `held` is where in `userdata` the held wrench begins."""
+        """Return the numeric field's data; `held` is the start of the held wrench in `userdata`."""
         header = np.zeros(HEADER)
         header[[AT_MAGIC, AT_VERSION]] = MAGIC, VERSION
         header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR, AT_ROWS]] = UNKNOWN
@@ -101,23 +100,23 @@ class Water:
         ):
             if block is not None:
                 if entry == AT_CONTROL:
-                    blocks.append(up_to_a_line(blocks))
+                    blocks.append(line_padding(blocks))
                 header[entry] = sum(map(len, blocks))
                 blocks.append(np.asarray(block, dtype=np.float64).ravel())
-        return np.concatenate([*blocks, up_to_a_line(blocks)])
+        return np.concatenate([*blocks, line_padding(blocks)])
 
 
 def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
-    """Everything the vehicle file says, in a sea of its waves drawn from seeds, or in a calm one."""
+    """Return all water forces of the vehicle file, with waves drawn from seeds, or without waves."""
     inertia = _some(inertia_matrix(vehicle))
     return Water(assemble(vehicle, sea=sea), inertia=inertia, coriolis=inertia)
 
 
 def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
-    """Thrusters alone, as the file and its actuator effects say; `added_mass` puts M_A in the mass matrix.
+    """Return the thrusters alone, with actuator effects; `added_mass` adds M_A to the mass matrix.
 
-    MuJoCo's own C_RB stays and there is no C_A, which belongs to what a residual model brings (paper eq. 6).
-    With `ellipsoid` MuJoCo's own fluid model acts on the hull.
+    MuJoCo's C_RB stays and there is no C_A, which is part of a residual model (paper eq. 6).  With
+    `ellipsoid`, MuJoCo's fluid model acts on the hull.
     """
     inertia = _some(inertia_matrix(vehicle)) if added_mass else None
     return Water(assemble(_thrusters_only(vehicle)), inertia=inertia, ellipsoid=ellipsoid)
@@ -130,23 +129,23 @@ def residual(
     effects: bool = False,
     beside: Sequence[Mapping[str, Any]] = (),
 ) -> Water:
-    """A residual model and what its label left out: M_A in the mass matrix and no C_RB (paper eq. 5).
+    """Return a residual model and the terms outside its label: M_A in the mass matrix, no C_RB (paper eq. 5).
 
-    With `effects` the label left out all effects (`labels --subtract effects`): they act, C_A among them.
-    C_RB is no effect, and so in the label and in the model either way.  Without a `control` the model runs on
-    the host, which holds its wrench in `userdata`.  Effects `beside` it were not in what it learnt from: they
-    act as well, with the Coriolis terms of what inertia they bring (`sim.residual.beside`).
+    With `effects`, the label excluded all effects (`labels --subtract effects`): they act, including C_A.
+    C_RB is not an effect, so the label and the model include it in both cases.  Without a `control`, the
+    model runs on the host, which holds its wrench in `userdata`.  Effects in `beside` were absent from the
+    training data.  They act too, with the Coriolis terms of the inertia they add (`sim.residual.beside`).
 
-    A current among these: a label of still water holds N in M nu_dot + N(nu, nu_dot) + g = tau, a law of the
-    frame in which the water rests.  A steady, uniform current rests in a frame that drifts with it and is as
-    inertial as the ground, so that M nu_r_dot + N(nu_r, nu_r_dot) + g = tau there (Fossen 2011, property
-    8.1).  MuJoCo solves M_RB nu_dot + C_RB(nu) nu = tau_all, and Newton's law of the dry body is the same in
-    both frames, M_RB nu_dot + C_RB(nu) nu = M_RB nu_r_dot + C_RB(nu_r) nu_r.  Therefore
+    `beside` may have a current.  A label of still water holds N in M nu_dot + N(nu, nu_dot) + g = tau, which
+    is a law of the frame in which the water rests.  In a steady, uniform current this frame drifts with the
+    water and is inertial, so M nu_r_dot + N(nu_r, nu_r_dot) + g = tau there (Fossen 2011, property 8.1).
+    MuJoCo solves M_RB nu_dot + C_RB(nu) nu = tau_all.  Newton's law of the dry body is the same in both
+    frames: M_RB nu_dot + C_RB(nu) nu = M_RB nu_r_dot + C_RB(nu_r) nu_r.  Therefore:
 
-        tau_all = tau - g - M_A nu_r_dot - N(nu_r, nu_r_dot) + C_RB(nu_r) nu_r:
+        tau_all = tau - g - M_A nu_r_dot - N(nu_r, nu_r_dot) + C_RB(nu_r) nu_r.
 
-    the network is asked at nu_r and nu_r_dot, what it brings of C_RB is taken away at nu_r, and M_A stands in
-    the mass matrix with [omega x R^T v_c; 0] on the right.
+    The inputs of the network are nu_r and nu_r_dot, and its share of C_RB is cancelled at nu_r.  M_A is in
+    the mass matrix, with [omega x R^T v_c; 0] on the right.
     """
     inertia = _some(inertia_matrix(vehicle))
     alone = msgspec.structs.replace(vehicle, effect=tuple(beside))
@@ -164,11 +163,11 @@ def residual(
 
 
 def _thrusters_only(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with its actuator effects alone."""
+    """Return the vehicle with its actuator effects alone."""
     kept = tuple(effect for effect in vehicle.effect if CATALOGUE[effect["name"]].kind == "actuator")
     return msgspec.structs.replace(vehicle, effect=kept)
 
 
 def _some(matrix: Array) -> Array | None:
-    """The matrix, or None where it is zero."""
+    """Return the matrix, or None if it is zero."""
     return matrix if matrix.any() else None

@@ -1,1 +1,1 @@
-"""Vehicles on a GPU, one thread each, from the kernels that the processor runs (extra `gpu`)."""
+"""Vehicles on a GPU, one thread each, with the kernels of the processor (extra `gpu`)."""

@@ -1,8 +1,8 @@
-"""What of a vehicle in some water goes to a GPU: `sim.bridge.water.Water` without MuJoCo.
+"""Vehicle in water for a GPU: `sim.bridge.water.Water` without MuJoCo.
 
-There M nu_r_dot + C(nu_r) nu_r is balanced as a whole (`core.simulation.dynamics`), with M = M_RB + the
-inertia that MuJoCo's mass matrix is given; what MuJoCo exerts of C(nu) nu less than that is given back
-beside the held wrench of a residual network (`core.simulation.held`).
+Without MuJoCo, M nu_r_dot + C(nu_r) nu_r is balanced as a whole (`core.simulation.dynamics`).  M is M_RB plus
+the inertia added to MuJoCo's mass matrix.  The part of C(nu) nu that MuJoCo does not exert is cancelled
+together with the held wrench of a residual network (`core.simulation.held`).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 class Craft(NamedTuple):
-    """A vehicle in some water.
+    """Vehicle in water.
 
     Attributes:
-        program: Its program, with the mass matrix that accelerates there.
-        inertia: Of that, what is not to exert C(nu) nu, (36,) row by row.
+        program: Its program, with the mass matrix of the water model.
+        inertia: Part of the inertia that must not exert C(nu) nu, (36,) row by row.
     """
 
     program: Array
@@ -38,10 +38,10 @@ class Craft(NamedTuple):
 
     @classmethod
     def of(cls, vehicle: Vehicle, felt: Water) -> Craft:
-        """A vehicle in water that it feels.
+        """Return a vehicle with the given water forces.
 
         Raises:
-            UsageError: The water is such as MuJoCo alone has.
+            UsageError: The water has forces that only MuJoCo can compute.
         """
         if felt.held or felt.ellipsoid:
             raise UsageError("wrenches of the host and MuJoCo's own fluid forces do not act on a GPU")
@@ -51,9 +51,7 @@ class Craft(NamedTuple):
         )
         taken = inertia - coriolis + cancelled
         if felt.control is None and taken.any():
-            raise UsageError(
-                f"{vehicle.name}: inertia without its Coriolis forces flies beside a residual network alone"
-            )
+            raise UsageError(f"{vehicle.name}: inertia without its Coriolis forces needs a residual network")
         program = felt.program.flat.copy()
         constants, M = constants_of(program), mass_matrix(vehicle) + inertia
         if not np.array_equal(constants[MASS_MATRIX : MASS_MATRIX + 36], M.ravel()):
@@ -63,12 +61,12 @@ class Craft(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """The same for vehicles that are alike."""
+        """Key that is equal for identical vehicles."""
         return self.program.tobytes() + self.inertia.tobytes()
 
 
 def control_of(felt: Water, count: int) -> Control:
-    """The residual network of some water on the device, and what so many vehicles remember of it."""
+    """Return the residual network on the device, with its states for each vehicle."""
     from hydro.sim.gpu.kernels import Control
 
     if felt.control is None:

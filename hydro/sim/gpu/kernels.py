@@ -1,8 +1,9 @@
-"""The kernels of a plant on a GPU: vehicles begin, and fly one control step; one thread a vehicle.
+"""Kernels of a plant on a GPU: start of vehicles and one control step, with one thread per vehicle.
 
-All that is computed stands in `sim.flight`, which the processor runs too.  Here is what a GPU needs besides:
-which vehicle a thread is, and room of its own, whose size is known when the kernel is compiled.  Arguments
-are blocks of arrays: what a simulated kernel is given in a block are plain arrays, which compiled code takes.
+`sim.flight` has the computation, which the processor shares.  This module has the parts that a GPU needs in
+addition: the vehicle of a thread, and its local buffers, whose sizes are fixed at compilation.  Arguments are
+blocks of arrays.  Inside a block, the simulator of numba-cuda passes plain arrays, which compiled code
+accepts.
 """
 
 from __future__ import annotations
@@ -25,18 +26,18 @@ from hydro.sim.plant import Readings
 from hydro.sim.residual.control import Room, Tables, attend
 
 BLOCK = 128
-"""Threads of a block."""
+"""Number of threads per block."""
 
 
 class Crafts(NamedTuple):
-    """Which vehicle each of N is.
+    """Programs of N vehicles.
 
     Attributes:
-        programs: Of P vehicles (P, L), the shorter ones with zeros behind them.
-        tables: Their thruster tables (P, n, columns).
-        kind: Row of each one's program (N,).
-        facets: (8, 0): the file alone says what the water does.
-        inertia: (P, 36) whose Coriolis and centripetal forces a residual network takes away.
+        programs: Programs of P vehicles, (P, L); shorter ones are padded with zeros.
+        tables: Their thruster tables, (P, n, columns).
+        kind: Row of each vehicle's program, (N,).
+        facets: (8, 0): water forces follow from the file alone.
+        inertia: Inertia whose Coriolis and centripetal forces a residual network cancels, (P, 36).
     """
 
     programs: Array
@@ -47,15 +48,15 @@ class Crafts(NamedTuple):
 
 
 class Control(NamedTuple):
-    """A residual network and what N vehicles remember of it; empty arrays where there is none.
+    """Residual network and its states for N vehicles; empty arrays without a network.
 
     Attributes:
-        block: Parameters; this and the next three as `sim.residual.control.Tables` has them.
-        gains: Of the filter.
-        program: Of the network.
-        weights: Of the network.
-        states: What each vehicle remembers (N, states).
-        felt: Where the velocity that it is asked about stands in a state of motion.
+        block: Parameters; this and the next three are those of `sim.residual.control.Tables`.
+        gains: Gains of the filter.
+        program: Program of the network.
+        weights: Weights of the network.
+        states: States of each vehicle, (N, states).
+        felt: Index of the network's velocity input in the state of motion.
     """
 
     block: Array
@@ -67,14 +68,14 @@ class Control(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """What a kernel is compiled for.
+    """Sizes for which a kernel is compiled.
 
     Attributes:
         states: Internal states of the effects.
-        thrusters: Their number.
-        past: Commands that they remember.
+        thrusters: Number of thrusters.
+        past: Number of stored commands.
         work: Workspace of the residual network, 0 without one.
-        scratch: Numbers that its control needs besides.
+        scratch: Further buffer of its control.
     """
 
     states: int
@@ -90,10 +91,10 @@ class Sizes(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Which of N vehicles are put where.
+    """Start states of some of N vehicles.
 
     Attributes:
-        mask: Which (N,).
+        mask: Vehicles that start, (N,).
         pose: (N, 7), see `sim.plant.Plant`.
         velocity: (N, 6).
     """
@@ -104,19 +105,19 @@ class Start(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """What N vehicles are told: the commands (N, n) of the control step that begins."""
+    """Commands (N, n) of N vehicles for the control step that starts."""
 
     commands: Array
 
 
 def launch(kernel: Any, count: int, *blocks: Any) -> None:
-    """Run a kernel for so many vehicles."""
+    """Run a kernel for `count` vehicles."""
     kernel[-(-count // BLOCK), min(BLOCK, count)](*blocks)
 
 
 @functools.cache
-def _renewing(sizes: Sizes) -> Any:
-    """What has a vehicle's network begin a control step, and holds its wrench behind the state of motion."""
+def _network_step(sizes: Sizes) -> Any:
+    """Return a device function that starts a control step of the network and holds its wrench."""
     room, more = max(1, sizes.work), max(1, sizes.scratch)
 
     @cuda.jit(device=True)  # type: ignore[untyped-decorator]
@@ -132,12 +133,12 @@ def _renewing(sizes: Sizes) -> Any:
 
 @functools.cache
 def start_kernel(sizes: Sizes) -> Any:
-    """The kernel that puts vehicles somewhere, at rest, clocks at 0.
+    """Return the kernel that starts vehicles at given states, with thrusters at rest and clocks at 0.
 
-    It is launched with `(crafts, control, fleet, readings, pace, start)`.
+    Its arguments are `(crafts, control, fleet, readings, pace, start)`.
     """
     size, thrusters, moving = BODY + sizes.states, sizes.thrusters, sizes.motion
-    networked, renew = sizes.work > 0, _renewing(sizes)
+    networked, renew = sizes.work > 0, _network_step(sizes)
 
     @cuda.jit  # type: ignore[untyped-decorator]
     def start(
@@ -168,13 +169,12 @@ def start_kernel(sizes: Sizes) -> Any:
 
 @functools.cache
 def step_kernel(sizes: Sizes) -> Any:
-    """The kernel that flies vehicles for one control step.
+    """Return the kernel that simulates vehicles for one control step.
 
-    It is launched with `(crafts, control, fleet, readings, pace, orders)`; who has diverged stays where he
-    is.
+    Its arguments are `(crafts, control, fleet, readings, pace, orders)`; diverged vehicles do not move.
     """
     size, thrusters, past, moving = BODY + sizes.states, sizes.thrusters, sizes.past, sizes.motion
-    networked, renew = sizes.work > 0, _renewing(sizes)
+    networked, renew = sizes.work > 0, _network_step(sizes)
 
     @cuda.jit  # type: ignore[untyped-decorator]
     def step(

@@ -1,7 +1,8 @@
-"""Arrays where the vehicles of a GPU fly, and whether there is one.
+"""Arrays on the device, and checks for a GPU.
 
-On a GPU they speak `__cuda_array_interface__`: torch and others see them without a copy.  In numba-cuda's
-simulator (`NUMBA_ENABLE_CUDASIM=1`), which runs the same kernels without a GPU, they are numpy's.
+On a GPU they provide `__cuda_array_interface__`: torch and other libraries use them without a copy.  In the
+simulator of numba-cuda (`NUMBA_ENABLE_CUDASIM=1`), which runs the same kernels without a GPU, they are numpy
+arrays.
 """
 
 from __future__ import annotations
@@ -15,33 +16,34 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from hydro.core.errors import UsageError
 
 INSTALL = "install hydro's extra `gpu`: pip install 'deep-hydro-sim[gpu]'"
+"""Remedy for missing packages."""
 
 
 def require() -> None:
-    """Refuse to go on without a GPU.
+    """Check that a GPU is available.
 
     Raises:
         UsageError: numba-cuda is not installed, or finds no GPU.
     """
     if importlib.util.find_spec("numba_cuda") is None:
-        raise UsageError(f"numba-cuda is not installed, and a GPU needs it: {INSTALL}")
+        raise UsageError(f"numba-cuda is not installed, but a GPU needs it: {INSTALL}")
     from numba import cuda
 
     if not simulated() and not cuda.is_available():
         raise UsageError(
-            "numba-cuda finds no GPU: fly on a machine with an NVIDIA GPU and its driver, or on the processor"
+            "numba-cuda finds no GPU: use a machine with an NVIDIA GPU and its driver, or the processor"
         )
 
 
 def simulated() -> bool:
-    """Whether numba-cuda runs kernels in its simulator."""
+    """Check whether numba-cuda runs kernels in its simulator."""
     from numba import config
 
     return bool(config.ENABLE_CUDASIM)
 
 
 def put(values: ArrayLike, dtype: DTypeLike | None = None) -> Any:
-    """A copy of an array of the host, on the device."""
+    """Return a copy of a host array on the device."""
     array = np.array(values, dtype=dtype, order="C")
     if simulated():
         return array
@@ -51,16 +53,16 @@ def put(values: ArrayLike, dtype: DTypeLike | None = None) -> Any:
 
 
 def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> Any:
-    """An array of zeros on the device."""
+    """Return an array of zeros on the device."""
     return put(np.zeros(shape, dtype))
 
 
 def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
-    """What kernels take of somebody's array: the same memory where it lies on the device, else a copy.
+    """Return an array for kernels: the same memory if it is on the device, else a copy.
 
     Args:
-        values: An array of the device, of whichever library, or one of the host.
-        dtype: Of what kernels take; one of the host is converted.
+        values: Array on the device, of any library, or on the host.
+        dtype: Type for kernels; a host array is converted.
     """
     if simulated() or not hasattr(values, "__cuda_array_interface__"):
         host = np.ascontiguousarray(values, dtype)
@@ -71,7 +73,7 @@ def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
 
 
 def shared(tensor: Any) -> Any:
-    """A tensor of the device as kernels take it: the same memory."""
+    """Return a device tensor for kernels, with the same memory."""
     if simulated():
         return tensor.numpy()
     from numba import cuda
@@ -80,12 +82,12 @@ def shared(tensor: Any) -> Any:
 
 
 def host(values: Any) -> NDArray[Any]:
-    """A copy of an array of the device, on the host."""
+    """Return a copy of a device array on the host."""
     return np.array(values) if simulated() else values.copy_to_host()
 
 
 def write(array: Any, values: NDArray[Any]) -> None:
-    """Overwrite an array of the device by one of the host, of its shape and type."""
+    """Overwrite a device array with a host array of the same shape and type."""
     if simulated():
         array[:] = values
     else:

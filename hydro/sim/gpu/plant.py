@@ -1,4 +1,4 @@
-"""A plant whose vehicles fly on a GPU, one thread each, by the equations of `hydro simulate`."""
+"""Plant whose vehicles run on a GPU, one thread each, with the equations of `hydro simulate`."""
 
 from __future__ import annotations
 
@@ -19,16 +19,15 @@ from hydro.sim.gpu.craft import Craft, control_of
 from hydro.sim.plant import Readings, Snapshot
 
 STEP = 0.01
-"""Integration step [s]: a quarter of the control step, of a method of order 4."""
+"""Integration step [s]: a quarter of the control step, for a method of order 4."""
 
 
 class GpuPlant:
-    """Vehicles on a GPU: a `sim.plant.Plant` whose arrays lie on the device.
+    """Vehicles on a GPU: a `sim.plant.Plant` whose arrays are on the device.
 
-    `pose`, `velocity`, `specific_force`, `thrust` and `diverged` are as described there, and live: `reset`
-    and `step` rewrite them in place.  They speak `__cuda_array_interface__`, so that
-    `torch.as_tensor(plant.pose, device="cuda")` is the same memory.  Nothing touches anything: there are no
-    contacts, and no sea.
+    `pose`, `velocity`, `specific_force`, `thrust` and `diverged` are described there.  `reset` and `step`
+    rewrite them in place.  They provide `__cuda_array_interface__`, so
+    `torch.as_tensor(plant.pose, device="cuda")` is the same memory.  There are no contacts and no waves.
     """
 
     def __init__(
@@ -40,19 +39,19 @@ class GpuPlant:
         period: float = 0.04,
         timestep: float = STEP,
     ) -> None:
-        """Lay out the vehicles; `reset` begins.
+        """Allocate the vehicles; `reset` starts them.
 
         Args:
-            vehicle: The vehicle file.
-            water: What of the water a vehicle feels; everything its file says by default. A residual network
-                and its conditioning are those of the first vehicle for all.
+            vehicle: Vehicle file.
+            water: Function that returns the water forces of a vehicle; by default all of its file. The
+                residual network and conditioning of the first vehicle are used for all.
             count: Number of vehicles N.
             period: Control step [s].
-            timestep: Integration step at most [s].
+            timestep: Maximum integration step [s].
 
         Raises:
-            UsageError: There is no GPU or no numba-cuda, or a number is none that can be; or the water is
-                such as MuJoCo alone has.
+            UsageError: There is no GPU or no numba-cuda, a number is not positive, or the water has forces
+                that only MuJoCo can compute.
             DataError: The vehicle cannot be simulated, or has no thrusters.
         """
         memory.require()
@@ -62,13 +61,13 @@ class GpuPlant:
         felt = water(vehicle)
         if felt.control is not None and abs(felt.control.period - period) > 1e-9:
             own = f"{felt.control.period:g}"
-            raise UsageError(f"the network's control step is {own} s: fly with period={own}")
+            raise UsageError(f"the network's control step is {own} s: set period={own}")
         first = Craft.of(vehicle, felt)
         flat = first.program
         table, states = thrusters_of(flat), int(flat[STATE_COUNT])
         if not len(table):
-            raise DataError(f"{vehicle.name}: has no thrusters to fly by; give it some")
-        from hydro.sim.gpu import kernels  # which imports numba-cuda
+            raise DataError(f"{vehicle.name}: has no thrusters; add some to the vehicle file")
+        from hydro.sim.gpu import kernels  # imports numba-cuda
 
         room = () if felt.control is None else (felt.control.network.room, felt.control.scratch)
         sizes = kernels.Sizes(states, len(table), remembered(table, period), *room)
@@ -85,33 +84,34 @@ class GpuPlant:
         self._readings = Readings(*(memory.put(each) for each in Readings.of(count, len(table))))
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
         self._facets = memory.put(NO_HULL)
-        self._choose([first], np.zeros(count, dtype=np.int32))
+        self._upload([first], np.zeros(count, dtype=np.int32))
 
     @property
     def kind(self) -> Any:
-        """Which vehicle of the `pool` each one is, (N,) int32 on the device; free to be written."""
+        """Index of each vehicle in the `pool`, (N,) int32 on the device; it may be written."""
         return self._crafts.kind
 
     def pool(self, vehicles: Sequence[Vehicle]) -> None:
-        """Give P vehicles to choose among; `kind` says which each of the N is, and is 0 at first.
+        """Set P vehicles to choose from; `kind` assigns one to each of the N, initially the first.
 
         Args:
-            vehicles: Each with the thrusters and the memories of the first vehicle file, in other numbers.
+            vehicles: Vehicles with the thrusters and internal states of the first vehicle file; only their
+                numbers may differ.
 
         Raises:
             DataError: There is none, or one cannot be simulated or is too different.
         """
         if not vehicles:
-            raise DataError("a pool of no vehicles; give at least one")
-        self._choose([self._craft(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
+            raise DataError("the pool has no vehicles; give at least one")
+        self._upload([self._craft(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Let some be other vehicles; see `sim.plant.Plant`.  Of a pool what nobody is any more is dropped.
+        """Replace some vehicles, see `sim.plant.Plant`, and drop vehicles of a pool that are no longer used.
 
         Raises:
             DataError: One cannot be simulated or is too different.
         """
-        kind, crafts = memory.host(self.kind), list(self._kept)
+        kind, crafts = memory.host(self.kind), list(self._crafts_on_host)
         rows = {craft.key: row for row, craft in enumerate(crafts)}
         for number, vehicle in vehicles.items():
             craft = self._craft(vehicle)
@@ -119,19 +119,19 @@ class GpuPlant:
             if kind[number] == len(crafts):
                 crafts.append(craft)
         kept, renamed = np.unique(kind, return_inverse=True)
-        self._choose([crafts[row] for row in kept], renamed.astype(np.int32))
+        self._upload([crafts[row] for row in kept], renamed.astype(np.int32))
 
     def _craft(self, vehicle: Vehicle) -> Craft:
-        """A vehicle that flies beside the first."""
+        """Return a vehicle that can be simulated together with the first."""
         craft = Craft.of(vehicle, self._water(vehicle))
-        require_alike(vehicle.name, craft.program, self._kept[0].program)
+        require_alike(vehicle.name, craft.program, self._crafts_on_host[0].program)
         return craft
 
-    def _choose(self, crafts: list[Craft], kind: NDArray[np.int32]) -> None:
-        """Bring programs, and who flies by which, to the device."""
+    def _upload(self, crafts: list[Craft], kind: NDArray[np.int32]) -> None:
+        """Copy programs and the assignment of vehicles to the device."""
         from hydro.sim.gpu.kernels import Crafts
 
-        self._kept = crafts
+        self._crafts_on_host = crafts
         rows = np.zeros((len(crafts), max(len(craft.program) for craft in crafts)))
         for row, craft in zip(rows, crafts, strict=True):
             row[: len(craft.program)] = craft.program
@@ -141,41 +141,41 @@ class GpuPlant:
         self._crafts = Crafts(bring(rows), bring(tables), bring(kind), self._facets, bring(inertias))
 
     def reset(self, mask: ArrayLike, pose: ArrayLike, velocity: ArrayLike) -> None:
-        """Put some vehicles somewhere; see `sim.plant.Plant`.
+        """Start some vehicles at given states; see `sim.plant.Plant`.
 
         Args:
-            mask: Which (N,), on the device or on the host, as the others are.
+            mask: Vehicles that start, (N,), on the device or host, like the other arguments.
             pose: (N, 7).
             velocity: (N, 6).
 
         Raises:
-            DataError: One of them has another shape.
+            DataError: An argument has another shape.
         """
         from hydro.sim.gpu.kernels import Start
 
         self._launch(
             self._start,
             Start(
-                self._taken("mask", mask, (self.count,), np.bool_),
-                self._taken("pose", pose, (self.count, 7)),
-                self._taken("velocity", velocity, (self.count, 6)),
+                self._argument("mask", mask, (self.count,), np.bool_),
+                self._argument("pose", pose, (self.count, 7)),
+                self._argument("velocity", velocity, (self.count, 6)),
             ),
         )
 
     def step(self, commands: ArrayLike) -> None:
-        """Fly one control step under held commands (N, n), on the device or on the host; see `Plant`.
+        """Simulate one control step with held commands (N, n), on the device or host; see `Plant`.
 
         Raises:
             DataError: They have another shape.
         """
         from hydro.sim.gpu.kernels import Orders
 
-        self._launch(self._step, Orders(self._taken("commands", commands, tuple(self.thrust.shape))))
+        self._launch(self._step, Orders(self._argument("commands", commands, tuple(self.thrust.shape))))
 
-    def _taken(
+    def _argument(
         self, name: str, values: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike = np.float64
     ) -> Any:
-        """An argument as kernels take it, which a wrong shape or type would let read anywhere."""
+        """Return an argument for kernels; a check of shape and type keeps them from reading other memory."""
         array = memory.seen(values, dtype)
         if tuple(array.shape) != shape or array.dtype != dtype:
             raise DataError(
@@ -185,25 +185,25 @@ class GpuPlant:
         return array
 
     def _launch(self, kernel: Any, given: Any) -> None:
-        """Run one of the kernels for all vehicles."""
+        """Run a kernel for all vehicles."""
         from hydro.sim.gpu.kernels import launch
 
         blocks = self._crafts, self._control, self._fleet, self._readings, self._pace, given
         launch(kernel, self.count, *blocks)
 
     def readings(self) -> Readings:
-        """A copy of what is read off the vehicles, on the host."""
+        """Return a copy of the readings on the host."""
         return Readings(*(memory.host(each) for each in self._readings))
 
     def snapshot(self) -> Snapshot:
-        """Everything that the future depends on, and the arrays of the present, on the host."""
+        """Return all states and readings, on the host."""
         return {name: memory.host(array) for name, array in self._state().items()}
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot, bit for bit."""
+        """Restore a snapshot, bit for bit."""
         for name, array in self._state().items():
             memory.write(array, snapshot[name])
 
     def _state(self) -> dict[str, Any]:
-        """The arrays that change as vehicles fly, by name."""
+        """Return the arrays that change during simulation, by name."""
         return self._fleet._asdict() | self._readings._asdict() | {"control": self._control.states}

@@ -1,1 +1,1 @@
-"""A residual network inside the simulation: compiled layers, their inputs, and the wrench let through."""
+"""Residual network inside the simulation: compiled layers, inputs, and conditioning of the wrench."""

@@ -1,9 +1,9 @@
-"""Which effects of a changed vehicle file act beside a residual network that learnt from another.
+"""Effects of a changed vehicle file that act in addition to a residual network trained with another file.
 
-A network of what added mass alone leaves holds all forces of the water on the hull, those of the file its
-labels were made with among them.  What is hung on the vehicle or holds it from outside since then adds to
-that; another hull does not.  A current in which a network of still water is flown moves the frame that the
-network holds in (`bridge.water.residual`); a network that learnt in a current holds in that one alone.
+A network whose labels exclude only added mass predicts all water forces on the hull.  These include the
+effects of the vehicle file of its labels.  A payload or an external force that is new since then adds to the
+prediction; a changed hull does not.  A current adds to a network that learnt in still water: its frame moves
+with the current (`bridge.water.residual`).  A network that learnt in a current is valid only in that current.
 """
 
 from __future__ import annotations
@@ -18,54 +18,58 @@ from hydro.core.vehicle.description import Vehicle
 
 Table = Mapping[str, Any]
 
-ADDED = frozenset({"restoring", "surroundings"})
-"""Families whose wrenches depend on the pose alone, so that they add to a network's."""
-ANYWAY = frozenset({"actuator", "sensor"})
-"""Kinds that are none of the water's forces: they are the file's with any network."""
+POSE_FAMILIES = frozenset({"restoring", "surroundings"})
+"""Families whose wrenches depend only on the pose, so that they add to the network's wrench."""
+INDEPENDENT_KINDS = frozenset({"actuator", "sensor"})
+"""Kinds that are not water forces: they come from the vehicle file with any network."""
 
 
 def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
-    """The `[[effect]]` tables that act beside a network of what added mass alone leaves; a current may.
+    """Return the `[[effect]]` tables that act in addition to a network with added-mass labels.
 
     Args:
-        vehicle: The vehicle that is flown.
-        labelled: The one that the network's labels were made with; None where nobody knows, and it is taken
-            for one whose effects are all those of this file that no network can be flown beside.
+        vehicle: Vehicle that is simulated.
+        labelled: Vehicle of the network's labels.  If it is unknown (None), it is assumed to have all effects
+            of this file that cannot be added to a network.
 
     Raises:
-        DataError: Effects differ that the network cannot be flown beside.
+        DataError: The files differ in effects that cannot be added to the network.
     """
-    now = [effect for effect in vehicle.effect if CATALOGUE[effect["name"]].kind not in ANYWAY]
+    now = [effect for effect in vehicle.effect if CATALOGUE[effect["name"]].kind not in INDEPENDENT_KINDS]
     if labelled is None:
-        return tuple(effect for effect in now if _adds(effect))
-    then = [effect for effect in labelled.effect if CATALOGUE[effect["name"]].kind not in ANYWAY]
+        return tuple(effect for effect in now if _depends_on_pose(effect))
+    then = [effect for effect in labelled.effect if CATALOGUE[effect["name"]].kind not in INDEPENDENT_KINDS]
     before, after = [_values(effect) for effect in then], [_values(effect) for effect in now]
     new = [effect for effect in now if _values(effect) not in before]
     gone = [effect for effect in then if _values(effect) not in after]
     still = not any(CATALOGUE[effect["name"]].kind == "flow" for effect in then)
     refused = [effect["name"] for effect in gone]
-    refused += [effect["name"] for effect in new if not (_adds(effect) or (still and _drifts(effect)))]
+    refused += [
+        effect["name"]
+        for effect in new
+        if not (_depends_on_pose(effect) or (still and _is_uniform_current(effect)))
+    ]
     if refused:
         raise DataError(
             f"{', '.join(dict.fromkeys(refused))} of {vehicle.name}: not as in the vehicle file that the "
-            "network's labels were made with, and cannot act beside it; replay with that file, or train on "
+            "network's labels were made with, and cannot be added to it; replay with that file, or train on "
             "labels of this one (`hydro labels --subtract effects`)"
         )
     return tuple(new)
 
 
-def _adds(effect: Table) -> bool:
-    """Whether an effect's wrench adds to a network's: it depends on the pose alone."""
+def _depends_on_pose(effect: Table) -> bool:
+    """Check whether an effect's wrench adds to the network's, because it depends only on the pose."""
     record = CATALOGUE[effect["name"]]
-    return record.family in ADDED and record.kind == "wrench"
+    return record.family in POSE_FAMILIES and record.kind == "wrench"
 
 
-def _drifts(effect: Table) -> bool:
-    """Whether an effect moves the water alike everywhere: where one has a wrench of its own, it does not."""
+def _is_uniform_current(effect: Table) -> bool:
+    """Check whether an effect moves the water uniformly; a current with its own wrench does not."""
     record = CATALOGUE[effect["name"]]
     return record.kind == "flow" and record.kernel is None
 
 
 def _values(effect: Table) -> dict[str, Any]:
-    """An effect without what a fit notes beside it."""
+    """Return an effect without the bookkeeping of fits."""
     return {key: value for key, value in effect.items() if key not in BOOKKEEPING or key == "name"}

@@ -1,12 +1,13 @@
-"""Conditioning of an injected wrench at the control rate: low-pass, clipping, dead band; paper III-B.
+"""Conditioning of a residual wrench at the control rate: low-pass, clipping, dead band (paper III-B).
 
-It acts on tau_ML alone, in this order, and works alike on FRD and FLU wrenches:
+It acts on tau_ML alone, in this order, on FRD and FLU wrenches alike:
 
-1. y_k = a y_k-1 + (1 - a) tau_k, from rest (y = 0).  The paper gives beta = 0.9 without saying of what: a is
-   beta where it weighs the old value (a time constant of 0.38 s at 25 Hz), 1 - beta where it weighs the new;
-2. each axis is clipped to +-limit;
-3. the wrench is scaled by 3 s^2 - 2 s^3, s = min(1, |(v / v_0, omega / omega_0)|): whole in motion, nothing
-   at rest.  One factor serves all axes, so that a force due to motion along another axis is not cut off.
+1. Low-pass: y_k = a y_k-1 + (1 - a) tau_k, from rest (y = 0).  The paper gives beta = 0.9 without the
+   definition.  a is beta if beta weighs the old value (a time constant of 0.38 s at 25 Hz), or 1 - beta if it
+   weighs the new one.
+2. Clipping: each axis is limited to +-limit.
+3. Dead band: the wrench is scaled by 3 s^2 - 2 s^3, s = min(1, |(v / v_0, omega / omega_0)|).  It is 1 in
+   motion and 0 at rest.  All axes share one factor, which keeps forces due to motion along other axes.
 """
 
 from __future__ import annotations
@@ -24,24 +25,24 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, configuration_matrix, thruster_table
 
-BETA = 0.9  # paper III-B
-WIDTH = 0.02  # m/s and rad/s, of the dead band
-HEADROOM = 2.0  # clipping limit in units of the wrench that the thrusters can make
+BETA = 0.9  # weight of the low-pass (paper III-B)
+WIDTH = 0.02  # width of the dead band [m/s, rad/s]
+HEADROOM = 2.0  # clipping limit, relative to the greatest wrench of the thrusters
 PRESETS = ("off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
 
-# Layout of the parameters and counts that the kernel takes.
+# Layout of the kernel's parameters and counts.
 KEEP, LIMIT, LINEAR, ANGULAR, PARAMETERS = 0, 1, 7, 8, 9
 STEPS, CLIPPED, HELD_BACK, COUNTS = 0, 1, 7, 8
 
 
 @dataclasses.dataclass(frozen=True)
 class Conditioning:
-    """What is done to a wrench before it is injected; by default nothing.
+    """Conditioning of a wrench before it acts; by default none.
 
     Attributes:
         beta: Weight of the low-pass, 0 to 1, or None for no low-pass.
         weighs: Whether `beta` weighs the `old` filtered value or the `new` wrench.
-        limits: Largest size of each axis [N, N m], shape (6,), inf for none.
+        limits: Maximum magnitude of each axis [N, N m], shape (6,), inf for none.
         linear_deadband: v_0 [m/s], 0 for no dead band.
         angular_deadband: omega_0 [rad/s], 0 for no dead band.
     """
@@ -53,7 +54,7 @@ class Conditioning:
     angular_deadband: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what has no meaning.
+        """Check the values.
 
         Raises:
             DataError: A number is out of range, or only one of the dead bands is 0.
@@ -72,21 +73,21 @@ class Conditioning:
 
     @property
     def keep(self) -> float:
-        """Weight of the old filtered value at every step."""
+        """Weight of the old filtered value in every step."""
         if self.beta is None:
             return 0.0
         return self.beta if self.weighs == "old" else 1.0 - self.beta
 
     def parameters(self) -> Array:
-        """The numbers that `condition_kernel` takes, shape (9,)."""
+        """Return the parameters of `condition_kernel`, shape (9,)."""
         return np.array([self.keep, *self.limits, self.linear_deadband, self.angular_deadband])
 
 
 class Counts(NamedTuple):
-    """How often each part acted.
+    """Number of control steps in which each part acted.
 
-    `steps`: control steps in all.  `clipped` (6,): steps in which an axis was clipped.  `held_back`: steps in
-    which the dead band took part of the wrench.
+    `steps`: all control steps.  `clipped` (6,): steps in which an axis was clipped.  `held_back`: steps in
+    which the dead band reduced the wrench.
     """
 
     steps: int
@@ -98,17 +99,17 @@ OFF = Conditioning()
 
 
 def preset(name: str, vehicle: Vehicle) -> Conditioning:
-    """A conditioning by name: none, the paper's with either reading of beta = 0.9, or one piece of it.
+    """Return a conditioning by name: none, the paper's with either meaning of beta = 0.9, or one part of it.
 
-    The paper gives neither limits nor a width.  Limits are twice the wrench that the thrusters can make on an
-    axis, since a steady residual balances the thrusters (no limit where they can make none); the dead band
+    The paper gives neither limits nor a width.  Limits are twice the greatest wrench of the thrusters on an
+    axis, since a steady residual balances the thrusters; an axis without thrust has no limit.  The dead band
     is 0.02 m/s and 0.02 rad/s.
 
     Args:
         name: `off`; `paper-old`, where beta weighs the old value; `paper-new`; `paper`, which is `paper-new`,
-            the reading that replays better; or a piece alone: `low-pass-old`, `low-pass-new`, `clipping`,
+            the meaning with the lower replay error; or one part: `low-pass-old`, `low-pass-new`, `clipping`,
             `dead-band`.
-        vehicle: Gives the limits.
+        vehicle: Vehicle, whose thrusters determine the limits.
 
     Raises:
         DataError: No preset has this name.
@@ -129,7 +130,7 @@ def preset(name: str, vehicle: Vehicle) -> Conditioning:
 
 
 def _limits(vehicle: Vehicle) -> tuple[float, ...]:
-    """Clipping limits [N, N m] from what the thrusters can make on each axis."""
+    """Return clipping limits [N, N m] from the thrusters' authority on each axis."""
     strongest = thruster_table(vehicle)[:, [MAX_THRUST, MAX_REVERSE]].max(axis=1)
     authority = HEADROOM * np.abs(configuration_matrix(vehicle)) @ strongest
     return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
@@ -142,12 +143,12 @@ def condition_kernel(
     """Condition the wrench of one control step.
 
     Args:
-        wrench: The wrench, shape (6,) [N, N m].
+        wrench: Wrench, shape (6,) [N, N m].
         nu: Velocity, shape (6,) [m/s, rad/s], in the frame of the wrench or its FRD/FLU mirror.
         parameters: `Conditioning.parameters()`, shape (9,).
         state: Low-passed wrench, shape (6,), changed in place; zero at the start.
         counts: `steps`, `clipped` and `held_back`, shape (8,), changed in place.
-        out: Written: the conditioned wrench, shape (6,).
+        out: Conditioned wrench, shape (6,), written.
     """
     keep = parameters[KEEP]
     share = _moving(nu, parameters[LINEAR], parameters[ANGULAR])
@@ -164,7 +165,7 @@ def condition_kernel(
 
 @kernel
 def _moving(nu: Array, linear: float, angular: float) -> float:
-    """Share of the wrench that the dead band lets through."""
+    """Return the share of the wrench that passes the dead band."""
     if linear == 0.0:
         return 1.0
     square = 0.0
@@ -188,10 +189,10 @@ def condition(wrenches: ArrayLike, nu: ArrayLike, conditioning: Conditioning) ->
     Args:
         wrenches: Shape (N, 6) [N, N m].
         nu: Velocities, shape (N, 6) [m/s, rad/s].
-        conditioning: What to do.
+        conditioning: Conditioning to apply.
 
     Returns:
-        The conditioned wrenches, shape (N, 6), and how often clipping and dead band acted.
+        Conditioned wrenches, shape (N, 6), and the counts of clipping and dead band.
     """
     given = np.ascontiguousarray(wrenches, dtype=np.float64)
     out, numbers = np.empty_like(given), np.zeros(COUNTS)
@@ -202,6 +203,6 @@ def condition(wrenches: ArrayLike, nu: ArrayLike, conditioning: Conditioning) ->
 
 
 def counts_of(numbers: ArrayLike) -> Counts:
-    """Counts from the array that `condition_kernel` fills, shape (8,)."""
+    """Return counts from the array that `condition_kernel` fills, shape (8,)."""
     steps, *clipped, held_back = (int(n) for n in np.asarray(numbers))
     return Counts(steps, tuple(clipped), held_back)

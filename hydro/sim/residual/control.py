@@ -1,20 +1,18 @@
-"""A residual network inside the simulation, evaluated at the control step and held in between (paper III-B).
+"""Residual network inside the simulation, evaluated per control step and held until the next (paper III-B).
 
-At every control step: a Kalman filter for nu_dot, the network, the conditioning of its wrench.  The wrench
-stands on the left-hand side of the balance, as the label does.
+Each control step runs a Kalman filter for nu_dot, the network, and the conditioning of its wrench.  The
+wrench is on the left-hand side of the balance, like the label.
 
-A wrench that is held for 40 ms is 20 ms late on average, and drag that is late is too small while the vehicle
-gathers way.  So the network is asked for the wrench half a control step ahead, at nu + nu_dot dt/2: what is
-held is the wrench of the middle of the time that it acts.
+A wrench held for 40 ms is 20 ms late on average, and late drag is too small while the vehicle accelerates.
+So the network is evaluated half a control step ahead, at nu + nu_dot dt/2: the held wrench is that of the
+middle of the interval in which it acts.
 
-A passive model (`learn.networks.structured`) is not held as a wrench, for a wrench that was right 40 ms ago
-can drive the vehicle.  Its D is held, its inertia is constant, and between control steps the wrench goes on
-from the held one by D nu + C(nu) nu of the present nu: damping keeps taking power between control steps.
-A conditioning that changes the held wrench gives this up.
+A passive model (`learn.networks.structured`) is not held as a wrench, because a wrench that was right 40 ms
+ago can add energy.  Its D is held, its inertia is constant, and the wrench follows the velocity between
+control steps.  A conditioning that changes the held wrench loses this property.
 
-All that is remembered from one control step
-to the next lies in MuJoCo's activations, so that it is saved, copied, reset and rolled out with the rest of
-the state.
+All states between control steps are MuJoCo activations.  So they are saved, copied, reset and rolled out with
+the rest of the state.
 """
 
 from __future__ import annotations
@@ -41,47 +39,48 @@ from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
 
 NOISELESS = 1e6
-"""q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""
+"""q dt^3 / R of a filter that trusts every sample, because a simulated velocity has no noise."""
 
-ROUNDED = 1e-6  # of a control step: as near to its beginning a clock shows it
-LINE = 8
-"""Doubles of a cache line: the block of parameters and the weights in it begin on one."""
+CLOCK_TOLERANCE = 1e-6
+"""Tolerance of the clock at the start of a control step, as a share of the step."""
+CACHE_LINE = 8
+"""Number of doubles in a cache line; the block of parameters and its weights are aligned to one."""
 
-# The state of one vehicle's control.
-TICK = 0  # control steps begun; 0 before the first
-HELD = 1  # wrench held, 6
+# States of one vehicle's control.
+TICK = 0  # number of control steps so far
+HELD = 1  # held wrench, 6
 FILTER = 7  # nu and nu_dot of each axis, 12
-LOW_PASS = 19  # 6
-COUNTED = 25  # how often the conditioning acted, 8
+LOW_PASS = 19  # state of the low-pass, 6
+COUNTED = 25  # counts of the conditioning, 8
 STATES = COUNTED + COUNTS
-UNCONDITIONED = LOW_PASS  # states where no conditioning acts: MuJoCo goes over every activation in every step
-# After these come the past velocities of a network that remembers, and of a passive one:
+UNCONDITIONED = LOW_PASS  # without conditioning: MuJoCo processes all activations in every step
+# Then follow the past velocities of a network with memory, and the states of a passive one:
 DAMPING, OFFSET, PASSIVE_STATES = 0, 36, 42  # D, and D nu + C(nu) nu at the control step
 
-# The block of parameters.
+# Entries of the block of parameters.
 AT_PERIOD, AT_GAINS, AT_GAIN_ROWS, AT_PROGRAM, AT_STEPS, AT_INPUTS, AT_ROOM = range(7)
 AT_PHYSFEAT, AT_MEMORY, AT_SCALERS, AT_WEIGHTS, AT_WEIGHT_COUNT, AT_CONDITIONING = range(7, 13)
-AT_STATES = 13  # in all
-AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; no inertia: it is none
-AT_LEAD = 17  # s
-AT_PAST = 18  # where among the states the past velocities begin
+AT_STATES = 13  # number of all states
+AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; inertia is 0 for others
+AT_LEAD = 17  # lead [s]
+AT_PAST = 18  # index of the past velocities in the states
 HEADER = 19
 
-OWN = 18
-"""Numbers that `renew` needs beside the room of its network: a state and a wrench."""
+OWN_SCRATCH = 18
+"""Number of scratch entries of `renew` in addition to those of its network: a state and a wrench."""
 
 
 @dataclass(frozen=True)
 class Control:
-    """A residual network and how it is run.
+    """Residual network with its settings.
 
     Attributes:
         network: The network.
         period: Control step [s].
-        design: Filter for nu_dot, at any sample time; by default one that trusts every sample.
+        design: Filter for nu_dot, for any sample time; by default one that trusts every sample.
         conditioning: Conditioning of the network's wrench.
-        lead: How far ahead the network is asked, as a share of the control step; 0 as in the paper.  A
-            passive model needs none and gets none.
+        lead: Time by which the network is evaluated ahead, as a share of the control step; 0 as in the paper.
+            A passive model needs no lead and gets none.
     """
 
     network: Network
@@ -91,7 +90,7 @@ class Control:
     lead: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse a control step that is not the one a network remembers by.
+        """Check that the control step is that of the network's memory.
 
         Raises:
             UsageError: It is another.
@@ -99,27 +98,27 @@ class Control:
         wanted = self.network.period
         if wanted is not None and abs(self.period - wanted) > 1e-9:
             raise UsageError(
-                f"the network remembers velocities {wanted:g} s apart: its control step cannot be "
+                f"the network has past velocities {wanted:g} s apart: its control step cannot be "
                 f"{self.period:g} s"
             )
 
     @property
     def states(self) -> int:
-        """Numbers that one vehicle's control keeps between control steps."""
+        """Number of states of one vehicle's control."""
         return self.past + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
 
     @property
     def scratch(self) -> int:
-        """Numbers of room that a control step needs beside the workspace of the network."""
-        return OWN + self.network.inputs + SCRATCH
+        """Number of scratch entries of a control step, without the workspace of the network."""
+        return OWN_SCRATCH + self.network.inputs + SCRATCH
 
     @property
     def past(self) -> int:
-        """Where among these the past velocities begin."""
+        """Index of the past velocities in the states."""
         return UNCONDITIONED if self.conditioning == OFF else STATES
 
     def encode(self) -> Array:
-        """The block of parameters; weights are packed two float32 to a double."""
+        """Return the block of parameters; weights are packed, two float32 to a double."""
         design = self.design or Design(self.period, (NOISELESS,) * 6, (0.0,) * 6)
         forward = gains(design.at(self.period)).forward
         network = self.network
@@ -147,37 +146,37 @@ class Control:
             (AT_WEIGHTS, weights),
         ):
             if entry == AT_WEIGHTS:
-                blocks.append(up_to_a_line(blocks))
+                blocks.append(line_padding(blocks))
             header[entry] = sum(map(len, blocks)) if len(block) else 0
             blocks.append(block)
         return np.concatenate(blocks)
 
 
-def up_to_a_line(blocks: Sequence[Array]) -> Array:
-    """What is missing behind some blocks for the next one to begin on a cache line, as the first does."""
-    return np.zeros(-sum(map(len, blocks)) % LINE)
+def line_padding(blocks: Sequence[Array]) -> Array:
+    """Return the padding after some blocks that aligns the next one to a cache line."""
+    return np.zeros(-sum(map(len, blocks)) % CACHE_LINE)
 
 
 @within
 def due(block: Array, states: Array, time: float) -> bool:
-    """Whether a control step has begun that is not yet counted."""
-    return bool(time >= (states[TICK] - ROUNDED) * block[AT_PERIOD])
+    """Check whether a control step is due."""
+    return bool(time >= (states[TICK] - CLOCK_TOLERANCE) * block[AT_PERIOD])
 
 
 def steps_since(states: Array, begun: Array, period: float) -> Array:
-    """Control steps of vehicles with states (V, STATES) since their clocks showed `begun` [s], (V,)."""
+    """Return the control steps of vehicles with states (V, STATES) since the time `begun` [s], (V,)."""
     tick = states[:, TICK]
-    return np.asarray(np.where(tick > 0.0, tick - np.floor(begun / period + ROUNDED), 0.0))
+    return np.asarray(np.where(tick > 0.0, tick - np.floor(begun / period + CLOCK_TOLERANCE), 0.0))
 
 
 class Tables(NamedTuple):
-    """A control's parameters as `renew` takes them.
+    """Parameters of a control as arrays for `renew`.
 
     Attributes:
-        block: All of `Control.encode`.
-        gains: Of its filter (rows, 6, 2), see `core.recording.smoothing.Gains`.
-        program: Of its network (steps, COLUMNS).
-        weights: Of its network.
+        block: Result of `Control.encode`.
+        gains: Gains of the filter, (rows, 6, 2), see `core.recording.smoothing.Gains`.
+        program: Program of the network, (steps, COLUMNS).
+        weights: Weights of the network.
     """
 
     block: Array
@@ -187,7 +186,10 @@ class Tables(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room of a control step: the network's workspace (`Network.room`,), and (`Control.scratch`,) numbers."""
+    """Buffers of a control step: the network's workspace, (`Network.room`,), and scratch.
+
+    Scratch has (`Control.scratch`,) numbers.
+    """
 
     work: Array32
     scratch: Array
@@ -195,7 +197,7 @@ class Room(NamedTuple):
 
 @jit
 def tables_of(block: Array, weights: Array32) -> Tables:
-    """The tables that stand in a block of parameters."""
+    """Return the tables in a block of parameters."""
     begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
     at, steps = int(block[AT_PROGRAM]), int(block[AT_STEPS])
     return Tables(
@@ -208,34 +210,36 @@ def tables_of(block: Array, weights: Array32) -> Tables:
 
 @jit
 def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
-    """Begin a control step from a block of parameters: `renew` with room of its own."""
-    room = Room(np.empty(int(block[AT_ROOM]), np.float32), np.empty(OWN + int(block[AT_INPUTS]) + SCRATCH))
+    """Start a control step from a block of parameters: `renew` with its own buffers."""
+    room = Room(
+        np.empty(int(block[AT_ROOM]), np.float32), np.empty(OWN_SCRATCH + int(block[AT_INPUTS]) + SCRATCH)
+    )
     renew(tables_of(block, weights), states, time, nu, room)
 
 
 @kernel
 def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> None:
-    """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step.
+    """Start a control step: update the held wrench from the velocity nu (6,), and count the step.
 
     Args:
-        tables: The control.
-        states: What it remembers; written.
-        time: [s].
-        nu: FRD [m/s, rad/s].
-        room: Overwritten.
+        tables: Parameters of the control.
+        states: States of the control; written.
+        time: Time [s].
+        nu: Velocity, FRD, (6,) [m/s, rad/s].
+        room: Buffers; overwritten.
     """
     block, work, scratch = tables.block, room.work, room.scratch
     first, row, last = states[TICK] == 0.0, int(states[TICK]), len(tables.gains) - 1
     for i in range(6):
         axis = states[FILTER + 2 * i : FILTER + 2 * i + 2]
         filter_axis(row, axis, nu[i], tables.gains[min(row, last), i], block[AT_PERIOD])
-    states[TICK] = math.floor(time / block[AT_PERIOD] + ROUNDED) + 1.0
+    states[TICK] = math.floor(time / block[AT_PERIOD] + CLOCK_TOLERANCE) + 1.0
 
     past = int(block[AT_PAST])
     memory = states[past : past + int(block[AT_MEMORY])]
     if first:
         history.begin(nu, memory)
-    state, wrench = scratch[:12], scratch[12:OWN]
+    state, wrench = scratch[:12], scratch[12:OWN_SCRATCH]
     for i in range(6):
         dot = states[FILTER + 2 * i + 1]
         state[i] = nu[i] + block[AT_LEAD] * dot
@@ -247,14 +251,14 @@ def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> 
         block[AT_PHYSFEAT] > 0.0,
         block[begin : begin + 2 * int(block[AT_INPUTS]) + 12],
     )
-    network_kernel(network, state, memory, work, scratch[OWN:], wrench)
+    network_kernel(network, state, memory, work, scratch[OWN_SCRATCH:], wrench)
     history.remember(state[:6], memory)
     if block[AT_INERTIA] > 0.0:
-        going_on = states[past + memory.size : past + memory.size + PASSIVE_STATES]
+        passive = states[past + memory.size : past + memory.size + PASSIVE_STATES]
         root = work[int(block[AT_ROOT]) : int(block[AT_ROOT]) + 36]
-        damping(tables.weights, int(block[AT_ROOT_WEIGHTS]), root, nu, going_on[DAMPING : DAMPING + 36])
-        going_on[OFFSET : OFFSET + 6] = 0.0
-        _add_passive(block, going_on, nu, going_on[OFFSET : OFFSET + 6])
+        damping(tables.weights, int(block[AT_ROOT_WEIGHTS]), root, nu, passive[DAMPING : DAMPING + 36])
+        passive[OFFSET : OFFSET + 6] = 0.0
+        _add_passive(block, passive, nu, passive[OFFSET : OFFSET + 6])
     begin = int(block[AT_CONDITIONING])
     if begin:
         condition_kernel(
@@ -271,13 +275,13 @@ def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> 
 
 @kernel
 def hold(block: Array, states: Array, inertia: Array, s: Array) -> None:
-    """Write the held wrench behind a state of motion, as `core.simulation.held` has it.
+    """Write the held wrench after a state of motion, in the layout of `core.simulation.held`.
 
     Args:
         block: Parameters of the control.
-        states: What it remembers.
-        inertia: Whose Coriolis and centripetal forces are taken away (36,), row by row.
-        s: State of motion (`held.WITH_HELD`,); `held.FELT` is left as it is.
+        states: States of the control.
+        inertia: Inertia whose Coriolis and centripetal forces are cancelled, (36,), row by row.
+        s: State of motion (`held.WITH_HELD`,); `held.FELT` is not changed.
     """
     copy_kernel(inertia, s[held.CANCELLED : held.CANCELLED + 36])
     copy_kernel(states[HELD : HELD + 6], s[held.WRENCH : held.WRENCH + 6])
@@ -293,16 +297,16 @@ def hold(block: Array, states: Array, inertia: Array, s: Array) -> None:
 def attend(
     flat: Array, y: Array, tables: Tables, states: Array, inertia: Array, s: Array, room: Room
 ) -> None:
-    """Begin a control step where one is due, and hold its wrench, for a motion without MuJoCo.
+    """Start a control step if it is due, and hold its wrench, for a motion without MuJoCo.
 
     Args:
         flat: Program of the vehicle.
-        y: State of its motion, see `core.simulation.dynamics`.
-        tables: The control.
-        states: What it remembers; written.
+        y: State of motion, see `core.simulation.dynamics`.
+        tables: Parameters of the control.
+        states: States of the control; written.
         inertia: See `hold`.
         s: State of motion (`held.WITH_HELD`,) with its time and `held.FELT`; the rest is written.
-        room: Overwritten.
+        room: Buffers; overwritten.
     """
     observe_state(flat, y, s)
     if due(tables.block, states, s[TIME]):
@@ -313,24 +317,24 @@ def attend(
 
 @within
 def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
-    """Take the wrench that acts at velocity nu (6,) now off `tau` (6,); `part` (6,) is scratch."""
+    """Subtract the wrench at velocity nu (6,) from `tau` (6,); `part` (6,) is scratch."""
     for i in range(6):
         tau[i] -= states[HELD + i]
     if block[AT_INERTIA] > 0.0:
         first = int(block[AT_PAST]) + int(block[AT_MEMORY])
-        going_on = states[first : first + PASSIVE_STATES]
+        passive = states[first : first + PASSIVE_STATES]
         for i in range(6):
-            part[i] = -going_on[OFFSET + i]
-        _add_passive(block, going_on, nu, part)
+            part[i] = -passive[OFFSET + i]
+        _add_passive(block, passive, nu, part)
         for i in range(6):
             tau[i] -= part[i]
 
 
 @kernel
-def _add_passive(block: Array, going_on: Array, nu: Array, tau: Array) -> None:
-    """Add D nu + C(nu) nu to `tau` (6,), of the D that is held."""
+def _add_passive(block: Array, passive: Array, nu: Array, tau: Array) -> None:
+    """Add D nu + C(nu) nu to `tau` (6,), with the held D."""
     begin = int(block[AT_INERTIA])
     coriolis_kernel(block[begin : begin + 36], nu, tau)
     for i in range(6):
         for j in range(6):
-            tau[i] += going_on[DAMPING + 6 * i + j] * nu[j]
+            tau[i] += passive[DAMPING + 6 * i + j] * nu[j]

@@ -1,1 +1,1 @@
-"""Stonefish as a teacher: the scenario of a vehicle, the program that runs it, recordings and a plant."""
+"""Stonefish as a simulator: scenario of a vehicle, program, recordings, and a plant."""

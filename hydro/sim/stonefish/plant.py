@@ -1,4 +1,4 @@
-"""A plant of vehicles in Stonefish, one process each, for a policy to fly where it was not trained."""
+"""Plant of vehicles in Stonefish, one process each, to test a policy in another simulator."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from hydro.sim.stonefish.program import STATE, Program, Row
 from hydro.sim.stonefish.recorder import Launch, StonefishTeacher, stonefish_teacher
 from hydro.sim.stonefish.scenario import RATE, Delays, Scenario
 
-MOST = 256
-"""Vehicles at most: each is a process with a world of its own."""
+MAX_VEHICLES = 256
+"""Maximum number of vehicles: each is a process with its own world."""
 
 
 class StonefishPlant:
     """Vehicles in Stonefish; see `sim.plant.Plant` for its arrays.
 
-    A snapshot holds how every vehicle began and what it was told since: Stonefish gives nothing of its
-    insides away, but does the same again.  To restore takes as long as it took to get there.
+    Stonefish cannot save its state, but it is deterministic.  So a snapshot holds the start and all commands
+    of every vehicle.  Restoring it takes as long as the simulation so far.
     """
 
     def __init__(
@@ -37,61 +37,69 @@ class StonefishPlant:
         hidden: Sequence[Mapping[str, Any]] = (),
         launch: Launch = Program,
     ) -> None:
-        """Start Stonefish so many times.
+        """Prepare the vehicles; their processes start at the first reset.
 
         Args:
-            vehicle: The vehicle file.
+            vehicle: Vehicle file.
             count: Number of vehicles.
-            period: Control step [s], whole ticks of 2 ms.
+            period: Control step [s], a whole number of ticks of 2 ms.
             mesh: Vertices [m] and faces of its hull; see `sim.teacher.teacher`.
-            hidden: Effects that act without standing in the vehicle file.
+            hidden: Effects that act but are not in the vehicle file.
             launch: Starts the program.
 
         Raises:
-            DataError: Stonefish has no place for something of the vehicle.
-            UsageError: The program is not installed, the control step has no whole ticks, or there are too
-                many vehicles.
+            DataError: Stonefish cannot represent a part of the vehicle.
+            UsageError: The control step is not a whole number of ticks, or there are too many vehicles.
         """
         ticks = round(period * RATE)
         if ticks < 1 or abs(ticks - period * RATE) > 1e-6:
-            raise UsageError(f"the control step of {period:g} s is no multiple of Stonefish's {1 / RATE:g} s")
-        if count > MOST:
-            raise UsageError(f"{count} vehicles are {count} processes of Stonefish: ask for {MOST} at most")
+            raise UsageError(
+                f"the control step of {period:g} s is not a multiple of Stonefish's {1 / RATE:g} s"
+            )
+        if count > MAX_VEHICLES:
+            raise UsageError(
+                f"{count} vehicles are {count} processes of Stonefish: ask for {MAX_VEHICLES} at most"
+            )
         self.vehicle, self._ticks, self._mesh, self._hidden = vehicle, ticks, mesh, hidden
         self._launch = launch
         self._readings = Readings.of(count, len(vehicle.thruster))
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
         subject = self._subject(vehicle)
         self._flat = subject.pilot.program.flat
-        self._vehicles = [_One(subject.scenario, ticks) for _ in range(count)]
-        self._coming = dict[int, _One]()
+        self._vehicles = [_Process(subject.scenario, ticks) for _ in range(count)]
+        self._pending = dict[int, _Process]()
 
     def _subject(self, vehicle: Vehicle) -> StonefishTeacher:
         return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Let some be other vehicles; see `sim.plant.Plant`.
+        """Replace some vehicles; see `sim.plant.Plant`.
 
         Raises:
-            DataError: Stonefish has no place for something of one, or it has other thrusters.
+            DataError: Stonefish cannot represent a part of one, or it has other thrusters.
         """
         for number, vehicle in vehicles.items():
             subject = self._subject(vehicle)
             require_alike(vehicle.name, subject.pilot.program.flat, self._flat)
-            self._coming[number] = _One(subject.scenario, self._ticks)
+            self._pending[number] = _Process(subject.scenario, self._ticks)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Put some vehicles somewhere; see `Plant`."""
+        """Start some vehicles at given states; see `Plant`.
+
+        Raises:
+            DataError: The program fails.
+            UsageError: The program is not installed.
+        """
         self.diverged[mask] = False
         chosen = np.flatnonzero(mask).tolist()
         for k in chosen:
-            self._vehicles[k] = self._coming.pop(k, self._vehicles[k])
+            self._vehicles[k] = self._pending.pop(k, self._vehicles[k])
             self._vehicles[k].begin(np.concatenate([pose[k], velocity[k]]), self._launch)
         for k in chosen:
             self._read(k, self._vehicles[k].answers())
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Fly one control step; see `Plant`."""
+        """Simulate one control step; see `Plant`."""
         going = np.flatnonzero(~self.diverged if flying is None else flying & ~self.diverged).tolist()
         for k in going:
             self._vehicles[k].go_on(commands[k])
@@ -99,7 +107,7 @@ class StonefishPlant:
             self._read(k, self._vehicles[k].answers())
 
     def _read(self, k: int, rows: Iterator[Row]) -> None:
-        """Bring the arrays of a vehicle up to date by the last of its answers, or mark it as diverged."""
+        """Update the arrays of a vehicle from the last of its answers, or mark it as diverged."""
         *_, last = rows
         if not all(np.isfinite(part).all() for part in last):
             self.diverged[k] = True
@@ -109,7 +117,7 @@ class StonefishPlant:
         self.thrust[k, self._vehicles[k].scenario.pushing] = last.thrust
 
     def snapshot(self) -> Snapshot:
-        """How every vehicle began and what it was told since, and the arrays of the present."""
+        """Return the start and all commands of every vehicle, and the current readings."""
         told = [one.told for one in self._vehicles]
         longest = max((len(each) for each in told), default=0)
         padded = np.zeros((len(told), longest, self.thrust.shape[1]))
@@ -122,7 +130,7 @@ class StonefishPlant:
         }
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot, bit for bit, by doing everything since each beginning again."""
+        """Restore a snapshot, bit for bit, by repeating every simulation from its start."""
         first = np.asarray(snapshot["first"], dtype=np.float64)
         begun = np.asarray(np.isfinite(first).all(axis=1))
         self.reset(begun, first[:, :7], first[:, 7:])
@@ -134,8 +142,8 @@ class StonefishPlant:
             array[:] = snapshot[name]
 
 
-class _One:
-    """One vehicle: its scenario, its program once it has begun, and what it was told since."""
+class _Process:
+    """One vehicle: its scenario, its program once started, and all commands since."""
 
     def __init__(self, scenario: Scenario, ticks: int) -> None:
         self.scenario, self.told = scenario, list[Array]()
@@ -145,14 +153,14 @@ class _One:
         self._late = Delays(scenario.table, ticks)
 
     def begin(self, first: Array, launch: Launch) -> None:
-        """Ask to begin at a pose and velocity (13,)."""
+        """Request a start at a pose and velocity (13,)."""
         self._program = self._program or launch(self.scenario)
         self.first, self.told, self._late = first, [], Delays(self.scenario.table, self._ticks)
         self._program.reset(first)
         self._asked = 1
 
     def go_on(self, commands: Array) -> None:
-        """Ask for one control step under commands (n,)."""
+        """Request one control step with commands (n,)."""
         assert self._program is not None
         self.told.append(np.array(commands))
         parts = list(self._late.felt(self.scenario.setpoints(commands)))
@@ -161,7 +169,7 @@ class _One:
         self._asked = len(parts)
 
     def answers(self) -> Iterator[Row]:
-        """The answers to what was asked last."""
+        """Yield the answers to the last request."""
         assert self._program is not None
         for _ in range(self._asked):
             yield self._program.answer()

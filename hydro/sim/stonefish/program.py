@@ -1,13 +1,13 @@
-"""The program that runs Stonefish (`bridge/stonefish`): one process a vehicle, which answers line by line.
+"""Program that runs Stonefish (`bridge/stonefish`): one process per vehicle, with a line protocol.
 
-    hydro-stonefish 1 VERSION TICKS_PER_SECOND THRUSTERS       what it says first
-    reset x y z qw qx qy qz u v w p q r                        a request, to begin there with rotors at rest
-    hold TICKS s1 ... sn                                       a request, to go on under these setpoints
-    row x y z qw qx qy qz u v w p q r fx fy fz T1 ... Tn       the answer to either
-    error WORDS                                                in the place of any answer; it then ends
+    hydro-stonefish 1 VERSION TICKS_PER_SECOND THRUSTERS       greeting
+    reset x y z qw qx qy qz u v w p q r                        request: start there with rotors at rest
+    hold TICKS s1 ... sn                                       request: continue with these setpoints
+    row x y z qw qx qy qz u v w p q r fx fy fz T1 ... Tn       answer to either request
+    error WORDS                                                instead of any answer; the program then ends
 
-Pose and velocity of CO as in `sim.plant.Plant`, its specific force (FRD, the mean of the last tick) and
-thrusts [N].  Numbers are text with all digits of a double.
+Pose and velocity of CO are those of `sim.plant.Plant`.  The row also has its specific force (FRD, mean of the
+last tick) and the thrusts [N].  Numbers are text with all digits of a double.
 """
 
 from __future__ import annotations
@@ -32,22 +32,25 @@ from hydro.sim.stonefish.scenario import RATE, Scenario
 
 NAME, PROTOCOL = "hydro-stonefish", 1
 VARIABLE = "HYDRO_STONEFISH"
-"""Environment variable with the path of the program, where it is not on the PATH."""
+"""Environment variable with the path of the program, if it is not on the PATH."""
 OLDEST = (1, 4)
+"""Oldest supported version of Stonefish."""
 PATIENCE = 120.0
-"""Without a word of a program that still runs, it is given up [s]; a tick takes a millisecond at most, and a
-start with hundreds beside it a minute."""
-PIECE = 1 << 16
-"""Bytes read at once."""
+"""Maximum time without an answer of a running program [s].
+
+A tick takes at most a millisecond, and a start together with hundreds of others a minute.
+"""
+READ_SIZE = 1 << 16
+"""Number of bytes per read."""
 STATE, FELT = 13, 16
-"""Numbers of a row up to the velocity, and up to the specific force."""
+"""Number of values of a row up to the velocity, and up to the specific force."""
 
 
 class Row(NamedTuple):
-    """One answer.
+    """Answer of the program.
 
     Attributes:
-        state: (13,) pose and velocity.
+        state: Pose and velocity, (13,).
         specific_force: (3,) [m/s^2].
         thrust: (n,) [N].
     """
@@ -58,7 +61,7 @@ class Row(NamedTuple):
 
 
 def installed() -> str:
-    """Path of the program.
+    """Return the path of the program.
 
     Raises:
         UsageError: It is not installed.
@@ -66,7 +69,7 @@ def installed() -> str:
     named = os.environ.get(VARIABLE)
     found = shutil.which(named or NAME)
     if found is None:
-        where = f"{VARIABLE}={shown(named)} is no program" if named else f"{NAME} is not on the PATH"
+        where = f"{VARIABLE}={shown(named)} is not a program" if named else f"{NAME} is not on the PATH"
         raise UsageError(
             f"{where}: build it from bridge/stonefish of hydro's repository, with Stonefish "
             f"{'.'.join(map(str, OLDEST))} or later (docs/stonefish.md), and put it on the PATH or name "
@@ -76,14 +79,14 @@ def installed() -> str:
 
 
 class Program:
-    """One vehicle in one process, ended with `close` or as a context."""
+    """One vehicle in one process, ended by `close` or as a context."""
 
     def __init__(self, scenario: Scenario, path: str | None = None) -> None:
-        """Start it; it may still be loading when this returns.
+        """Start the program; it may still be loading on return.
 
         Args:
             scenario: The vehicle.
-            path: Of the program; by default the one that is `installed`.
+            path: Path of the program; by default the `installed` one.
 
         Raises:
             UsageError: It is not installed, or cannot be run.
@@ -118,27 +121,27 @@ class Program:
         self.close()
 
     def reset(self, state: Array) -> None:
-        """Ask to begin at a pose and velocity (13,); `answer` tells what came of it."""
+        """Request a start at a pose and velocity (13,); `answer` returns the result."""
         self._ask(f"reset {_numbers(state)}")
 
     def hold(self, ticks: int, setpoints: Array) -> None:
-        """Ask to go on for some ticks under setpoints (n,); `answer` tells what came of it."""
+        """Request some ticks with setpoints (n,); `answer` returns the result."""
         self._ask(f"hold {ticks} {_numbers(setpoints)}")
 
     def greet(self) -> str:
-        """Wait until it has loaded; the version of Stonefish.
+        """Wait until the program has loaded; return the version of Stonefish.
 
         Raises:
-            DataError: It fails, or is not the program that this hydro asks.
+            DataError: It fails, or does not have the expected protocol.
         """
         self.version = self.version or self._greeting()
         return self.version
 
     def answer(self) -> Row:
-        """The answer to the oldest request.
+        """Return the answer to the oldest request.
 
         Raises:
-            DataError: There is none, or none that can be understood.
+            DataError: There is no answer, or an invalid one.
         """
         self.greet()
         word, *rest = self._line().split()
@@ -154,11 +157,11 @@ class Program:
         return Row(values[:STATE], values[STATE:FELT], values[FELT:])
 
     def _greeting(self) -> str:
-        """Version of Stonefish, once the program has said that it understands what it will be asked."""
+        """Return the version of Stonefish, after a check of the program's greeting."""
         words = self._line().split()
         if len(words) != 5 or words[0] != NAME:
             raise DataError(
-                f"{NAME} began with {shown(' '.join(words))[:60]!r}: {VARIABLE} or the PATH leads to another "
+                f"{NAME} began with {shown(' '.join(words))[:60]!r}: {VARIABLE} or the PATH names another "
                 "program"
             )
         if words[1] != str(PROTOCOL):
@@ -180,51 +183,51 @@ class Program:
 
     def _ask(self, line: str) -> None:
         assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # why it ended its answer says
+        with contextlib.suppress(BrokenPipeError):  # its answer then has the reason
             self._process.stdin.write(f"{line}\n".encode())
 
     def _line(self) -> str:
-        """The next line of the program.
+        """Return the next line of the program.
 
         Raises:
-            DataError: It has ended, tells of an error, or says nothing for too long, and is then ended.
+            DataError: It has ended, reports an error, or gives no answer in time, and is then ended.
         """
         line = self._read()
         if line.startswith("error "):
             raise DataError(f"{NAME}: {shown(line[len('error ') :].strip())}")
         if not line.strip():
             code = self._process.wait()
-            raise DataError(f"{NAME} ended without an answer (exit code {code}): {self._last_words()}")
+            raise DataError(f"{NAME} ended without an answer (exit code {code}): {self._last_error_line()}")
         return line
 
     def _read(self) -> str:
-        """What comes up to the end of a line, or of all; no more is read than there is."""
+        """Read to the end of a line, or of all output, without waiting for more."""
         assert self._process.stdout is not None
         while b"\n" not in self._unread:
             if not self._said.poll(1e3 * PATIENCE):
-                said = self._last_words()
+                said = self._last_error_line()
                 self.close()
                 raise DataError(
                     f"{NAME} gave no answer for {PATIENCE:g} s and was ended: {said}; try again with fewer "
-                    "vehicles at a time, or build bridge/stonefish anew"
+                    "vehicles at a time, or build bridge/stonefish again"
                 )
-            piece = os.read(self._process.stdout.fileno(), PIECE)
+            piece = os.read(self._process.stdout.fileno(), READ_SIZE)
             if not piece:
                 break
             self._unread += piece
         line, _, self._unread = self._unread.partition(b"\n")
         return line.decode(errors="replace")
 
-    def _last_words(self) -> str:
-        """The last line that it wrote beside its answers."""
+    def _last_error_line(self) -> str:
+        """Return the last line of its stderr."""
         self._log.seek(0)
         lines = self._log.read().decode(errors="replace").split("\n")
         said = [line.strip() for line in lines if line.strip()]
-        return shown(said[-1])[:200] if said else "it said nothing of why"
+        return shown(said[-1])[:200] if said else "it gave no reason"
 
 
 def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str], log: IO[bytes]) -> None:
-    """End a program and take away what it was given."""
+    """End a program and remove its files."""
     for stream in (process.stdin, process.stdout):
         if stream is not None:
             with contextlib.suppress(OSError):
@@ -236,7 +239,7 @@ def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[s
 
 
 def _version(text: str) -> tuple[int, ...]:
-    """A version as numbers; nothing of what is none."""
+    """Return a version as numbers; empty if it is not a version."""
     parts = text.split(".")
     return tuple(map(int, parts)) if all(part.isdecimal() for part in parts) else ()
 

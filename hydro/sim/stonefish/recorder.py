@@ -1,7 +1,7 @@
-"""Stonefish as a teacher: sessions for `sim.teacher.collect`, and flights of given commands.
+"""Recording in Stonefish: sessions for `sim.teacher.collect`, and flights with given commands.
 
-Demands become commands as for the embedded teacher, by what it knows of the vehicle; the motion that the
-holds see is Stonefish's.
+Commands follow from demands as in the embedded simulator, with its knowledge of the vehicle.  The holds of
+depth and heading use the motion in Stonefish.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from hydro.sim.stonefish.scenario import RATE, Delays, Scenario, scenario
 from hydro.sim.teacher import Teacher, surface_of, teacher
 
 TICKS = round(RATE / LOG_RATE)
-"""Of a row."""
+"""Number of ticks per row."""
 
 Launch = Callable[[Scenario], Program]
 
 
 @dataclass(frozen=True)
 class StonefishTeacher:
-    """A vehicle ready to be recorded in Stonefish.
+    """Vehicle ready to be recorded in Stonefish.
 
     Attributes:
-        pilot: The embedded teacher of the vehicle: how demands become commands, and the velocity log.
-        scenario: What Stonefish is given.
+        pilot: Embedded simulator of the vehicle, with the allocation of demands and the errors of the DVL.
+        scenario: Scenario for Stonefish.
         launch: Starts the program with a scenario.
     """
 
@@ -48,29 +48,29 @@ class StonefishTeacher:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle with what is hidden, and the embedded teacher's added mass."""
+        """Vehicle with the hidden effects, and the embedded simulator's added mass."""
         return self.pilot.vehicle
 
     @property
     def mixing(self) -> Mixing:
-        """How demands become commands."""
+        """Allocation of demands to commands."""
         return self.pilot.mixing
 
     @property
     def log(self) -> Array:
-        """The velocity log, with the errors of its sensor effects."""
+        """Parameters of the DVL's errors, from the sensor effects."""
         return self.pilot.log
 
     @property
     def ignored(self) -> tuple[str, ...]:
-        """Names of the file's effects that Stonefish stands in for."""
+        """Names of the file's effects that Stonefish replaces."""
         return self.pilot.ignored
 
     def version(self) -> str:
-        """Version of Stonefish, which has then taken the scenario.
+        """Return the version of Stonefish, which has then loaded the scenario.
 
         Raises:
-            DataError: It does not take it, or the program fails.
+            DataError: It refuses the scenario, or the program fails.
             UsageError: The program is not installed.
         """
         with self.launch(self.scenario) as program:
@@ -79,7 +79,7 @@ class StonefishTeacher:
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Motion of one session and its commands; see `sim.teacher.fly`, of whose seas Stonefish has none.
+        """Return the motion of one session and its commands; see `sim.teacher.fly`.  Stonefish has no waves.
 
         Raises:
             DataError: The motion diverges, or the program fails.
@@ -102,10 +102,10 @@ def stonefish_teacher(
     hidden: Sequence[Mapping[str, Any]] = (),
     launch: Launch = Program,
 ) -> StonefishTeacher:
-    """The teacher of a vehicle in Stonefish; arguments as of `sim.teacher.teacher`.
+    """Return a vehicle for recordings in Stonefish; arguments as of `sim.teacher.teacher`.
 
     Raises:
-        DataError: The embedded teacher refuses the vehicle, or Stonefish has no place for something of it.
+        DataError: The embedded simulator refuses the vehicle, or Stonefish cannot represent a part of it.
     """
     surface = surface_of(vehicle, mesh)
     pilot = teacher(vehicle, mesh=surface, hidden=hidden)
@@ -121,14 +121,15 @@ def fly(
     nu: ArrayLike = (0.0,) * 6,
     launch: Launch = Program,
 ) -> tuple[Array, Array]:
-    """Fly a vehicle for some rows of 1/50 s.
+    """Simulate a vehicle for some rows of 1/50 s.
 
     Args:
-        given: The vehicle.
-        command: From the number of a row and the state there, (13,), to its effective commands (n,).
-        rows: How many.
-        eta: Pose of CO at the first row (6,), NED and Euler angles.
-        nu: Its velocity over ground there (6,), body axes.
+        given: Scenario of the vehicle.
+        command: Function of the number of a row and the state there, (13,), that returns effective commands,
+            (n,).
+        rows: Number of rows.
+        eta: Pose of CO at the first row, (6,), NED and Euler angles.
+        nu: Velocity over ground at the first row, (6,), body axes.
         launch: Starts the program.
 
     Returns:
@@ -159,7 +160,7 @@ def fly(
 
 @jit
 def _command(motion: Motion, pilot: Pilot, row: int, state: Array, thrusters: int) -> Array:
-    """The pilot's commands (n,) of a row, at a state of the body (13,)."""
+    """Return the pilot's commands (n,) of a row, at a state of the body (13,)."""
     commands = np.zeros(thrusters)
     motion.y[:BODY] = state
     observe_state(motion.flat, motion.y, motion.s)

@@ -1,13 +1,13 @@
-"""A vehicle as a scenario of Stonefish (`.scn`), and its commands as setpoints of Stonefish's thrusters.
+"""Stonefish scenario (`.scn`) of a vehicle, and its commands as setpoints of Stonefish's thrusters.
 
 Rigid body, buoyancy, thrusters, a uniform current, constant weights and payloads are those of the vehicle.
-The water's forces are Stonefish's own, from the facets of the hull's mesh and an ellipsoid about it.
+Stonefish computes the water forces, from the facets of the hull's mesh and an ellipsoid around it.
 
-A thruster's setpoint is what its lag state settles on (`vehicle.thrusters`): the normalised rotor speed, or
-the thrust [N] where that is what lags.  Stonefish's first-order rotor is an Euler step of a tick; its time
-constant is chosen so that a tick leaves of the distance what the vehicle's lag does.  Dead band, curve, gain
-and asymmetry are its thrust model: exact where it has the form, else a table.  Delays are kept by
-`Delays`, in whole ticks.
+A thruster's setpoint is the settled value of its lag state (`vehicle.thrusters`): the normalised rotor speed,
+or the thrust [N] if the lag acts on thrust.  Stonefish's first-order rotor takes an Euler step per tick.  Its
+time constant is chosen so that a tick has the same decay as the vehicle's lag.  Dead band, curve, gain and
+asymmetry form its thrust model: exact if Stonefish has that form, else a table.  `Delays` applies delays in
+whole ticks.
 """
 
 from __future__ import annotations
@@ -56,22 +56,23 @@ RATE = 500.0
 """Ticks per second [Hz]."""
 HULL, SCENARIO = "hull.obj", "vehicle.scn"
 KNOTS = 400
-"""Of a table of thrust, on either side of rest."""
-FULL = 1e9
-"""A command that every thruster clips."""
+"""Number of knots of a thrust table on either side of zero."""
+SATURATING = 1e9
+"""Command that saturates every thruster."""
 BEGIN = "0 0 100"
-"""Where the vehicle stands before its first reset: under water."""
+"""Position of the vehicle before its first reset: under water."""
 PROPELLER = {"diameter": 0.2, "right": "true"}
+"""Attributes of every propeller in the scenario."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """What Stonefish is given of a vehicle.
+    """Scenario of a vehicle for Stonefish.
 
     Attributes:
         text: The scenario.
-        hull: The hull's mesh, as a Wavefront OBJ file.
-        pushing: Numbers (k,) of the vehicle's commands that move thrusters, and no servos.
+        hull: Mesh of the hull, as a Wavefront OBJ file.
+        pushing: Indices (k,) of the commands of thrusters, without those of servos.
         table: Thruster table (k, columns) of these, with all effects of the vehicle.
     """
 
@@ -81,25 +82,25 @@ class Scenario:
     table: Array
 
     def write(self, folder: Path) -> Path:
-        """Write the scenario and its mesh into a folder; the scenario's path."""
+        """Write the scenario and its mesh into a folder; return the path of the scenario."""
         (folder / HULL).write_text(self.hull, encoding="utf-8")
         (folder / SCENARIO).write_text(self.text, encoding="utf-8")
         return folder / SCENARIO
 
     def setpoints(self, commands: ArrayLike) -> Array:
-        """Setpoints (k,) of effective commands (n,), see `recording.supply`."""
+        """Return setpoints (k,) of effective commands (n,), see `recording.supply`."""
         return _setpoints(self.table, np.asarray(commands, dtype=np.float64)[self.pushing])
 
 
 class Delays:
-    """Setpoints that each thruster feels later than they are given, by whole ticks."""
+    """Delays of the thrusters' setpoints, in whole ticks."""
 
     def __init__(self, table: Array, ticks: int) -> None:
-        """At rest before the first step.
+        """Start at rest.
 
         Args:
             table: Thruster table.
-            ticks: Of a step.
+            ticks: Number of ticks per step.
         """
         late = np.rint(table[:, DELAY] * RATE).astype(np.int64)
         self._whole, self._part = np.divmod(late, ticks)
@@ -107,7 +108,7 @@ class Delays:
         self._past = np.zeros((int(self._whole.max(initial=0)) + 2, len(table)))
 
     def felt(self, setpoints: Array) -> Iterator[tuple[int, Array]]:
-        """What is felt during the next step, in parts: ticks, and the setpoints (k,) meanwhile."""
+        """Yield the parts of the next step: ticks, and the delayed setpoints (k,) during them."""
         self._past[:-1] = self._past[1:]
         self._past[-1] = setpoints
         each = np.arange(len(setpoints))
@@ -118,20 +119,20 @@ class Delays:
 
 
 def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenario:
-    """The scenario of a vehicle.
+    """Return the scenario of a vehicle.
 
     Args:
-        vehicle: The vehicle; its effects of the names in `teacher.REPLACED` are Stonefish's to make.
+        vehicle: Vehicle; Stonefish replaces its effects named in `teacher.REPLACED`.
         mesh: Vertices (V, 3) [m], FRD about CO, and faces (F, 3) of its hull, closed and outward.
 
     Raises:
-        DataError: An effect or a thruster that Stonefish has no place for, or a name that may not be, by its
-            path in the vehicle file.
+        DataError: Stonefish cannot represent an effect or a thruster, or a name is not allowed; the message
+            has its path in the vehicle file.
     """
     require_names(vehicle)
     listed = [entry for entry in entries(vehicle) if entry.effect.name not in REPLACED]
     laws = _laws(vehicle, listed)
-    body = _loaded(vehicle, listed)
+    body = _with_payloads(vehicle, listed)
     lift, moment = _buoyancy(vehicle, laws, body)
     water, table = _water(vehicle, listed), thruster_table(vehicle, listed)
     root = ET.Element("scenario")
@@ -164,15 +165,15 @@ def _setpoints(table: Array, commands: Array) -> Array:
 
 
 def _laws(vehicle: Vehicle, listed: list[Entry]) -> list[Law]:
-    """Weights: the laws of the effects with a force.
+    """Return the weights: the laws of effects with a force.
 
     Raises:
-        DataError: An effect is neither weight, payload nor current, nor of thrusters or sensors.
+        DataError: An effect is not a weight, payload or current, nor of thrusters or sensors.
     """
     c, laws = constants(vehicle, listed), []
     for entry in listed:
         effect, found = entry.effect, law(entry, c)
-        still = effect.kernel is None if found is None else not _moves(found)
+        still = effect.kernel is None if found is None else not _depends_on_motion(found)
         if effect.is_random or not still:
             raise DataError(
                 f"{entry.where}: Stonefish has no {effect.name} like this one; leave it out, or record with "
@@ -182,16 +183,16 @@ def _laws(vehicle: Vehicle, listed: list[Entry]) -> list[Law]:
     return laws
 
 
-def _moves(found: Law) -> bool:
-    """Whether a force depends on the motion."""
+def _depends_on_motion(found: Law) -> bool:
+    """Check whether a force depends on the motion."""
     return any(one.any() for one in (found.linear, found.sized, found.plain))
 
 
-def _loaded(vehicle: Vehicle, listed: list[Entry]) -> RigidBody:
-    """The rigid body with the dry mass of its payloads.
+def _with_payloads(vehicle: Vehicle, listed: list[Entry]) -> RigidBody:
+    """Return the rigid body including the dry mass of its payloads.
 
     Raises:
-        DataError: An effect adds inertia that no rigid body has.
+        DataError: An effect adds inertia that no rigid body can have.
     """
     body, added = vehicle.rigid_body, inertia_matrix(vehicle, listed)
     if not added.any():
@@ -210,9 +211,9 @@ def _loaded(vehicle: Vehicle, listed: list[Entry]) -> RigidBody:
 
 
 def _buoyancy(vehicle: Vehicle, laws: list[Law], body: RigidBody) -> tuple[float, Array]:
-    """Buoyancy B [N] of the vehicle with its constant weights, and B times its centre about CO [N m].
+    """Return the buoyancy B [N] reduced by constant weights, and B times its centre about CO [N m].
 
-    Payloads state their weight in water: the weight of their dry mass, which Stonefish adds, is borne.
+    Payloads state their weight in water.  Stonefish adds the weight of their dry mass, so B compensates it.
     """
     lift = vehicle.buoyancy.force
     moment = lift * np.array(vehicle.buoyancy.center)
@@ -227,22 +228,22 @@ def _buoyancy(vehicle: Vehicle, laws: list[Law], body: RigidBody) -> tuple[float
 
 
 def _water(vehicle: Vehicle, listed: list[Entry]) -> Array:
-    """Velocity of the water (3,), NED [m/s].
+    """Return the velocity of the water (3,), NED [m/s].
 
     Raises:
-        DataError: It differs from place to place, or in time.
+        DataError: It varies in space or time.
     """
     flow = current(vehicle, listed)
     if flow[3:].any():
         raise DataError(
-            "effect: the water moves otherwise from place to place or in time, and Stonefish's is uniform: "
+            "effect: the water velocity varies in space or time, but Stonefish's current is uniform: "
             "give one velocity, or record with --teacher panel"
         )
     return np.asarray(flow[:3])
 
 
 def _body(link: ET.Element, body: RigidBody) -> None:
-    """Mesh, mass, centre of gravity and principal inertia of the only link."""
+    """Add mesh, mass, centre of gravity and principal inertia of the only link."""
     physical = _add(link, "physical")
     _add(physical, "mesh", filename=HULL, scale=1.0)
     _add(physical, "origin", xyz="0 0 0", rpy="0 0 0")
@@ -255,9 +256,9 @@ def _body(link: ET.Element, body: RigidBody) -> None:
 
 
 def _principal(inertia: Array) -> tuple[Array, Array]:
-    """Principal moments (3,) and axes (3, 3) as columns, those of a diagonal matrix as they are.
+    """Return principal moments (3,) and axes (3, 3) as columns; a diagonal matrix stays as it is.
 
-    Of the ways to name the axes it is the one that turns them least.
+    Of all permutations of the axes, the one with the smallest rotation is returned.
     """
     if not (inertia - np.diag(np.diag(inertia))).any():
         return np.diag(inertia), np.eye(3)
@@ -270,7 +271,7 @@ def _principal(inertia: Array) -> tuple[Array, Array]:
 
 
 def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
-    """Place, rotor and thrust model of one thruster.
+    """Add position, rotor and thrust model of one thruster.
 
     Raises:
         DataError: It has a torque about its own axis, or loses thrust to the flow.
@@ -279,12 +280,12 @@ def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
     size = float(np.linalg.norm(force))
     if size == 0.0 or abs(force @ moment) > 1e-9 * size * max(float(np.linalg.norm(moment)), size):
         raise DataError(
-            f"thruster {thruster.name}: a torque that no push at a point has is none of Stonefish's: give a "
+            f"thruster {thruster.name}: Stonefish has no thruster with a torque about its own axis: give a "
             "position and a direction, without propeller torque"
         )
     if row[INFLOW] != 0.0:
         raise DataError(
-            f"thruster {thruster.name}: Stonefish's thrust by table or dead band knows no flow: leave the "
+            f"thruster {thruster.name}: Stonefish's thrust by table or dead band ignores the flow: leave the "
             "loss to inflow out, or record with --teacher panel"
         )
     a, b, c = force / size
@@ -294,7 +295,9 @@ def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
     propeller = _add(actuator, "propeller", **PROPELLER)
     _add(propeller, "mesh", filename=HULL, scale=0.1)
     _add(propeller, "material", name="hull")
-    _add(actuator, "specs", max_setpoint=max(settled_state(row, FULL), -settled_state(row, -FULL)))
+    _add(
+        actuator, "specs", max_setpoint=max(settled_state(row, SATURATING), -settled_state(row, -SATURATING))
+    )
     decay = lag_decay(row, 1.0 / RATE)
     rotor = _add(actuator, "rotor_dynamics", type="first_order" if decay > 0.0 else "zero_order")
     if decay > 0.0:
@@ -303,7 +306,7 @@ def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
 
 
 def _thrust_model(actuator: ET.Element, row: Array, size: float) -> None:
-    """Thrust by lag state: Stonefish's law of the square with a dead band, where it is that; or a table."""
+    """Add the thrust model: Stonefish's square law with a dead band if it fits, else a table."""
     band = row[DEADBAND]
     if row[SPEED_LAG] and row[POWER] == 2.0 and (row[SHIFT] or band == 0.0):
         slope = size * (1.0 + row[GAIN]) / (1.0 - band**2)
@@ -317,21 +320,21 @@ def _thrust_model(actuator: ET.Element, row: Array, size: float) -> None:
         beyond = beyond if band == 0.0 else np.concatenate([[band], beyond])
         knots = np.concatenate([-beyond[::-1], [0.0], beyond])
     else:
-        knots = np.array([settled_state(row, -FULL), 0.0, settled_state(row, FULL)])
+        knots = np.array([settled_state(row, -SATURATING), 0.0, settled_state(row, SATURATING)])
     model = _add(actuator, "thrust_model", type="linear_interpolation")
     _add(model, "input", value=knots)
     _add(model, "output", value=np.array([size * state_to_thrust(row, knot, 0.0) for knot in knots]))
 
 
 def _obj(vertices: Array, faces: NDArray[np.int64]) -> str:
-    """A mesh as a Wavefront OBJ file."""
+    """Return a mesh as a Wavefront OBJ file."""
     lines = [f"v {_text(vertex)}" for vertex in np.asarray(vertices, np.float64)]
     lines += [f"f {' '.join(str(corner + 1) for corner in face)}" for face in np.asarray(faces).tolist()]
     return "\n".join(lines) + "\n"
 
 
 def _add(parent: ET.Element, tag: str, **attributes: Any) -> ET.Element:
-    """A further element; numbers are written so that they are read back bit for bit."""
+    """Add an element; numbers are written with all digits."""
     return ET.SubElement(parent, tag, {name: _text(value) for name, value in attributes.items()})
 
 

@@ -104,7 +104,7 @@ def test_a_fin_that_obeys_nothing_known_is_refused(more, message):
 def test_a_servo_has_a_name_alone():
     servo = Thruster("rudder", position=(0.0, 0.0, 0.0), curve="none")
     bare = equipped()
-    with pytest.raises(DataError, match='thruster rudder: of curve "none" it has a name alone'):
+    with pytest.raises(DataError, match='thruster rudder: with curve "none", give only a name'):
         validate(msgspec.structs.replace(bare, thruster=(*bare.thruster, servo)))
 
 
@@ -166,7 +166,7 @@ def test_a_servo_that_nothing_obeys_is_told_of(tmp_path, datasets):
         '[[effect]]\nname = "formula"\nmoments = ["N c9 |u| u"]\nmoment = [2.0]\nforces = []\nforce = []\n'
     )
     with pytest.warns(
-        HydroWarning, match="thruster rudder: nothing obeys its command: add a control_surface"
+        HydroWarning, match="thruster rudder: no effect uses its command: add a control_surface"
     ):
         files.warn(files.parse(text + servo), text, "x.toml")
     with warnings.catch_warnings():

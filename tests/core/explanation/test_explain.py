@@ -23,7 +23,7 @@ from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
 from hydro.core.explanation import screening, trials
 from hydro.core.explanation.explain import ending, explain
-from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step, best, best_step
+from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step, best, best_step, left_out_rung
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -275,6 +275,15 @@ def left_out(*errors: float) -> pl.DataFrame:
 )
 def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, chosen):
     assert best_step(left_out(*errors)) == chosen
+
+
+def test_the_row_of_left_out_stretches_is_a_velocity_with_its_noise_floor():
+    rows = {"step": 1, "effect": "tether", "dataset": "fit", "axis": ["all", "pose", "all"], "rmse": 1.0}
+    rows |= {"horizon": [HORIZON, HORIZON, 1.0], "low": 0.5, "high": 2.0, "noise_floor": [0.1, 0.2, 0.3]}
+    row = left_out_rung(pl.DataFrame(rows | {"unit": ["m/s", "m", "m/s"]}), 0.4)
+    found = row.select("axis", "horizon", "rmse", "low", "noise_floor", "unit").row(0)
+    assert row.height == 1
+    assert found == (LEFT_OUT, HORIZON, 0.4, None, 0.1, "m/s")
 
 
 @pytest.fixture

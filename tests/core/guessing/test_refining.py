@@ -163,7 +163,7 @@ def test_a_guess_goes_on_without_a_velocity_and_says_so(tmp_path: Path, capsys):
     path = writers.ros1(tmp_path / "dive.bag", messages, {}, "LZ4")
     assert cli.main(["import", str(path), "-o", str(tmp_path / "raw.parquet")]) == 0
     said = capsys.readouterr().err
-    assert "no column's name says attitude, velocity, rates" in said
+    assert "no column name identifies attitude, velocity, rates" in said
     frame = pl.read_parquet(tmp_path / "raw.parquet")
     np.testing.assert_allclose(frame["z"], 1.0 + np.sin(frame["t"].to_numpy()), atol=0.02)
     np.testing.assert_allclose(frame["cmd_6"], 0.25 * np.sin(frame["t"].to_numpy()), atol=0.02)

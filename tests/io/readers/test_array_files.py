@@ -11,7 +11,7 @@ import pytest
 import hydro
 from hydro.core.errors import DataError
 from hydro.io import log
-from hydro.io.readers.arrays import _flat
+from hydro.io.readers.arrays import _numeric_arrays
 from hydro.io.readers.messages import DEEPEST
 
 FAST, SLOW = np.arange(200) * 0.05, np.arange(41) * 0.25
@@ -57,7 +57,7 @@ def test_what_has_no_times_is_left_out_with_a_note(tmp_path):
     found = log.read(saved(tmp_path / "log.npz"))
     assert "gains" not in found.table.columns
     assert found.notes[0].startswith("arrays of several lengths: those of each clock (t, depth.time)")
-    assert found.notes[1] == "without times of their length and left out: gains"
+    assert found.notes[1] == "left out, because no times have their length: gains"
 
 
 def test_clocks_without_a_common_time_are_refused(tmp_path):
@@ -76,6 +76,6 @@ def test_arrays_are_found_in_structs_as_deep_as_all_readers_go():
     nested: dict[str, Any] = {"x": array}
     for _ in range(DEEPEST):
         nested = {"s": nested, "n": "text"}
-    ((name, found),) = _flat(nested, "", 0)
+    ((name, found),) = _numeric_arrays(nested, "", 0)
     assert (name, found.tolist()) == (".".join(["s"] * DEEPEST) + ".x", array.tolist())
-    assert not [*_flat({"s": nested}, "", 0)]
+    assert not [*_numeric_arrays({"s": nested}, "", 0)]

@@ -102,7 +102,7 @@ def test_known_formats_that_are_not_read_say_what_to_do(content, line, tmp_path)
 
 
 def test_a_folder_that_is_no_recording(tmp_path):
-    with pytest.raises(DataError, match="a folder without metadata"):
+    with pytest.raises(DataError, match=r"without metadata\.yaml this folder"):
         log.read(tmp_path)
 
 

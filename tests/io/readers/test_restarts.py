@@ -118,4 +118,4 @@ def test_sensors_one_after_the_other_are_to_be_sorted():
 def test_a_clock_that_jumps_by_days_to_years_is_cut_there(jump):
     found = sessions(csv(np.r_[T, T + 4.0 + jump]), logmap.parse(TABLE))
     assert [(each.name, len(each.t)) for each in found] == [("log-1", 40), ("log-2", 40)]
-    assert found[1].cut.startswith("the clock jumps on by ")
+    assert found[1].cut.startswith("the clock jumps forward by ")

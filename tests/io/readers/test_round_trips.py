@@ -165,7 +165,7 @@ def test_only_wanted_topics_are_decoded(raw, files):
     frame = log.read(files["ros1.bag"], ["time", "/cmd.data[1]"]).frame
     assert frame.columns == ["time", "receive_time", "/cmd.data[1]"]
     assert frame.height == raw.height
-    line = "no column is called /cmd.dat\\[1\\], as the map says in commands: did you mean /cmd.data\\[1\\]"
+    line = r"no column is called /cmd.dat\[1\], which the map names in commands: did you mean /cmd.data\[1"
     with pytest.raises(DataError, match=line):
         log.numbers(log.read(files["ros1.bag"], ["/cmd.dat[1]"]), "/cmd.dat[1]", "commands")
 

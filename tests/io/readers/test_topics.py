@@ -159,7 +159,7 @@ def test_several_files_from_the_command_line_and_what_is_missing_in_all(raw, tmp
     assert cli.main(line) == 1
     error = capsys.readouterr().err
     assert (
-        "a.bag and 1 more: no column is called /cmd.dota[0], as the map says in commands: did you mean"
+        "a.bag and 1 more: no column is called /cmd.dota[0], which the map names in commands: did you mean"
         in error
     )
     (tmp_path / "map.toml").write_text(written.ROS_MAP)

@@ -57,7 +57,7 @@ def test_what_was_hung_on_the_vehicle_since_acts_beside_a_model_or_is_refused():
     assert not conditions.water(Condition("R_PhysFeat", model), vehicle()).program.effects
     lift = {"name": "body_lift", "fin_Y": -20.0}
     fouled = msgspec.structs.replace(vehicle(), effect=(*vehicle().effect, lift))
-    with pytest.raises(DataError, match=r"body_lift .* cannot act beside it"):
+    with pytest.raises(DataError, match=r"body_lift .* cannot be added to it"):
         conditions.water(Condition("R_PhysFeat", model), fouled)
     model.subtract = "effects"
     with pytest.raises(DataError, match="effects of another vehicle file"):

@@ -122,10 +122,10 @@ def test_a_network_that_learnt_in_a_current_flies_in_no_other(craft):
     learnt = changed(craft, CURRENT)
     assert beside(learnt, learnt) == ()
     for now in (craft, changed(craft, CURRENT | {"v_N": 0.1}), changed(learnt, CURRENT | {"v_E": 0.2})):
-        with pytest.raises(DataError, match=r"^ocean_current of .* cannot act beside it"):
+        with pytest.raises(DataError, match=r"^ocean_current of .* cannot be added to it"):
             beside(now, learnt)
     sheared = changed(craft, {"name": "current_shear", "g_E": 0.1})
-    with pytest.raises(DataError, match=r"^ocean_current of .* cannot act beside it"):
+    with pytest.raises(DataError, match=r"^ocean_current of .* cannot be added to it"):
         beside(changed(sheared, CURRENT), sheared)
 
 
@@ -140,7 +140,7 @@ def test_a_network_that_learnt_in_a_current_flies_in_no_other(craft):
 )
 def test_what_cannot_act_beside_it_is_refused_by_name(craft, effect):
     for now, then in ((changed(craft, effect), craft), (craft, changed(craft, effect))):
-        with pytest.raises(DataError, match=rf"^{effect['name']} of .* cannot act beside it"):
+        with pytest.raises(DataError, match=rf"^{effect['name']} of .* cannot be added to it"):
             beside(now, then)
     assert beside(changed(craft, effect), changed(craft, effect)) == ()
 

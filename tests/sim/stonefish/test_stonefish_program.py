@@ -55,7 +55,7 @@ def test_a_session_is_raw_data_that_names_its_teacher(playing, tmp_path):
 @pytest.mark.parametrize(
     ("said", "told"),
     [
-        (["something else"], "leads to another"),
+        (["something else"], "names another"),
         (["hydro-stonefish 2 1.6.0 500 8"], "version 2 of its protocol"),
         (["hydro-stonefish 1 1.3.0 500 8"], "1.4 or later"),
         (["hydro-stonefish 1 1.6.0 500 6"], "6 thrusters"),

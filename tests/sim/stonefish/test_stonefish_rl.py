@@ -113,5 +113,5 @@ def test_more_vehicles_than_processes_are_refused(tmp_path, capsys):
 
 def test_a_vehicle_with_other_thrusters_does_not_fly_beside():
     plant, known = StonefishPlant(craft()), craft()
-    with pytest.raises(DataError, match="other thrusters or memories"):
+    with pytest.raises(DataError, match="other thrusters or internal states"):
         plant.change({0: msgspec.structs.replace(known, thruster=known.thruster[:6])})

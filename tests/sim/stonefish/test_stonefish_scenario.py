@@ -130,7 +130,7 @@ def test_late_commands_are_felt_late_thruster_by_thruster():
     ("hidden", "told"),
     [
         ({"name": "tether", "anchor": [0.0, 0.0, 0.0], "k": 5.0}, "Stonefish has no tether"),
-        ({"name": "thruster_inflow", "c": 0.05}, "knows no flow"),
+        ({"name": "thruster_inflow", "c": 0.05}, "ignores the flow"),
         ({"name": "propeller_torque", "k": [0.05] * 8}, "torque"),
         ({"name": "current_shear", "g_N": 0.01}, "uniform"),
     ],

@@ -1,4 +1,4 @@
-"""What a file is that was given in the place of another: a recording for a vehicle, or a vehicle for one."""
+"""Detection of a file of another kind than expected: a recording for a vehicle, or a vehicle for one."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 
 from hydro.core.errors import DataError
 
-_BEGINNING = 65536
-"""Bytes in which a file of TOML says what it is; its tables come early."""
-_TABLES = (
+_HEAD = 65536
+"""Number of bytes in which a TOML file identifies itself; its tables come early."""
+_MAGIC = (
     b"PAR1",
     b"#ROSBAG",
     b"SQLite format 3\0",
@@ -18,9 +18,10 @@ _TABLES = (
     b"MATLAB 5.0",
     b"PK\x03\x04",
 )
-"""First bytes of recordings; what has none of these is text."""
+"""First bytes of binary recordings; a file without them is text."""
 VEHICLE, MAP, RECORDING = "a vehicle file", "a map of a log", "a recording, or another table"
-_NEEDED = {
+"""Kinds of file."""
+_HINTS = {
     VEHICLE: "a vehicle is a .toml, as `hydro vehicle new` writes it",
     MAP: "a map is a .toml, as `hydro import LOG --write-map FILE` begins it",
     RECORDING: "a recording is a raw table (.parquet), or a log with --map",
@@ -28,15 +29,15 @@ _NEEDED = {
 
 
 def kind(path: object) -> str:
-    """What a file is by its first bytes; empty where they do not say, or it cannot be read."""
+    """Return the kind of a file by its first bytes; empty if unknown or unreadable."""
     try:
-        if not Path(str(path)).is_file():  # of a pipe nothing is left to read
+        if not Path(str(path)).is_file():  # a pipe has been consumed already
             return ""
         with open(Path(str(path)), "rb") as file:
-            head = file.read(_BEGINNING)
+            head = file.read(_HEAD)
     except (OSError, ValueError):
         return ""
-    if head.startswith(_TABLES):
+    if head.startswith(_MAGIC):
         return RECORDING
     if b"hydro-map/" in head:
         return MAP
@@ -48,12 +49,12 @@ def kind(path: object) -> str:
 
 
 def explained(error: DataError, path: object, needed: str) -> DataError:
-    """The error, or that the file is of another kind than is needed, where it is.
+    """Return the error, or one that names the kind of the file if that is not the kind needed.
 
     Args:
-        error: What reading it said.
+        error: Error of reading the file.
         path: The file.
-        needed: What belongs in its place.
+        needed: Kind of file that is needed.
     """
     found = kind(path)
-    return error if found in ("", needed) else DataError(f"{path}: this is {found}; {_NEEDED[needed]}")
+    return error if found in ("", needed) else DataError(f"{path}: this is {found}; {_HINTS[needed]}")

@@ -9,7 +9,7 @@ import pytest
 from hydro import cli
 from hydro.core.errors import DataError
 from hydro.core.recording import extent
-from hydro.io import mistaken
+from hydro.io import file_kind
 
 ROOT = Path(__file__).resolve().parents[2] / "datasets"
 VEHICLE, SAMPLE = ROOT / "stonefish" / "vehicle.toml", ROOT / "stonefish" / "sample.parquet"
@@ -23,14 +23,14 @@ NOT_A_RECORDING = "a recording is a raw table (.parquet), or a log with --map"
     "path", [SAMPLE, LOG, *(DIVE / f"{name}" for name in ("dive.bin", "ros2.mcap", "dive.bag"))]
 )
 def test_what_is_a_recording(path: Path) -> None:
-    assert mistaken.kind(path) == mistaken.RECORDING
+    assert file_kind.kind(path) == file_kind.RECORDING
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.rglob("*.toml")), ids=lambda path: path.name)
 def test_what_is_a_vehicle_or_a_map(path: Path) -> None:
     text = path.read_text()
     vehicle, map_ = "[rigid_body]" in text, "hydro-map/" in text
-    assert mistaken.kind(path) == (mistaken.VEHICLE if vehicle else mistaken.MAP if map_ else "")
+    assert file_kind.kind(path) == (file_kind.VEHICLE if vehicle else file_kind.MAP if map_ else "")
 
 
 @pytest.mark.parametrize(

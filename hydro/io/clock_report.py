@@ -1,4 +1,4 @@
-"""How late each sensor of a log is, and the motion on the commands, in words and what to write in the map."""
+"""Time offsets of the sensors and commands of a log, in words and as values for the map."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from hydro.core.logs.delays import Offset, command_delay, sensor_offsets, shifte
 from hydro.core.logs.importing import Imported
 from hydro.core.logs.logmap import LogMap
 
-ANSWERS = 0.25
-"""A thruster and its controller take up to so long [s]: a later answer of the motion may be a clock's."""
-TOLD = 0.01
+MAX_RESPONSE = 0.25
+"""Maximum lag [s] that a thruster and its controller can cause; a longer lag may be a clock error."""
+LEAST_REPORTED = 0.01
 """Minimum lag of a sensor that is reported although it is shorter than a sample [s]."""
-AGAINST = {"velocity": "the position", "attitude": "the position", "rates": "the attitude"}
+REFERENCE = {"velocity": "the position", "attitude": "the position", "rates": "the attitude"}
+"""Reference of each sensor's lag."""
 
 
 @dataclass(frozen=True)
 class Clocks:
-    """Offsets of a log's clocks.
+    """Time offsets in a log.
 
     Attributes:
-        sensors: Of velocity, attitude and rates on the pose; those that the motion shows.
-        commands: Of the motion on the commands, None where the log does not show it.
-        declared: The map, which may name some lags already.
+        sensors: Lags of velocity, attitude and rates relative to the pose, where the motion shows them.
+        commands: Lag of the motion relative to the commands; None if the log does not show it.
+        declared: The map, which may declare some lags already.
     """
 
     sensors: tuple[Offset, ...]
@@ -33,28 +34,37 @@ class Clocks:
     declared: LogMap
 
     def lines(self) -> Iterator[str]:
-        """What was found, a line for all, and one for each lag to put right."""
+        """Yield the lags as one line, and a warning for each lag to correct."""
         told = [f"{one.block} {_interval(one)}" for one in self.sensors]
         if told:
-            yield f"lag of stamps on the pose, with 95 %: {'; '.join(told)}"
+            yield f"lag of stamps relative to the pose, 95 % interval: {'; '.join(told)}"
         if self.commands is not None:
             late = _interval(self.commands)
-            yield f"the motion follows the commands by {late} with 95 %, thrusters' lag included"
+            yield (
+                f"the motion follows the commands by {late}, 95 % interval, including the lag of the "
+                "thrusters"
+            )
         yield from (f"warning: {line}" for line in (*self.contradictions(), *self.suspicions()))
 
     def contradictions(self) -> list[str]:
-        """Lags that are plain and longer than a sample: what `--strict` refuses."""
-        return [self._line(one) for one in self._plain() if one.over_a_sample]
+        """Return lines on significant lags longer than a sample, which `--strict` refuses."""
+        return [self._line(one) for one in self._significant() if one.over_a_sample]
 
     def suspicions(self) -> list[str]:
-        """Lags that are plain, but shorter than a sample of their sensor."""
+        """Return lines on significant lags shorter than a sample of their sensor."""
         return [
-            self._line(one) for one in self._plain() if not one.over_a_sample and abs(one.seconds) >= TOLD
+            self._line(one)
+            for one in self._significant()
+            if not one.over_a_sample and abs(one.seconds) >= LEAST_REPORTED
         ]
 
     def lags(self) -> dict[str, float]:
-        """Lags of the sensors to write into the map [s], by the name of the block."""
-        told = (one for one in self.sensors if one.plain and (one.over_a_sample or abs(one.seconds) >= TOLD))
+        """Return the lags of sensors to write into the map [s], by name of the block."""
+        told = (
+            one
+            for one in self.sensors
+            if one.plain and (one.over_a_sample or abs(one.seconds) >= LEAST_REPORTED)
+        )
         return {one.block: self._lag(one) for one in told}
 
     def _lag(self, one: Offset) -> float:
@@ -62,12 +72,12 @@ class Clocks:
         declared: float = getattr(self.declared, one.block).lag
         return declared + one.seconds
 
-    def _plain(self) -> list[Offset]:
+    def _significant(self) -> list[Offset]:
         sensors = [one for one in self.sensors if one.plain]
         late = self.commands
-        if late is None or not late.plain or 0.0 <= late.low <= ANSWERS:
+        if late is None or not late.plain or 0.0 <= late.low <= MAX_RESPONSE:
             return sensors
-        return [*sensors, late] if late.high < 0.0 or late.low > ANSWERS else sensors
+        return [*sensors, late] if late.high < 0.0 or late.low > MAX_RESPONSE else sensors
 
     def _line(self, one: Offset) -> str:
         if one.block == "commands":
@@ -83,7 +93,7 @@ class Clocks:
             )
         early = "late" if one.seconds > 0.0 else "early"
         return (
-            f"{one.block} is stamped {abs(one.seconds):.3g} s {early} on {AGAINST[one.block]} "
+            f"{one.block} is stamped {abs(one.seconds):.3g} s {early} relative to {REFERENCE[one.block]} "
             f"({_range(one)}); write lag = {self._lag(one):.3g} in [{one.block}]"
         )
 
@@ -92,9 +102,9 @@ def clocks(imported: Imported, follows: LogMap, declared: LogMap) -> Clocks:
     """Estimate the lags of a log.
 
     Args:
-        imported: The log on one clock.
-        follows: The map that the data follow.
-        declared: The map as given.
+        imported: Log on one clock.
+        follows: Map that the data follow.
+        declared: Map as given.
     """
     derived = declared.rates is not None and declared.rates.source == "attitude"
     logs = imported.logs
