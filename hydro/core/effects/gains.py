@@ -201,7 +201,7 @@ def one_by_one(
         ends += [f"thruster {one.number} {one.percent}" for one in first[1:]]
         clauses.append(listed(ends))
     if rest:
-        clauses.append(f"{len(rest)} more deliver {span(rest)} %")
+        clauses.append(f"{len(rest)} more {verb(rest, 'delivers', 'deliver')} {span(rest)} %")
     if len(others) == 1 and first:
         clauses.append(f"thruster {others[0].number} {span(others)} %")
     elif others and (first or after):
