@@ -1,4 +1,4 @@
-"""The physics that policies are trained under: the paper's three conditions (V-C) and three more."""
+"""Physics conditions of a training: the three conditions of the reference paper (V-C) and three more."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ from hydro.sim.residual.control import Control
 
 NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"
 MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}
-"""Kind of residual model that a condition flies with."""
+"""Kind of residual model by condition."""
 OF_THE_FILE = (EFFECTS, IDENTIFIED)
-"""Conditions under which the effects of the vehicle file act."""
+"""Conditions in which the effects of the vehicle file act."""
 CONDITIONS = (NO_WATER, *MODELS, *OF_THE_FILE)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Physics to fly under.
+    """Physics of a training.
 
     Attributes:
-        name: `R_0`, a network output of zero: thrusters, weight and buoyancy, and MuJoCo's own C_RB;
-            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; `R_effects`, all effects of the
-            vehicle file; or `R_identified`, the same, of a file that was identified from data.
-        model: The residual model, for the conditions that fly with one.
-        conditioning: Preset of `sim.residual.conditioning` for its wrench, the same for all of them.
+        name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB.
+            `R_MLP`, `R_PhysFeat` or `R_structured`: a residual model.
+            `R_effects`: all effects of the vehicle file.
+            `R_identified`: the same, for a file that was identified from data.
+        model: Residual model, for the conditions that have one.
+        conditioning: Preset of `sim.residual.conditioning` for the wrench of the residual model.
     """
 
     name: str = EFFECTS
@@ -43,11 +44,10 @@ class Condition:
     conditioning: str = "paper"
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be flown.
+        """Check that the name exists and that the residual model suits it.
 
         Raises:
-            UsageError: There is no such condition, or its model is missing, of another kind, or not asked
-                for.
+            UsageError: The condition is unknown, or its model is missing, of another kind, or superfluous.
         """
         if self.name not in CONDITIONS:
             raise UsageError(f"there is no condition {self.name!r}; choose one of {', '.join(CONDITIONS)}")
@@ -64,16 +64,17 @@ class Condition:
 
 
 def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file: str = "") -> Water:
-    """What of the water a vehicle feels under a condition.
+    """Build the water forces of a vehicle under a condition.
 
     Args:
         condition: The condition.
-        vehicle: The vehicle, as its file says or changed.
+        vehicle: The vehicle of the file, or a changed copy.
         period: Control step [s].
-        file: Hash of the vehicle file; by default of the vehicle.
+        file: Hash of the vehicle file; by default the hash of `vehicle`.
 
     Raises:
-        DataError: The file has effects beside which the model cannot be flown, see `sim.residual.beside`.
+        DataError: The residual model cannot be combined with the effects of the file; see
+            `sim.residual.beside`.
     """
     model = condition.model
     if model is None:
@@ -93,7 +94,7 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
 
 
 def waters(condition: Condition, vehicle: Vehicle, period: float) -> Callable[[Vehicle], Water]:
-    """What of the water vehicles feel that differ from the file's in numbers; see `water`."""
+    """Return a function that builds the water forces of changed copies of a vehicle; see `water`."""
     known = vehicle_hash(vehicle)
     return lambda one: water(condition, one, period=period, file=known)
 
@@ -107,14 +108,14 @@ def plant(
     threads: int = 1,
     folder: Path | None = None,
 ) -> StudentPlant:
-    """Students under a condition; see `water`.
+    """Make MuJoCo models (students) under a condition; see `water`.
 
     Args:
         condition: The condition.
         vehicle: The vehicle file.
         settings: Physics and control step.
         count: Number of vehicles.
-        threads: Threads that share the vehicles.
+        threads: Number of threads.
         folder: Folder of the vehicle file.
     """
     return StudentPlant(

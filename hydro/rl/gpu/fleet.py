@@ -1,7 +1,8 @@
-"""Episodes of many vehicles on a GPU: tasks, sonar and rewards where they fly.
+"""Episodes of many vehicles on a GPU, with tasks, sonar and rewards on the device.
 
-A control step is four launches, whatever the number of vehicles, and nothing leaves the device.  Who begins
-anew takes the next scene of a pool that is drawn ahead: those that vehicles of `environment.fleet` fly.
+A control step is four kernel launches for any number of vehicles, and no data leaves the device.  A vehicle
+that begins an episode takes the next scene of a pool drawn in advance.  The pool holds the same scenes as
+`environment.fleet` draws.
 """
 
 from __future__ import annotations
@@ -33,22 +34,22 @@ from hydro.sim.gpu import memory
 from hydro.sim.gpu.plant import STEP, GpuPlant
 
 POOL = 16_384
-"""Scenes that are drawn ahead, at most."""
+"""Greatest number of scenes drawn in advance."""
 
 
 class GpuFleet:
-    """Vehicles that learn side by side on a GPU.
+    """Vehicles that fly their episodes in parallel on a GPU.
 
     Attributes:
         settings: All choices.
-        plant: What they fly in.
+        plant: Simulator of the vehicles.
         count: Number of vehicles N.
-        task: What they fly.
-        level: Its level.
-        observations: What each sees (N, 36), as `rl.environment.observation` says; rewritten in place, as are
-            the following.
-        reward: Of the last step (N,).
-        flags: What it came to (FLAGS, N), in the order of `rl.environment.blocks`.
+        task: Task of all vehicles.
+        level: Level of the task.
+        observations: Observations (N, 36) as in `rl.environment.observation`; rewritten in place, as are the
+            following.
+        reward: Reward of the last step (N,).
+        flags: Flags of the last step (FLAGS, N), in the order of `rl.environment.blocks`.
     """
 
     def __init__(
@@ -63,21 +64,21 @@ class GpuFleet:
         condition: Condition | None = None,
         timestep: float = STEP,
     ) -> None:
-        """Make a fleet; `reset` begins.
+        """Make a fleet; `reset` begins the episodes.
 
         Args:
-            settings: All choices; nothing is drawn anew, and one observation is seen at once.
+            settings: All choices; without randomisation and without stacked observations.
             vehicle: The vehicle file.
             count: Number of vehicles.
-            seed: Of tasks and noise.
-            task: One whose goals stay where they are, without a plan and a current.
-            level: Its level; the greatest by default.
-            condition: Physics to fly under; the effects of the vehicle file by default.
-            timestep: Integration step at most [s].
+            seed: Seed of tasks and noise.
+            task: Task with a fixed goal, without planned path and current.
+            level: Level of the task; the greatest by default.
+            condition: Physics condition; by default the effects of the vehicle file.
+            timestep: Greatest integration step [s].
 
         Raises:
-            DataError: The vehicle cannot be flown.
-            UsageError: There is no GPU, no such task or level, or it needs what does not run here.
+            DataError: The vehicle cannot be simulated.
+            UsageError: A GPU is missing, the task or level does not exist, or the GPU does not support it.
         """
         if settings.randomise != Randomisation() or settings.history != 1:
             raise UsageError(
@@ -101,7 +102,7 @@ class GpuFleet:
         self._make_blocks(vehicle, crew)
 
     def _make_arrays(self, scenes: list[Scene]) -> None:
-        """Arrays of every vehicle on the device, and the pool of scenes."""
+        """Allocate the arrays of every vehicle on the device, and the pool of scenes."""
         count = self.count
         pillars = max(1, *(len(scene.pillars) for scene in scenes))
         poses, goals = np.zeros((len(scenes), 7)), np.zeros((len(scenes), 3))
@@ -121,7 +122,7 @@ class GpuFleet:
         self.flags = torch.zeros((FLAGS, count), dtype=torch.bool, device=self.device)
 
     def _make_blocks(self, vehicle: Vehicle, crew: Any) -> None:
-        """Blocks of arrays, as the kernels take them."""
+        """Build the blocks of arrays that the kernels take."""
         kernels, count, settings, shared = self._kernels, self.count, self.settings, memory.shared
         ends = np.array([self.task.ends(settings)], dtype=np.float64)
         worth = reward.weights(self.task.reward(settings))[None]
@@ -155,11 +156,11 @@ class GpuFleet:
         self._nobody = shared(self._still)
 
     def _zeros(self, *shape: int) -> Tensor:
-        """Zeros of the device."""
+        """Return zeros on the device."""
         return torch.zeros(shape, dtype=torch.float64, device=self.device)
 
     def reset(self, mask: Tensor | None = None) -> Tensor:
-        """Begin the next episode of some vehicles (N,), by default of all; what all see (N, 36)."""
+        """Begin the next episode of some vehicles (N,), by default of all; return observations (N, 36)."""
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
         self._launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
@@ -168,13 +169,13 @@ class GpuFleet:
         return self.observations
 
     def step(self, actions: Tensor) -> Tensor:
-        """Fly one control step; `reward` and `flags` tell of it.
+        """Simulate one control step; `reward` and `flags` hold its outcome.
 
         Args:
-            actions: Demands (N, 6), clipped to [-1, 1]; with one that is no number a vehicle diverges.
+            actions: Actions (N, 6), clipped to [-1, 1]; a vehicle with an action that is not finite diverges.
 
         Returns:
-            What all see (N, 36).
+            Observations of all vehicles (N, 36).
         """
         kernels = self._kernels
         self._demands.copy_(actions)
@@ -189,11 +190,11 @@ class GpuFleet:
         return self.observations
 
     def reseed(self, seed: int) -> None:
-        """Sense with the noise of a seed from now on."""
+        """Set the seed of the sensor noise."""
         self._generator.manual_seed(seed)
 
     def _look(self) -> None:
-        """Renew what the vehicles of the mask see."""
+        """Update the observations of the vehicles of the mask."""
         self._noise.normal_(generator=self._generator)
         self._launch(
             self._kernels.look,
@@ -207,16 +208,16 @@ class GpuFleet:
 
 
 def _drawn(task: Task, level: int, settings: Settings, count: int, seed: int) -> list[Scene]:
-    """Scenes of a fleet's first episodes: row r is that of vehicle r % N in its episode r // N.
+    """Draw the scenes of a fleet's first episodes: row r is vehicle r % N in its episode r // N.
 
     Raises:
-        UsageError: One has a current, or a goal that moves, or is to be reached along a plan.
+        UsageError: The task has a current, a moving goal or a planned path.
     """
     if task.guided:
-        raise UsageError(f"{task.name} has a plan, which is made on the processor: fly it there")
+        raise UsageError(f"{task.name} needs a planned path: fly it on the processor")
     episodes = max(1, POOL // count)
     rows = ((row % count, row // count) for row in range(min(count * episodes, POOL)))
     scenes = [task.scene(settings, level, generator(seed, *row)) for row in rows]
     if any(len(scene.course) > 1 or scene.current.any() for scene in scenes):
-        raise UsageError(f"{task.name} has a goal that moves, or a current: fly it on the processor")
+        raise UsageError(f"{task.name} has a moving goal or a current: fly it on the processor")
     return scenes

@@ -1,7 +1,7 @@
-"""What vehicles on a GPU are told, what they sense and what their steps are worth; one thread a vehicle.
+"""CUDA kernels of a fleet: commands, observations, rewards and ends; one thread per vehicle.
 
-All that is computed stands in `rl.environment`, which the processor runs too.  Arguments are blocks of
-arrays, see `sim.gpu.kernels`.
+All computations are functions of `rl.environment`, which the processor runs too.  Arguments are blocks of
+arrays; see `sim.gpu.kernels`.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from hydro.rl.environment.step import distance, score, sense
 
 
 class Pool(NamedTuple):
-    """Scenes drawn ahead, of which each vehicle flies one an episode.
+    """Pool of scenes drawn in advance; each vehicle flies one per episode.
 
     Attributes:
-        poses: Where an episode begins (S, 7), see `sim.plant.Plant`.
+        poses: Initial poses (S, 7), see `sim.plant.Plant`.
         goals: (S, 3), NED [m].
-        pillars: (S, P, 2), NaN where there is none.
+        pillars: (S, P, 2), NaN in unused rows.
     """
 
     poses: Array
@@ -34,12 +34,12 @@ class Pool(NamedTuple):
 
 
 class Starts(NamedTuple):
-    """Who begins, and where.
+    """Vehicles that begin an episode, and their initial poses.
 
     Attributes:
-        mask: Which of N vehicles (N,).
-        episode: Number of each one's episode (N,); -1 before the first.
-        pose: Where each begins (N, 7), written.
+        mask: Vehicles that begin (N,).
+        episode: Number of each vehicle's episode (N,); -1 before the first.
+        pose: Initial poses (N, 7), written.
     """
 
     mask: Mask
@@ -48,7 +48,7 @@ class Starts(NamedTuple):
 
 
 class Crew(NamedTuple):
-    """How demands become commands, see `environment.action.mixed`."""
+    """Thruster allocation; see `environment.action.mixed`."""
 
     allocation: Array
     table: Array
@@ -56,17 +56,17 @@ class Crew(NamedTuple):
 
 
 class Demands(NamedTuple):
-    """Demands (N, 6), clipped in place, and the commands (N, n) that they become."""
+    """Actions (N, 6), clipped in place, and the thruster commands (N, n) computed from them."""
 
     actions: Array
     commands: Array
 
 
 class View(NamedTuple):
-    """What is sensed.
+    """Observations and their noise.
 
     Attributes:
-        mask: By whom (N,).
+        mask: Vehicles to observe (N,).
         noise: Standard normal (N, 36); scratch afterwards.
         out: Observations (N, 36), written.
     """
@@ -78,7 +78,7 @@ class View(NamedTuple):
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> None:
-    """Give vehicles that begin the scenes of their next episodes."""
+    """Copy the scene of the next episode to each vehicle that begins."""
     k = cuda.grid(1)
     if k >= starts.mask.size or not starts.mask[k]:
         return
@@ -98,7 +98,7 @@ def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> Non
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def command(crew: Crew, demands: Demands) -> None:
-    """Commands for demands; for those that are no numbers commands that are none, so that he diverges."""
+    """Compute thruster commands; write NaN for an action that is not finite, so that the vehicle diverges."""
     k = cuda.grid(1)
     if k >= demands.actions.shape[0]:
         return
@@ -110,7 +110,7 @@ def command(crew: Crew, demands: Demands) -> None:
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def look(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
-    """Observations of the vehicles of a mask."""
+    """Compute the observations of the vehicles of a mask."""
     k = cuda.grid(1)
     if k < view.mask.size and view.mask[k]:
         sense(k, senses, motion, scenes, view.noise[k], episodes.nearest, view.out)
@@ -120,7 +120,7 @@ def look(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, vie
 def judge(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, demands: Demands, outcome: Outcome
 ) -> None:
-    """What a step was worth, and whether episodes end with it."""
+    """Compute rewards, flags and totals of a step."""
     k = cuda.grid(1)
     if k < demands.actions.shape[0]:
         score(k, rules, motion, scenes, episodes, demands.actions[k], outcome)

@@ -1,8 +1,8 @@
-"""What a pilot by hand would do where he, or a policy, has been; level by level, for a policy to do likewise.
+"""Actions of the expert at the states that the expert or the policy visited, by level, for imitation.
 
-A clone of a pilot's own flights errs where he never comes, and its errors add up. So the policy flies and the
-pilot says what he would do there, and all that he has ever said is learnt from (dataset aggregation, Ross et
-al. 2011).
+A clone of the expert's own flights fails in states that the expert never visits, and its errors accumulate.
+So the policy flies, the expert labels the states that it visits, and the policy is trained on all labels so
+far (dataset aggregation, DAgger; Ross et al. 2011).
 """
 
 from __future__ import annotations
@@ -17,45 +17,46 @@ from hydro.core.columns import Array32
 from hydro.rl.training.memory import pack, unpack
 
 Level = tuple[str, int]
-"""A task and its level."""
+"""Task and its level."""
 
 EVERY = 4
-"""Of so many control steps one is kept: neighbours say nearly the same."""
+"""One control step in this many is kept; neighbouring steps carry nearly the same information."""
 ROWS = 512
-"""Of a batch."""
+"""Rows of a batch."""
 RATE, LEAST = 1e-3, 0.01
-"""Learning rate at first, and the share of it that is left at the end."""
+"""Initial learning rate of Adam, and its final value as a share of it."""
 SPREAD = 0.2
-"""Scale of the normal under the tanh of a policy that was cloned."""
+"""Scale of the normal distribution under the tanh to which imitation drives a policy."""
 
 
 class Advice:
-    """What was said at every level so far."""
+    """Labelled observations of all levels so far."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start without labels."""
         self._said: dict[Level, tuple[Tensor, Tensor]] = {}
 
     @property
     def levels(self) -> list[Level]:
-        """Levels that something was said at, the one that it was last in the end."""
+        """Levels with labels, in the order of their last addition."""
         return list(self._said)
 
     def add(self, level: Level, encoded: Array32, actions: Array32) -> None:
-        """Keep what should be done: encoded observations (K, O) and actions (K, A)."""
+        """Add encoded observations (K, O) and their expert actions (K, A)."""
         new = torch.from_numpy(encoded), torch.from_numpy(actions)
         old = self._said.pop(level, None)
         seen, done = new if old is None else (torch.cat(pair) for pair in zip(old, new, strict=True))
         self._said[level] = seen, done
 
     def forget(self, level: Level) -> None:
-        """Let go what was said at a level."""
+        """Remove the labels of a level."""
         self._said.pop(level, None)
 
     def batches(self, count: int, generator: torch.Generator) -> Iterator[tuple[Tensor, Tensor]]:
-        """Observations (ROWS, O) and actions (ROWS, A), drawn so many times.
+        """Draw batches of encoded observations (ROWS, O) and actions (ROWS, A).
 
-        As much of each level as was said there, but of the one that was spoken of last at least half.
+        Levels are drawn in proportion to their numbers of labels, but the level added last makes up at least
+        half.
         """
         seen, done = (torch.cat(parts) for parts in zip(*self._said.values(), strict=True))
         sizes = torch.tensor([len(each) for each, _ in self._said.values()])
@@ -68,14 +69,14 @@ class Advice:
             yield seen[row], done[row]
 
     def state(self) -> list[Any]:
-        """Everything that the future depends on, packed."""
+        """Return the complete state, packed."""
         return [
             [task, level, pack({"observation": seen, "action": done})]
             for (task, level), (seen, done) in self._said.items()
         ]
 
     def restore(self, state: list[Any]) -> None:
-        """Go back to a `state`."""
+        """Restore a `state`."""
         self._said = {}
         for task, level, packed in state:
             found = unpack(packed)
@@ -83,14 +84,14 @@ class Advice:
 
 
 def imitate(network: nn.Module, advice: Advice, batches: int, generator: torch.Generator) -> None:
-    """Make a policy do as was said: least squares over so many batches, ever more slowly.
+    """Train a policy by least squares on labels, with a learning rate that decreases linearly.
 
     Args:
-        network: Encoded observations to mean and scale of the normal under the tanh; what it explores by is
-            brought to SPREAD besides.
-        advice: What was said.
-        batches: How many.
-        generator: Draws them.
+        network: Encoded observations to mean and scale of the normal under the tanh; the scale is driven to
+            SPREAD.
+        advice: Labels.
+        batches: Number of batches.
+        generator: Generator of the batches.
     """
     optimiser = torch.optim.Adam(network.parameters(), RATE, fused=True)
     for k, (seen, said) in enumerate(advice.batches(batches, generator)):

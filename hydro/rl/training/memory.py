@@ -1,7 +1,7 @@
-"""Transitions packed for a checkpoint, without loss: what follows is mostly seen later, and kept once.
+"""Lossless packing of transitions for a checkpoint; equal observations are stored once.
 
-Numbers stand column by column in Parquet, their bytes split by significance and compressed (zstd): those of
-neighbouring steps begin alike.
+The following observation of a transition is usually the observation of a later one.  Parquet columns hold
+the numbers, with byte-stream split and zstd compression, because neighbouring steps have similar values.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from torch import Tensor
 
 SEEN, FOLLOWING = "observation", "next.observation"
 NOWHERE = -1
-"""In place of a row's number: what follows it is seen nowhere, and kept by itself."""
+"""Link of a following observation that equals no observation of a transition; it is stored separately."""
 ROWS = 1 << 16
-"""Of a row group."""
+"""Rows of a row group."""
 
 Packed = dict[str, Any]
 
 
 def pack(transitions: dict[str, Tensor]) -> Packed:
-    """Columns of transitions, (K, ...) each, as bytes of Parquet tables; nothing where there are none."""
+    """Pack columns of transitions (K, ...) into bytes of Parquet tables; an empty dict stays empty."""
     if not transitions:
         return {}
     columns = {name: tensor.numpy() for name, tensor in transitions.items()}
@@ -42,7 +42,7 @@ def pack(transitions: dict[str, Tensor]) -> Packed:
 
 
 def unpack(packed: Packed) -> dict[str, Tensor]:
-    """The transitions that were packed, bit for bit."""
+    """Unpack transitions, bit for bit."""
     if not packed:
         return {}
     columns, width = _read(packed["columns"]), packed["shapes"][SEEN]
@@ -57,7 +57,7 @@ def unpack(packed: Packed) -> dict[str, Tensor]:
 
 
 def _linked(seen: NDArray[Any], following: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Row of `seen` (K, O) that each of `following` (K, O) is, (K,), and those that are none of them."""
+    """Return the row of `seen` (K, O) equal to each of `following` (K, O), and those without a match."""
     number = {row.tobytes(): k for k, row in enumerate(np.ascontiguousarray(seen))}
     found = [number.get(row.tobytes(), NOWHERE) for row in np.ascontiguousarray(following)]
     link = np.array(found, dtype=np.int64)
@@ -65,7 +65,7 @@ def _linked(seen: NDArray[Any], following: NDArray[Any]) -> tuple[NDArray[np.int
 
 
 def _written(columns: dict[str, NDArray[Any]]) -> Tensor:
-    """Columns (K, ...) as the bytes of a Parquet file, a number of a row in a column of its own."""
+    """Write columns (K, ...) as the bytes of a Parquet file with one column per number of a row."""
     flat = {
         f"{name}/{i}": pa.array(np.ascontiguousarray(part))
         for name, column in columns.items()
@@ -81,7 +81,7 @@ def _written(columns: dict[str, NDArray[Any]]) -> Tensor:
 
 
 def _read(content: Tensor) -> dict[str, NDArray[Any]]:
-    """Columns of a file that `_written` wrote, (K, numbers of a row) each."""
+    """Read the columns of `_written`, (K, numbers of a row) each."""
     table = pq.read_table(pa.py_buffer(content.numpy().tobytes()))
     parts: dict[str, list[NDArray[Any]]] = {}
     for name in table.column_names:
