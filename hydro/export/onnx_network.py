@@ -32,13 +32,13 @@ def of_policy(policy: Policy) -> bytes:
 
     from hydro.learn.export import graph
     from hydro.rl.environment.observation import NAMES
-    from hydro.rl.training.policy import Whole
+    from hydro.rl.training.policy import EncodedPolicy
 
     count = len(policy.encoding)
     described = {"actions": "shares of the authority on each axis, in [-1, 1]"}
     seen = count // len(NAMES)
     described["observations"] = " ".join(NAMES) if seen == 1 else f"{seen} x {' '.join(NAMES)}, newest first"
-    return graph(Whole(policy).eval(), {"observations": torch.zeros(2, count)}, "actions", described)
+    return graph(EncodedPolicy(policy).eval(), {"observations": torch.zeros(2, count)}, "actions", described)
 
 
 TARGET = Target(

@@ -17,7 +17,7 @@ ACTIONS = 6
 def command_kernel(
     allocation: Array, table: Array, authority: Array, actions: Array, tau: Array, commands: Array
 ) -> bool:
-    """Compute the thruster commands of all vehicles; see `mixed`.
+    """Compute the thruster commands of all vehicles; see `allocate`.
 
     Args:
         allocation: Pseudo-inverse of B (n, 6).
@@ -31,13 +31,13 @@ def command_kernel(
         Whether all actions are finite; otherwise the commands are invalid.
     """
     for k in range(actions.shape[0]):
-        if not mixed(allocation, table, authority, actions[k], tau, commands[k]):
+        if not allocate(allocation, table, authority, actions[k], tau, commands[k]):
             return False
     return True
 
 
 @kernel
-def mixed(
+def allocate(
     allocation: Array, table: Array, authority: Array, action: Array, tau: Array, commands: Array
 ) -> bool:
     """Compute the thruster commands of one vehicle; return whether its action is finite.

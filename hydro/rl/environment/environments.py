@@ -138,9 +138,9 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     ) -> tuple[Array32, dict[str, Any]]:
         """Begin the next episode; with a seed, the first episode of that seed."""
         super().reset(seed=seed)
-        anew = seed is not None or not self._begun
+        restart = seed is not None or not self._begun
         self._begun = True
-        return self.fleet.reset(seed=_draw(self.np_random) if anew else None)[0], {}
+        return self.fleet.reset(seed=_draw(self.np_random) if restart else None)[0], {}
 
     def step(self, action: ArrayLike) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
         """Simulate one control step.
@@ -238,12 +238,12 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         if seed is not None and (not isinstance(seed, int | np.integer) or mask is not None):
             raise UsageError("one seed serves all vehicles of a fleet together; give one number and no mask")
         super().reset(seed=None if seed is None else int(seed))
-        anew = seed is not None or not self._begun
+        restart = seed is not None or not self._begun
         self._begun = True
-        fresh = _draw(self.np_random) if anew else None
+        new_seed = _draw(self.np_random) if restart else None
         which = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
         self._ended[which] = False
-        return self.fleet.reset(which, fresh), {}
+        return self.fleet.reset(which, new_seed), {}
 
     def step(
         self, actions: ArrayLike

@@ -44,18 +44,18 @@ class Batch(EnvBase):  # type: ignore[misc]
         self.done_spec = Composite({name: Binary(1, **flag) for name in ends}, shape=self.batch_size)
 
     @staticmethod
-    def those(tensordict: TensorDictBase | None) -> torch.Tensor | None:
+    def reset_mask(tensordict: TensorDictBase | None) -> torch.Tensor | None:
         """Return the mask of vehicles to reset (N,); None for all."""
         if tensordict is None or "_reset" not in tensordict.keys():  # noqa: SIM118  a tensordict iterates rows
             return None
         mask: torch.Tensor = tensordict["_reset"].reshape(-1)
         return mask
 
-    def fresh(self, observation: torch.Tensor) -> TensorDict:
+    def reset_output(self, observation: torch.Tensor) -> TensorDict:
         """Return the output of a reset: observations (N, O), and flags that are all False."""
         nothing = torch.zeros(len(observation), 1, dtype=torch.bool, device=self.device)
-        silent = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
-        return TensorDict({"observation": observation, **silent}, self.batch_size, device=self.device)
+        flags = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
+        return TensorDict({"observation": observation, **flags}, self.batch_size, device=self.device)
 
 
 class FleetEnv(Batch):
@@ -68,8 +68,8 @@ class FleetEnv(Batch):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Begin the next episode of the vehicles of `_reset` (N, 1), by default of all."""
-        mask = self.those(tensordict)
-        return self.fresh(torch.from_numpy(self.fleet.reset(None if mask is None else mask.numpy())))
+        mask = self.reset_mask(tensordict)
+        return self.reset_output(torch.from_numpy(self.fleet.reset(None if mask is None else mask.numpy())))
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Simulate one control step."""

@@ -24,7 +24,7 @@ class GpuEnv(Batch):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Begin the next episode of the vehicles of `_reset` (N, 1), by default of all."""
-        return self.fresh(self.fleet.reset(self.those(tensordict)).clone())
+        return self.reset_output(self.fleet.reset(self.reset_mask(tensordict)).clone())
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Simulate one control step."""
@@ -32,8 +32,8 @@ class GpuEnv(Batch):
         seen = fleet.step(tensordict["action"]).clone()
         flags = {name: fleet.flags[row, :, None].clone() for name, row in FLAGS.items()}
         flags["done"] = flags["terminated"] | flags["truncated"]
-        told = {"observation": seen, "reward": fleet.reward[:, None].clone(), **flags}
-        return TensorDict(told, self.batch_size, device=self.device)
+        output = {"observation": seen, "reward": fleet.reward[:, None].clone(), **flags}
+        return TensorDict(output, self.batch_size, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
         """Set the seed of the sensor noise; the scenes of the fleet do not change."""

@@ -113,7 +113,7 @@ class GpuFleet:
         self._pool_arrays = poses, goals, axes
         self._pillars = self._zeros(count, pillars, 2)
         self._goals, self._targets = self._zeros(count, 3), self._zeros(count, 3)
-        self._poses, self._still = self._zeros(count, 7), self._zeros(count, 6)
+        self._poses, self._zero_velocity = self._zeros(count, 7), self._zeros(count, 6)
         self._mask, self._all = (torch.ones(count, dtype=torch.bool, device=self.device) for _ in range(2))
         self._episode = torch.full((count,), -1, dtype=torch.int64, device=self.device)
         self._demands, self._noise = self._zeros(count, ACTIONS), self._zeros(count, OBSERVATIONS)
@@ -128,7 +128,7 @@ class GpuFleet:
         worth = reward.weights(self.task.reward(settings))[None]
         self._commands = memory.zeros((count, len(crew.table)))
         self._crew = kernels.Crew(*map(memory.put, (crew.allocation, crew.table, crew.authority)))
-        self._told = kernels.Demands(shared(self._demands), self._commands)
+        self._demand_block = kernels.Demands(shared(self._demands), self._commands)
         self._pool = kernels.Pool(*map(memory.put, self._pool_arrays))
         self._starts = kernels.Starts(shared(self._mask), shared(self._episode), shared(self._poses))
         senses = observation.senses(settings, vehicle)
@@ -153,7 +153,7 @@ class GpuFleet:
         )  # fmt: skip
         self._view = kernels.View(shared(self._mask), shared(self._noise), shared(self.observations))
         self._outcome = Outcome(shared(self.reward), shared(self.flags))
-        self._nobody = shared(self._still)
+        self._zero_velocity_block = shared(self._zero_velocity)
 
     def _zeros(self, *shape: int) -> Tensor:
         """Return zeros on the device."""
@@ -164,8 +164,8 @@ class GpuFleet:
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
         self._launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
-        self.plant.reset(self._starts.mask, self._starts.pose, self._nobody)
-        self._look()
+        self.plant.reset(self._starts.mask, self._starts.pose, self._zero_velocity_block)
+        self._observe()
         return self.observations
 
     def step(self, actions: Tensor) -> Tensor:
@@ -179,13 +179,13 @@ class GpuFleet:
         """
         kernels = self._kernels
         self._demands.copy_(actions)
-        self._launch(kernels.command, self.count, self._crew, self._told)
+        self._launch(kernels.command, self.count, self._crew, self._demand_block)
         self.plant.step(self._commands)
         self._mask.copy_(self._all)
-        self._look()
+        self._observe()
         self._launch(
-            kernels.judge, self.count, self._rules, self._motion, self._scenes, self._episodes, self._told,
-            self._outcome,
+            kernels.judge, self.count, self._rules, self._motion, self._scenes, self._episodes,
+            self._demand_block, self._outcome,
         )  # fmt: skip
         return self.observations
 
@@ -193,7 +193,7 @@ class GpuFleet:
         """Set the seed of the sensor noise."""
         self._generator.manual_seed(seed)
 
-    def _look(self) -> None:
+    def _observe(self) -> None:
         """Update the observations of the vehicles of the mask."""
         self._noise.normal_(generator=self._generator)
         self._launch(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Array32, Mask
 from hydro.core.compiled import copy_kernel
-from hydro.rl.environment.action import ACTIONS, mixed
+from hydro.rl.environment.action import ACTIONS, allocate
 from hydro.rl.environment.blocks import Episodes, Motion, Outcome, Rules, Scenes, Senses
 from hydro.rl.environment.step import distance, score, sense
 
@@ -48,7 +48,7 @@ class Starts(NamedTuple):
 
 
 class Crew(NamedTuple):
-    """Thruster allocation; see `environment.action.mixed`."""
+    """Thruster allocation; see `environment.action.allocate`."""
 
     allocation: Array
     table: Array
@@ -103,7 +103,9 @@ def command(crew: Crew, demands: Demands) -> None:
     if k >= demands.actions.shape[0]:
         return
     tau = cuda.local.array(ACTIONS, np.float64)
-    if not mixed(crew.allocation, crew.table, crew.authority, demands.actions[k], tau, demands.commands[k]):
+    if not allocate(
+        crew.allocation, crew.table, crew.authority, demands.actions[k], tau, demands.commands[k]
+    ):
         for i in range(demands.commands.shape[1]):
             demands.commands[k, i] = np.nan
 

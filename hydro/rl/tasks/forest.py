@@ -41,10 +41,10 @@ class Forest(Task):
             sides = rng.uniform(task.margin, world.width - task.margin, 2)
             depth, other = depths(settings, rng)
             ends = np.array([[task.margin, sides[0], depth], [world.length - task.margin, sides[1], other]])
-            pillars = _darts(settings, level, ends[:, :2], rng)
+            pillars = _random_pillars(settings, level, ends[:, :2], rng)
             if len(pillars) < level or not _blocked(settings, pillars, ends[:, :2]):
                 continue
-            if _leads(grid, world.pillar_radius, pillars, ends[:, :2]):
+            if _connected(grid, world.pillar_radius, pillars, ends[:, :2]):
                 return along(settings, ends, pillars, south, rng)
         raise UsageError(
             f"no forest of {level} pillars with a path through it was found: take fewer pillars, or reduce "
@@ -56,17 +56,17 @@ class Forest(Task):
         return with_obstacles(self, settings)
 
 
-def _darts(settings: Settings, count: int, ends: Array, rng: np.random.Generator) -> Array:
+def _random_pillars(settings: Settings, count: int, ends: Array, rng: np.random.Generator) -> Array:
     """Draw random axes (P, 2) that keep their distances from each other and from the ends (2, 2).
 
     They are fewer than `count` if the tank is full.
     """
     world, forest = settings.world, settings.forest
     found = np.empty((0, 2))
-    for dart in rng.uniform(world.pillar_radius, [world.length, world.width], (40 * count, 2)):
-        near = np.hypot(*(found - dart).T).min(initial=np.inf) < forest.spacing
-        if not near and np.hypot(*(ends - dart).T).min() >= forest.clear:
-            found = np.vstack([found, dart])
+    for place in rng.uniform(world.pillar_radius, [world.length, world.width], (40 * count, 2)):
+        near = np.hypot(*(found - place).T).min(initial=np.inf) < forest.spacing
+        if not near and np.hypot(*(ends - place).T).min() >= forest.clear:
+            found = np.vstack([found, place])
             if len(found) == count:
                 break
     return found
@@ -80,7 +80,7 @@ def _blocked(settings: Settings, pillars: Array, ends: Array) -> bool:
     return bool(off.min() < settings.forest.blocked)
 
 
-def _leads(grid: Grid, radius: float, pillars: Array, ends: Array) -> bool:
+def _connected(grid: Grid, radius: float, pillars: Array, ends: Array) -> bool:
     """Return whether a path with the full margin connects the ends (2, 2).
 
     It does if both ends lie in the same connected component of free cells.  Cells that touch only at a corner

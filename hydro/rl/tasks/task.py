@@ -17,7 +17,7 @@ from hydro.core.columns import Array
 from hydro.core.errors import UsageError
 from hydro.rl.world.config import Reward, Settings
 
-STILL = np.zeros(3)
+NO_CURRENT = np.zeros(3)
 
 
 class Scene(NamedTuple):
@@ -35,7 +35,7 @@ class Scene(NamedTuple):
     heading: float
     course: Array
     pillars: Array
-    current: Array = STILL
+    current: Array = NO_CURRENT
 
     @property
     def goal(self) -> Array:

@@ -12,8 +12,8 @@ from hydro.rl.tasks.station_keeping import HOLD
 from hydro.rl.tasks.task import Ends, Scene, Task, nowhere
 from hydro.rl.world.config import Reward, Settings
 
-FINE = 4000  # corners of a figure; its length is the sum of their distances
-BESIDE = 0.5  # greatest distance of the start from the point [m]
+CORNERS = 4000  # corners of a figure; its length is the sum of their distances
+START_DISTANCE = 0.5  # greatest distance of the start from the point [m]
 
 
 class Trajectory(Task):
@@ -23,23 +23,23 @@ class Trajectory(Task):
 
     @abstractmethod
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw the corners of one round of the figure (FINE, 3) about the origin, closed or open [m]."""
+        """Draw the corners of one round of the figure (CORNERS, 3) about the origin, closed or open [m]."""
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
         """Draw figure, position and speed; the vehicle starts near the point, bow along the figure."""
         world, task = settings.world, settings.task
         corners = self.figure(settings, rng)
-        turn, shift = rng.choice([-1.0, 1.0]), rng.integers(FINE)
+        turn, shift = rng.choice([-1.0, 1.0]), rng.integers(CORNERS)
         corners = np.roll(corners, shift, axis=0)[:: int(turn)] if self._closed(corners) else corners
         room = np.array([world.length, world.width, world.depth]) - task.margin
         centre = rng.uniform(task.margin - corners.min(axis=0), room - corners.max(axis=0))
-        course = centre + self._even(settings, corners, rng.uniform(*settings.trajectory.speed))
+        course = centre + self._at_constant_speed(settings, corners, rng.uniform(*settings.trajectory.speed))
         ahead = course[min(25, len(course) - 1)] - course[0]
         heading = np.arctan2(ahead[1], ahead[0]) + rng.uniform(-task.slant, task.slant)
-        start = course[0] + rng.uniform(-BESIDE, BESIDE, 3) / np.sqrt(3.0)
+        start = course[0] + rng.uniform(-START_DISTANCE, START_DISTANCE, 3) / np.sqrt(3.0)
         return Scene(start, float(heading), course, nowhere())
 
-    def _even(self, settings: Settings, corners: Array, speed: float) -> Array:
+    def _at_constant_speed(self, settings: Settings, corners: Array, speed: float) -> Array:
         """Return positions of the point at every control step (K, 3), in closed rounds at one speed [m/s]."""
         lead = round(settings.trajectory.lead / settings.period)
         steps = self.steps(settings) + lead + 1
@@ -73,10 +73,10 @@ class Trajectory(Task):
 
 
 def _circle(settings: Settings, rng: np.random.Generator) -> Array:
-    """Draw one round of a horizontal circle (FINE, 3) [m]."""
-    angle = np.linspace(0.0, 2.0 * np.pi, FINE, endpoint=False)
+    """Draw one round of a horizontal circle (CORNERS, 3) [m]."""
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     radius = rng.uniform(*settings.trajectory.radius)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(FINE)])
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(CORNERS)])
 
 
 class Circle(Trajectory):
@@ -85,7 +85,7 @@ class Circle(Trajectory):
     name = "circle"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw one round (FINE, 3) [m]."""
+        """Draw one round (CORNERS, 3) [m]."""
         return _circle(settings, rng)
 
 
@@ -95,7 +95,7 @@ class Helix(Trajectory):
     name = "helix"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw two rounds of a circle between depths that fit into the tank (FINE, 3) [m]."""
+        """Draw two rounds of a circle between depths that fit into the tank (CORNERS, 3) [m]."""
         round_ = _circle(settings, rng)[::2]
         twice = np.vstack([round_, round_])
         room = settings.world.depth - 2.0 * settings.task.margin
@@ -111,7 +111,9 @@ class Lemniscate(Trajectory):
     name = "lemniscate"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw one round, its long axis along the tank (FINE, 3) [m]."""
-        angle = np.linspace(0.0, 2.0 * np.pi, FINE, endpoint=False)
+        """Draw one round, its long axis along the tank (CORNERS, 3) [m]."""
+        angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         half = rng.uniform(*settings.trajectory.half)
-        return np.column_stack([half * np.sin(angle), half * np.sin(angle) * np.cos(angle), np.zeros(FINE)])
+        return np.column_stack(
+            [half * np.sin(angle), half * np.sin(angle) * np.cos(angle), np.zeros(CORNERS)]
+        )

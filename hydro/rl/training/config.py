@@ -14,7 +14,7 @@ from hydro.rl.world.config import Settings
 from hydro.rl.world.planner import Grid
 
 
-def _counted(counts: Mapping[str, int]) -> None:
+def _require_counts(counts: Mapping[str, int]) -> None:
     """Check that counts are at least 1."""
     for name, count in counts.items():
         if count < 1:
@@ -68,8 +68,10 @@ class SACConfig:
         Raises:
             UsageError: A number is too small, or a share is not within its range; the message names it.
         """
-        _counted({f"sac.{name}": getattr(self, name) for name in ("horizon", "batch", "capacity", "updates")})
-        _counted({"sac.layers": min(self.layers, default=1)})
+        _require_counts(
+            {f"sac.{name}": getattr(self, name) for name in ("horizon", "batch", "capacity", "updates")}
+        )
+        _require_counts({"sac.layers": min(self.layers, default=1)})
         for name in ("discount", "tau", "average"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise UsageError(f"sac.{name} is {getattr(self, name):g}; give a share above 0, at most 1")
@@ -224,7 +226,7 @@ class TrainingConfig:
         """
         seeds.check(self.seed)
         counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")
-        _counted({name: getattr(self, name) for name in counts})
+        _require_counts({name: getattr(self, name) for name in counts})
         if self.demonstrations < 0 or self.clone < 0:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
         if not 0.0 <= self.push < math.inf:

@@ -37,7 +37,7 @@ class CurriculumProgress:
         """Return the levels that are not passed yet."""
         return tuple(level for level in self.config.levels if level not in self.passed)
 
-    def behind(self, task: str) -> bool:
+    def completed(self, task: str) -> bool:
         """Return whether all levels of a task are passed."""
         return task not in {ahead for ahead, _ in self._ahead}
 

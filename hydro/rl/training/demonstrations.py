@@ -1,7 +1,7 @@
 """Demonstrations of the expert, a hand-written pilot with a map, and its labels of the policy's states.
 
 Half of every batch of reinforcement learning comes from demonstrations (Ball et al. 2023, RLPD).  If the
-policy flies, the expert labels the states that it visits (`training.advice`).
+policy flies, the expert labels the states that it visits (`training.expert_labels`).
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ def demonstrations(fleet: Fleet, manner: Manner = PLAIN) -> Iterator[Transition]
         manner: Tuning of the expert; its margin applies if it does not follow the policy's path.
     """
     once = np.ones(fleet.count, dtype=np.int64)
-    for observations, actions, _, step in _flown(fleet, manner=manner):
+    for observations, actions, _, step in _fly(fleet, manner=manner):
         ended = step.terminated | step.truncated
         yield Transition(observations, actions, step.reward, step.terminated, ended, step.final_obs, once)
 
 
-PUSHED = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 1.0]) / 3.0
+DISTURBANCE = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 1.0]) / 3.0
 """Relative disturbance by axis; unknown moments of a hull act most in roll and pitch."""
-WANDER = 50
+CORRELATION = 50
 """Correlation time of the disturbances [control steps]."""
 
 
-class Pushed:
+class Disturbed:
     """Actor with disturbed actions for every other vehicle (Laskey et al. 2017).
 
     In other water a hull trims and rolls differently than in the simulator of the training.  The disturbances
@@ -54,19 +54,21 @@ class Pushed:
 
         Args:
             actor: Policy or pilot.
-            size: Standard deviation of the disturbance in roll and pitch; see `PUSHED`.
-            seed: Seed of the disturbances, which have a correlation time of `WANDER` steps.
+            size: Standard deviation of the disturbance in roll and pitch; see `DISTURBANCE`.
+            seed: Seed of the disturbances, which have a correlation time of `CORRELATION` steps.
         """
         self._actor, self._size, self._rng = actor, size, np.random.default_rng([seed, 1 << 33])
-        self._push: Array | None = None
+        self._disturbance: Array | None = None
 
     def __call__(self, observations: Array32) -> Array32:
         """Return disturbed actions (N, 6) at observations (N, O)."""
         new = self._rng.standard_normal((len(observations), ACTIONS))
-        kept = 1.0 - 1.0 / WANDER
-        self._push = new if self._push is None else kept * self._push + np.sqrt(1.0 - kept**2) * new
-        pushed = self._size * PUSHED * self._push * (np.arange(len(new)) % 2)[:, None]
-        return (self._actor(observations) + pushed).astype(np.float32)
+        kept = 1.0 - 1.0 / CORRELATION
+        self._disturbance = (
+            new if self._disturbance is None else kept * self._disturbance + np.sqrt(1.0 - kept**2) * new
+        )
+        disturbance = self._size * DISTURBANCE * self._disturbance * (np.arange(len(new)) % 2)[:, None]
+        return (self._actor(observations) + disturbance).astype(np.float32)
 
 
 def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[tuple[Array32, Array32]]:
@@ -77,13 +79,13 @@ def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[
         actor: Policy or pilot that flies.
         manner: Tuning of the expert.
     """
-    for observations, said, _, _ in _flown(fleet, actor, manner):
+    for observations, said, _, _ in _fly(fleet, actor, manner):
         yield observations, said
 
 
-def habits(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
+def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
     """Fly with an actor for the time of one episode, and yield observations with its own actions."""
-    for observations, _, done, _ in _flown(fleet, actor):
+    for observations, _, done, _ in _fly(fleet, actor):
         yield observations, done
 
 
@@ -94,7 +96,7 @@ def mastered(fleet: Fleet) -> float:
         fleet: As for `demonstrations`.
     """
     first, reached = np.ones(fleet.count, dtype=np.bool_), 0
-    for *_, step in _flown(fleet):
+    for *_, step in _fly(fleet):
         reached += int((first & step.info.success).sum())
         first &= ~(step.terminated | step.truncated)
         if not first.any():
@@ -102,7 +104,7 @@ def mastered(fleet: Fleet) -> float:
     return reached / fleet.count
 
 
-def _flown(
+def _fly(
     fleet: Fleet, actor: Actor | None = None, manner: Manner = PLAIN
 ) -> Iterator[tuple[Array32, Array32, Array32, Step]]:
     """Fly for the time of one episode, with the expert by default.

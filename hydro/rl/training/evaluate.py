@@ -51,14 +51,16 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
         observations = step.obs
         places.append(fleet.plant.pose[:, :3].copy())
         for k in map(int, np.flatnonzero(flying & (step.terminated | step.truncated))):
-            rows[k] = _ended(step, k, fleet.settings.period)
+            rows[k] = _episode_row(step, k, fleet.settings.period)
             failed += rows[k]["outcome"] != OUTCOMES[0]
             flying[k], lengths[k], errors[k] = False, step.info.episode_length[k], step.info.episode_error[k]
     ended, flown = sorted(rows), np.array(places)
     if fleet.task.ends(fleet.settings).settling < 0.0:
         errors[:] = np.nan
         if not flying.any():
-            errors[:] = _off(Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths)
+            errors[:] = _path_errors(
+                Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths
+            )
     frame = pl.DataFrame([{"task": fleet.task.name, "level": fleet.level} | rows[k] for k in ended])
     weaved = [alternating(flown[: lengths[k], k], pillars[k]) for k in ended]
     columns: dict[str, Any] = {"tracking_error": errors[ended], "alternating": weaved}
@@ -69,7 +71,7 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
     )
 
 
-def _off(
+def _path_errors(
     chart: Guidance, scenes: tuple[Array, Array, Array], flown: Array, lengths: NDArray[np.int64]
 ) -> Array:
     """Return root mean square distances of flights from the paths of the planner (N,) [m].
@@ -154,13 +156,13 @@ def trace(actor: Actor, fleet: Fleet) -> Flight:
         targets.append(fleet.targets[0].copy())
         goals.append(fleet.goals[0].copy())
     t: Array = fleet.settings.period * np.arange(len(poses), dtype=np.float64)
-    outcome = _ended(step, 0, fleet.settings.period)["outcome"]
+    outcome = _episode_row(step, 0, fleet.settings.period)["outcome"]
     if len(way) == 0 and (goals[0] != goals[-1]).any():
         way = np.array(goals)
     return Flight(t, np.array(poses), np.array(targets), goal, standing, way, outcome)
 
 
-def _ended(step: Step, k: int, period: float) -> dict[str, Any]:
+def _episode_row(step: Step, k: int, period: float) -> dict[str, Any]:
     """Return the row of one episode at its last step."""
     info = step.info
     outcome = next((name for name in OUTCOMES[:-1] if getattr(info, name)[k]), OUTCOMES[-1])

@@ -75,7 +75,7 @@ def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
     return torch.where(fades, torch.exp(-given), given)
 
 
-class Whole(nn.Module):
+class EncodedPolicy(nn.Module):
     """Policy and its encoding as one module: observations (N, O) in SI units to actions (N, A)."""
 
     scale: Tensor

@@ -201,8 +201,8 @@ class Folder:
             made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
             table.write(made, self.path / name)
         table.write(policy_artefact(training.policy(), run, config.seed), self.path / POLICY)
-        for task, policy in training.masters.items():
-            table.write(policy_artefact(policy, run, config.seed), self._master(task))
+        for task, policy in training.task_policies.items():
+            table.write(policy_artefact(policy, run, config.seed), self._task_policy(task))
         _write_state(training.state(), self.path / CHECKPOINT)
 
     def config(self) -> TrainingConfig:
@@ -254,11 +254,11 @@ class Folder:
         Raises:
             DataError: The policy is missing or broken.
         """
-        master = None if task is None else self._master(task)
-        found = table.read(master if master and master.exists() else self.path / POLICY, "policy")
+        of_task = None if task is None else self._task_policy(task)
+        found = table.read(of_task if of_task and of_task.exists() else self.path / POLICY, "policy")
         return policy_of(found), found
 
-    def _master(self, task: str) -> Path:
+    def _task_policy(self, task: str) -> Path:
         return self.path / f"policy-{task}.parquet"
 
 

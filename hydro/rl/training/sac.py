@@ -27,8 +27,8 @@ from torchrl.objectives import SACLoss, SoftUpdate
 from hydro.core.columns import Array32, Mask
 from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
-from hydro.rl.training.advice import EVERY, Advice, Level, imitate
 from hydro.rl.training.config import SACConfig
+from hydro.rl.training.expert_labels import EVERY, ExpertLabels, Level, imitate
 from hydro.rl.training.memory import pack, unpack
 from hydro.rl.training.policy import Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Transition
@@ -195,7 +195,7 @@ class Learner:
             for _ in range(2)
         )
         self._memories = {"done": self._replay, "shown": self._shown}
-        self._advice = Advice()
+        self._labels = ExpertLabels()
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
@@ -252,35 +252,37 @@ class Learner:
         if (made := self._horizon.add(step)) is not None:
             self._keep(made, self._replay)
 
-    def watch(self, steps: Iterable[Transition], level: Level) -> None:
+    def add_demonstrations(self, steps: Iterable[Transition], level: Level) -> None:
         """Store demonstrations, step by step of N vehicles, in a buffer of their own.
 
-        Their actions are also labels for imitation; see `heed`.
+        Their actions are also labels for imitation; see `add_labels`.
         """
         horizon = Horizon(self.config.horizon, self.config.discount)
         for k, step in enumerate(steps):
             if k % EVERY == 0:
-                self._advice.add(level, self._encoding(step.observations), step.actions)
+                self._labels.add(level, self._encoding(step.observations), step.actions)
             if (made := horizon.add(step)) is not None:
                 self._keep(made, self._shown)
 
-    def heed(self, said: Iterable[tuple[Array32, Array32]], level: Level, *, anew: bool = False) -> None:
+    def add_labels(
+        self, labels: Iterable[tuple[Array32, Array32]], level: Level, *, replace: bool = False
+    ) -> None:
         """Store labels of a level for imitation, step by step: observations (N, O) and actions (N, A).
 
         Args:
-            said: The labels.
+            labels: The labels.
             level: The level.
-            anew: Whether they replace earlier labels of the level.
+            replace: Whether they replace earlier labels of the level.
         """
-        if anew:
-            self._advice.forget(level)
-        for k, (observations, actions) in enumerate(said):
+        if replace:
+            self._labels.forget(level)
+        for k, (observations, actions) in enumerate(labels):
             if k % EVERY == 0:
-                self._advice.add(level, self._encoding(observations), actions)
+                self._labels.add(level, self._encoding(observations), actions)
 
     def clone(self, batches: int) -> None:
-        """Train the policy on all labels, and set its average to the result; see `advice.imitate`."""
-        imitate(self.network, self._advice, batches, self._generators["batches"])
+        """Train the policy on all labels, and set its average to the result; see `expert_labels.imitate`."""
+        imitate(self.network, self._labels, batches, self._generators["batches"])
         self._average.module.load_state_dict(self.network.state_dict())
 
     def _keep(self, made: Transition, memory: ReplayBuffer) -> None:
@@ -328,12 +330,12 @@ class Learner:
                 name: (pack(_transitions(memory)), memory.writer.state_dict())
                 for name, memory in self._memories.items()
             },
-            "advice": self._advice.state(),
+            "advice": self._labels.state(),
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
 
-    def begin_with(self, learnt: Mapping[str, Any]) -> None:
+    def load_weights(self, learnt: Mapping[str, Any]) -> None:
         """Load policy, critics and temperature from the `state` of another learner.
 
         Raises:
@@ -347,7 +349,7 @@ class Learner:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Restore the `state` of a learner with the same settings, bit for bit."""
-        self.begin_with(state)
+        self.load_weights(state)
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])
@@ -358,7 +360,7 @@ class Learner:
                 rows = len(transitions["action"])
                 memory.extend(TensorDict(transitions, rows).unflatten_keys("."))
             memory.writer.load_state_dict(writer)
-        self._advice.restore(state["advice"])
+        self._labels.restore(state["advice"])
         self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
         self.updates = state["updates"]
 

@@ -18,12 +18,12 @@ from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.interfaces import Step
 from hydro.rl.environment.observation import encoding
-from hydro.rl.training.advice import Level
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
-from hydro.rl.training.demonstrations import Pushed, corrections, demonstrations, habits
+from hydro.rl.training.demonstrations import Disturbed, corrections, demonstrations, own_actions
 from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
+from hydro.rl.training.expert_labels import Level
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.sac import Learner, Losses
 from hydro.rl.training.trials import NOMINAL
@@ -54,8 +54,8 @@ class Training:
         watch: Monitor of divergence.
         curves: Points of the curves so far, rows of a table `curves`.
         evaluations: Evaluations so far, rows of a table `evaluations`.
-        masters: Policies that passed the last level of a task, by task, since this object was made.  They are
-            kept, because learning the next task may undo the success.
+        task_policies: Policies that passed the last level of a task, by task, since this object was made.
+            They are kept, because learning the next task may undo the success.
     """
 
     def __init__(
@@ -79,13 +79,13 @@ class Training:
         self.curriculum, self.watch = CurriculumProgress(config.curriculum), Watch()
         self.curves: list[dict[str, Any]] = []
         self.evaluations: list[dict[str, Any]] = []
-        self.masters: dict[str, Policy] = {}
+        self.task_policies: dict[str, Policy] = {}
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
         self._learner = Learner(encoding(config.settings), ACTIONS, config.sac, config.seed)
         self._skilled = learnt is not None
         if learnt is not None:
-            self._learner.begin_with(learnt)
+            self._learner.load_weights(learnt)
         self._fleet = build(config.vehicles, config.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()
@@ -142,12 +142,12 @@ class Training:
         if not self._lessons and self._skilled and self._examine():
             return True
         with self._part("flying"):
-            fleet = self._school(level)
+            fleet = self._expert_fleet(level)
             if self._lessons:
-                flying = Pushed(learner.best, config.push, fleet.seed)
-                learner.heed(corrections(fleet, flying, config.manner), level)
+                flying = Disturbed(learner.best, config.push, fleet.seed)
+                learner.add_labels(corrections(fleet, flying, config.manner), level)
             else:
-                learner.watch(demonstrations(fleet, config.manner), level)
+                learner.add_demonstrations(demonstrations(fleet, config.manner), level)
         self._lessons += 1
         if config.clone:
             with self._part("learning"):
@@ -157,7 +157,7 @@ class Training:
                 self._examine()
         return True
 
-    def _school(self, level: Level) -> Fleet:
+    def _expert_fleet(self, level: Level) -> Fleet:
         """Build vehicles with new tasks of a level for one episode's time; their steps are counted."""
         self._taught += 1
         seed = self.config.seed + SHOWN_SEED + self._taught * NEXT_SEED
@@ -221,21 +221,21 @@ class Training:
         examined = self.policy(level)
         if not self.curriculum.examined(share):
             return False
-        if self.curriculum.behind(level[0]):
-            self.masters[level[0]] = examined
+        if self.curriculum.completed(level[0]):
+            self.task_policies[level[0]] = examined
         if config.corrections and self._lessons > config.corrections:
-            self._keep_habits(level)
+            self._label_own_actions(level)
         self._lessons = 0
         if config.corrections and self.curriculum.done:
             self._rehearse()
         self._fleet.set_level(*self.curriculum.level)
         return True
 
-    def _keep_habits(self, level: Level) -> None:
+    def _label_own_actions(self, level: Level) -> None:
         """Replace the labels of a level by the policy's own actions, if reinforcement learning passed it."""
         with self._part("flying"):
             best = self._learner.best
-            self._learner.heed(habits(self._school(level), best), level, anew=True)
+            self._learner.add_labels(own_actions(self._expert_fleet(level), best), level, replace=True)
 
     def _rehearse(self) -> None:
         """Examine every task once more, and return to the first one whose last level fails."""
@@ -245,7 +245,7 @@ class Training:
                 self.curriculum.forget(level)
                 self._lessons = max(self.config.lessons, 1)  # earlier lessons at this level count
                 return
-            self.masters[level[0]] = self.policy(level)
+            self.task_policies[level[0]] = self.policy(level)
 
     def _evaluate(
         self, purpose: Literal["curve", "exam"], episodes: int, seed: int, level: Level | None = None

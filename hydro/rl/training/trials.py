@@ -38,13 +38,13 @@ class Trial:
         return (task.guided or not self.planless) and (estimates or not self.posterior)
 
 
-def _drawn(**what: float | bool) -> Callable[[Settings], Settings]:
+def _randomised(**what: float | bool) -> Callable[[Settings], Settings]:
     """Return a function that sets the randomisation."""
     randomise = Randomisation(**what)  # type: ignore[arg-type]
     return lambda settings: replace(settings, randomise=randomise)
 
 
-def _hurried(settings: Settings) -> Settings:
+def _half_time(settings: Settings) -> Settings:
     """Return settings with half the time limit."""
     return replace(settings, task=replace(settings.task, steps=max(settings.task.steps // 2, 1)))
 
@@ -52,13 +52,15 @@ def _hurried(settings: Settings) -> Settings:
 TRIALS = {
     NOMINAL: Trial("as the vehicle file says"),
     "no_plan": Trial("the goal is shown, without a planned path", planless=True),
-    "current": Trial("a current of 0.3 m/s, in any direction", _drawn(current=0.3, full=True)),
-    "load": Trial("a payload of 10 % of the mass, anywhere on board", _drawn(load=0.1, full=True)),
-    "dead_thruster": Trial("one thruster dead", _drawn(thruster=1.0, full=True)),
+    "current": Trial("a current of 0.3 m/s, in any direction", _randomised(current=0.3, full=True)),
+    "load": Trial("a payload of 10 % of the mass, anywhere on board", _randomised(load=0.1, full=True)),
+    "dead_thruster": Trial("one thruster dead", _randomised(thruster=1.0, full=True)),
     "posterior": Trial(
-        "parameters drawn from the covariance of the file", _drawn(posterior=True), posterior=True
+        "parameters drawn from the covariance of the file",
+        _randomised(posterior=True),
+        posterior=True,
     ),
-    "half_time": Trial("half the time", _hurried),
+    "half_time": Trial("half the time", _half_time),
 }
 
 

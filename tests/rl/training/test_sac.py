@@ -13,8 +13,8 @@ from torchrl.objectives import SACLoss
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.encoding import Encoding
-from hydro.rl.training.advice import SPREAD
 from hydro.rl.training.config import SACConfig
+from hydro.rl.training.expert_labels import SPREAD
 from hydro.rl.training.memory import unpack
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.returns import Transition

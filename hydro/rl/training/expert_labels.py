@@ -29,28 +29,28 @@ SPREAD = 0.2
 """Scale of the normal distribution under the tanh to which imitation drives a policy."""
 
 
-class Advice:
+class ExpertLabels:
     """Labelled observations of all levels so far."""
 
     def __init__(self) -> None:
         """Start without labels."""
-        self._said: dict[Level, tuple[Tensor, Tensor]] = {}
+        self._labels: dict[Level, tuple[Tensor, Tensor]] = {}
 
     @property
     def levels(self) -> list[Level]:
         """Levels with labels, in the order of their last addition."""
-        return list(self._said)
+        return list(self._labels)
 
     def add(self, level: Level, encoded: Array32, actions: Array32) -> None:
         """Add encoded observations (K, O) and their expert actions (K, A)."""
         new = torch.from_numpy(encoded), torch.from_numpy(actions)
-        old = self._said.pop(level, None)
+        old = self._labels.pop(level, None)
         seen, done = new if old is None else (torch.cat(pair) for pair in zip(old, new, strict=True))
-        self._said[level] = seen, done
+        self._labels[level] = seen, done
 
     def forget(self, level: Level) -> None:
         """Remove the labels of a level."""
-        self._said.pop(level, None)
+        self._labels.pop(level, None)
 
     def batches(self, count: int, generator: torch.Generator) -> Iterator[tuple[Tensor, Tensor]]:
         """Draw batches of encoded observations (ROWS, O) and actions (ROWS, A).
@@ -58,8 +58,8 @@ class Advice:
         Levels are drawn in proportion to their numbers of labels, but the level added last makes up at least
         half.
         """
-        seen, done = (torch.cat(parts) for parts in zip(*self._said.values(), strict=True))
-        sizes = torch.tensor([len(each) for each, _ in self._said.values()])
+        seen, done = (torch.cat(parts) for parts in zip(*self._labels.values(), strict=True))
+        sizes = torch.tensor([len(each) for each, _ in self._labels.values()])
         first = sizes.cumsum(0) - sizes
         shares = sizes.float()
         shares[-1] = shares[-1].maximum(shares[:-1].sum())
@@ -72,29 +72,29 @@ class Advice:
         """Return the complete state, packed."""
         return [
             [task, level, pack({"observation": seen, "action": done})]
-            for (task, level), (seen, done) in self._said.items()
+            for (task, level), (seen, done) in self._labels.items()
         ]
 
     def restore(self, state: list[Any]) -> None:
         """Restore a `state`."""
-        self._said = {}
+        self._labels = {}
         for task, level, packed in state:
             found = unpack(packed)
-            self._said[task, level] = found["observation"], found["action"]
+            self._labels[task, level] = found["observation"], found["action"]
 
 
-def imitate(network: nn.Module, advice: Advice, batches: int, generator: torch.Generator) -> None:
+def imitate(network: nn.Module, labels: ExpertLabels, batches: int, generator: torch.Generator) -> None:
     """Train a policy by least squares on labels, with a learning rate that decreases linearly.
 
     Args:
         network: Encoded observations to mean and scale of the normal under the tanh; the scale is driven to
             SPREAD.
-        advice: Labels.
+        labels: Labels.
         batches: Number of batches.
         generator: Generator of the batches.
     """
     optimiser = torch.optim.Adam(network.parameters(), RATE, fused=True)
-    for k, (seen, said) in enumerate(advice.batches(batches, generator)):
+    for k, (seen, said) in enumerate(labels.batches(batches, generator)):
         optimiser.param_groups[0]["lr"] = RATE * (1.0 - (1.0 - LEAST) * k / batches)
         mean, scale = network(seen)
         error = (mean.tanh() - said).square().mean() + (scale - SPREAD).square().mean()
