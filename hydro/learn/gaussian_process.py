@@ -40,17 +40,17 @@ from hydro.learn.covariances import (
     parts_of,
 )
 
-ROWS_WEIGHED = 900  # rows for the fit of the variances; its cost grows with their cube
-ROWS_EXPLORED = 450  # rows for the search of centre and arms
-ROWS_LEARNT = 4500  # rows for the final mean
+ROWS_VARIANCES = 900  # rows for the fit of the variances; its cost grows with their cube
+ROWS_CENTRE = 450  # rows for the search of centre and arms
+ROWS_MEAN = 4500  # rows for the final mean
 FOLDS = 60  # greatest number of folds of the cross-validation
-USUAL = 0.9  # quantile of the motions' sizes that becomes the unit of z
+UNIT_QUANTILE = 0.9  # quantile of the motions' sizes that becomes the unit of z
 ARM = 0.5  # initial arm that scales angular velocities [m]
 STEPS = 25  # iterations of the search for the variances of an axis
 STIFFNESS = 5e-3  # penalty on log error per squared log ratio of a variance to its initial value
 LEAST = 1e-6  # added to a fold's mean squared error, in units of the label's mean square
 JITTER = 1e-9  # added to the diagonal of the normal matrix, as a share of its mean
-STEERING = 1.0  # prior variance of the modulation of the second stage by the direction of drag
+MODULATION = 1.0  # prior variance of the modulation of the second stage by the direction of drag
 BOUNDS = (-16.0, 7.0)  # bounds of the logarithms of variances
 
 
@@ -89,28 +89,28 @@ def fit(
     """
     draw = np.random.default_rng(seed)
     fold = _folds(blocks)
-    told = progress or (lambda done, of: None)
-    some = _some(draw, len(nu), ROWS_EXPLORED)
-    hull = _explored(nu[some], tau[some], fold[some], centre)
-    told(1, 2 + AXES)
-    some = _some(draw, len(nu), ROWS_WEIGHED)
+    report = progress or (lambda done, of: None)
+    some = _every_nth(draw, len(nu), ROWS_CENTRE)
+    hull = _fit_centre_and_arms(nu[some], tau[some], fold[some], centre)
+    report(1, 2 + AXES)
+    some = _every_nth(draw, len(nu), ROWS_VARIANCES)
     motion, labels = hull.motion(nu[some]), hull.about(tau[some])
     unit = np.sqrt((labels**2).mean(axis=0))
     unit[unit == 0.0] = 1.0
     scaled, images, found = labels / unit, images_of(motion, motion), []
     for axis in range(AXES):
         parts = parts_of(motion, motion, images, axis)
-        found.append(_weighed(parts, motion, scaled[:, axis], fold[some]))
-        told(2 + axis, 2 + AXES)
-    missed, steered = _both_stages(motion, images, scaled, unit, fold[some], found)
-    many = _some(draw, len(nu), ROWS_LEARNT)
+        found.append(_fit_variances(parts, motion, scaled[:, axis], fold[some]))
+        report(2 + axis, 2 + AXES)
+    residual, modulated = _both_stages(motion, images, scaled, unit, fold[some], found)
+    many = _every_nth(draw, len(nu), ROWS_MEAN)
     kept = hull.motion(nu[draw.permutation(len(nu))[:points]])
     known = hull.about(tau[many]) / unit
-    tensors = _mean(hull.motion(nu[many]), known, kept, found, unit, steered)
+    tensors = _project_mean(hull.motion(nu[many]), known, kept, found, unit, modulated)
     tensors |= {"centre": hull.centre, "scale": hull.scale, "top": np.array([hull.motion(nu).size.max()])}
-    told(2 + AXES, 2 + AXES)
+    report(2 + AXES, 2 + AXES)
     stored = {name: value.astype(np.float32) for name, value in tensors.items()}
-    return Fit(stored, float(np.sqrt(((unit * missed) ** 2).mean())))
+    return Fit(stored, float(np.sqrt(((unit * residual) ** 2).mean())))
 
 
 def _folds(blocks: Sequence[str]) -> Rows:
@@ -120,13 +120,13 @@ def _folds(blocks: Sequence[str]) -> Rows:
     return np.asarray(block // -(-(int(block[-1]) + 1) // FOLDS), dtype=np.int64)
 
 
-def _some(draw: np.random.Generator, count: int, most: int) -> Rows:
+def _every_nth(draw: np.random.Generator, count: int, most: int) -> Rows:
     """Return every k-th of `count` rows with a random start, at most `most`."""
     step = -(-count // most)
     return np.arange(int(draw.integers(step)), count, step)
 
 
-def _explored(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None) -> Hull:
+def _fit_centre_and_arms(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None) -> Hull:
     """Find the arms, and the centre if it is not given, with the least cross-validation error.
 
     The search moves along one coordinate at a time.  The second stage is modulated by moments about the
@@ -151,7 +151,7 @@ def _explored(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None)
 def _hull(nu: Array, place: Array) -> Hull:
     """Return the hull of a centre and of the log arms about x, y, z, in units of usual motion."""
     scale = np.concatenate([np.ones(3), np.exp(place[3:])])
-    usual = float(np.quantile(Hull(place[:3], scale).motion(nu).size, USUAL))
+    usual = float(np.quantile(Hull(place[:3], scale).motion(nu).size, UNIT_QUANTILE))
     return Hull(place[:3], scale / usual)
 
 
@@ -160,8 +160,8 @@ def _cost(hull: Hull, nu: Array, tau: Array, fold: Rows, stages: int) -> float:
     motion, labels = hull.motion(nu), hull.about(tau)
     unit = np.maximum(np.sqrt((tau**2).mean(axis=0)), TINY)
     given = (motion, images_of(motion, motion), labels / unit, unit, fold)
-    missed, _ = _both_stages(*given, [GUESSES] * AXES, stages)
-    return _error(missed, fold)
+    residual, _ = _both_stages(*given, [GUESSES] * AXES, stages)
+    return _error(residual, fold)
 
 
 def _both_stages(
@@ -182,26 +182,26 @@ def _both_stages(
     """
     parts = [parts_of(motion, motion, images, axis) for axis in range(AXES)]
     first = [
-        _left_out(_process(parts[axis], motion, logs), labels[:, axis], fold)
+        _cross_validate(_process(parts[axis], motion, logs), labels[:, axis], fold)
         for axis, logs in enumerate(found)
     ]
-    missed = np.stack([one.missed for one in first], axis=1)
-    steered = [False] * AXES
+    residual = np.stack([one.residual for one in first], axis=1)
+    modulated = [False] * AXES
     if stages == 1:
-        return missed, steered
+        return residual, modulated
     drags = ([one.fitted for one in first], [one.drag for one in first])
-    seen, unseen = (_directed(unit * np.stack(drag, axis=1)) / unit[:, None] for drag in drags)
-    again = np.empty_like(missed)
+    seen, unseen = (_modulation(unit * np.stack(drag, axis=1)) / unit[:, None] for drag in drags)
+    again = np.empty_like(residual)
     for axis, logs in enumerate(found):
         columns = seen[:, axis]
         process = _process(parts[axis], motion, logs, columns)
         other = unseen[:, axis] - columns
-        again[:, axis] = _left_out(process, labels[:, axis], fold, (columns, other)).missed
+        again[:, axis] = _cross_validate(process, labels[:, axis], fold, (columns, other)).residual
     for half in (range(3), range(3, AXES)):
-        if _error(again[:, half], fold) < _error(missed[:, half], fold):
-            missed[:, half] = again[:, half]
-            steered[half.start : half.stop] = [True] * 3
-    return missed, steered
+        if _error(again[:, half], fold) < _error(residual[:, half], fold):
+            residual[:, half] = again[:, half]
+            modulated[half.start : half.stop] = [True] * 3
+    return residual, modulated
 
 
 class Process(NamedTuple):
@@ -218,64 +218,64 @@ class Process(NamedTuple):
     noise: Array
 
 
-class LeftOut(NamedTuple):
+class CrossValidation(NamedTuple):
     """Predictions for rows whose fold was left out, (N,) each.
 
     Attributes:
-        missed: Residual: label minus prediction.
+        residual: Label minus prediction.
         drag: Predicted drag.
         fitted: Drag fitted with all folds.
     """
 
-    missed: Array
+    residual: Array
     drag: Array
     fitted: Array
 
 
-def _process(parts: Sequence[Array], motion: Motion, logs: Array, steering: Array | None = None) -> Process:
+def _process(parts: Sequence[Array], motion: Motion, logs: Array, modulation: Array | None = None) -> Process:
     """Build the process for logarithms of variances, modulated by the columns (N, 3) if given."""
     *parts, even, other = parts
     variances, noise = np.exp(logs), noise_of(motion, logs)
     whole = np.asarray(sum(v * part for v, part in zip(variances, parts, strict=False))) + np.diag(noise)
-    if steering is not None:
-        whole += STEERING * steering @ steering.T
+    if modulation is not None:
+        whole += MODULATION * modulation @ modulation.T
     return Process(whole, variances[PRODUCTS_AT] * even + variances[OTHERS_AT] * other, noise)
 
 
-def _left_out(
-    process: Process, label: Array, fold: Rows, steering: tuple[Array, Array] | None = None
-) -> LeftOut:
+def _cross_validate(
+    process: Process, label: Array, fold: Rows, modulation: tuple[Array, Array] | None = None
+) -> CrossValidation:
     """Predict every fold from the labels of all others.
 
     Args:
         process: Process of the axis.
         label: Labels (N,) in units of the process.
         fold: Fold of each row (N,).
-        steering: Columns of the modulation (N, 3) with the fitted drag, and their change (N, 3) with the drag
-            predicted without the row's fold.
+        modulation: Columns (N, 3) with the fitted drag, and their change (N, 3) with the drag predicted without
+            the row's fold.
     """
     inverse = np.linalg.inv(process.whole)
     known = inverse @ label
-    missed, even = np.empty_like(label), np.empty_like(label)
+    residual, even = np.empty_like(label), np.empty_like(label)
     for number in np.unique(fold):
         rows = np.flatnonzero(fold == number)
-        missed[rows] = np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows])
-        without = known - inverse[:, rows] @ missed[rows]
+        residual[rows] = np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows])
+        without = known - inverse[:, rows] @ residual[rows]
         even[rows] = process.even[rows] @ without
-        if steering is not None:
-            missed[rows] -= STEERING * steering[1][rows] @ (steering[0].T @ without)
+        if modulation is not None:
+            residual[rows] -= MODULATION * modulation[1][rows] @ (modulation[0].T @ without)
     fitted = label - process.noise * known - process.even @ known
-    return LeftOut(missed, label - missed - even, fitted)
+    return CrossValidation(residual, label - residual - even, fitted)
 
 
-def _error(missed: Array, fold: Rows) -> float:
+def _error(residual: Array, fold: Rows) -> float:
     """Return the mean over axes of the log of the mean over folds of the r.m.s. residual (N, axes)."""
     number = np.unique(fold, return_inverse=True)[1]
-    squares = np.stack([np.bincount(number, column**2) for column in missed.T]) / np.bincount(number)
+    squares = np.stack([np.bincount(number, column**2) for column in residual.T]) / np.bincount(number)
     return float(np.log(np.sqrt(squares + LEAST).mean(axis=1)).mean())
 
 
-def _directed(drag: Array) -> Array:
+def _modulation(drag: Array) -> Array:
     """Return F_i |F_j| / |F| of drag F (N, 6), over the forces or over the moments, (N, 6, 3)."""
     halves = drag.reshape(-1, 2, 3)
     size = np.maximum(np.sqrt((halves**2).sum(axis=2)), TINY)
@@ -283,14 +283,14 @@ def _directed(drag: Array) -> Array:
     return np.asarray(made.reshape(-1, AXES, 3))
 
 
-def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Array:
+def _fit_variances(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Array:
     """Find the logarithms of the variances with the least cross-validation error."""
     covariances = [torch.from_numpy(part) for part in parts[:-2]]
     guesses, truth = torch.from_numpy(GUESSES), torch.from_numpy(label)
     growth = torch.from_numpy(motion.size ** (2 * POWERS))
     where = [torch.from_numpy(np.flatnonzero(fold == number)) for number in np.unique(fold)]
 
-    def missed(logs: torch.Tensor) -> list[torch.Tensor]:
+    def residual(logs: torch.Tensor) -> list[torch.Tensor]:
         variances = torch.exp(logs)
         K = sum((v * part for v, part in zip(variances, covariances, strict=False)), torch.zeros(()))
         inverse = torch.linalg.inv(K + torch.diag(variances[-2] * growth + variances[-1]))
@@ -299,7 +299,7 @@ def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Ar
 
     def cost(values: Array) -> tuple[float, Array]:
         logs = torch.tensor(values, requires_grad=True)
-        error = torch.stack([torch.sqrt(one.square().mean() + LEAST) for one in missed(logs)]).mean()
+        error = torch.stack([torch.sqrt(one.square().mean() + LEAST) for one in residual(logs)]).mean()
         total = torch.log(error) + STIFFNESS * (logs - guesses).square().sum()
         torch.autograd.backward(total)
         assert logs.grad is not None
@@ -311,8 +311,13 @@ def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Ar
     return np.asarray(found.x)
 
 
-def _mean(
-    motion: Motion, labels: Array, kept: Motion, found: Sequence[Array], unit: Array, steered: Sequence[bool]
+def _project_mean(
+    motion: Motion,
+    labels: Array,
+    kept: Motion,
+    found: Sequence[Array],
+    unit: Array,
+    modulated: Sequence[bool],
 ) -> dict[str, Array]:
     """Project the mean of both stages on points; return tensors of the network.
 
@@ -321,7 +326,7 @@ def _mean(
     linear = np.zeros((STAGES, AXES, AXES))
     library = np.zeros((STAGES, POWERS, PRODUCTS, AXES))
     radial = np.zeros((len(kept.size), STAGES, SUMS, POWERS, AXES))
-    steering, drag = np.zeros((AXES, 3)), np.empty_like(labels)
+    modulation, drag = np.zeros((AXES, 3)), np.empty_like(labels)
     across, within, covariances = images_of(motion, kept), images_of(kept, kept), []
     for axis, logs in enumerate(found):
         parts, square = parts_of(motion, kept, across, axis), parts_of(kept, kept, within, axis)
@@ -332,19 +337,19 @@ def _mean(
     for stage in range(STAGES):
         for axis, logs in enumerate(found):
             columns, prior, even = covariances[axis]
-            if stage and steered[axis]:
-                columns = np.hstack([columns, _directed(unit * drag)[:, axis] / unit[axis]])
-                prior = block_diag(prior, np.eye(3) / STEERING)
-            alpha = _solved(columns, prior, labels[:, axis], noise_of(motion, logs))
+            if stage and modulated[axis]:
+                columns = np.hstack([columns, _modulation(unit * drag)[:, axis] / unit[axis]])
+                prior = block_diag(prior, np.eye(3) / MODULATION)
+            alpha = _solve_weights(columns, prior, labels[:, axis], noise_of(motion, logs))
             on_points = alpha[: len(kept.size)]
             if not stage:
                 drag[:, axis] = columns @ alpha - even @ on_points
-            elif steered[axis]:
-                steering[axis] = alpha[len(kept.size) :]
-            folded = _folded(kept, unit[axis] * on_points, np.exp(logs), axis)
+            elif modulated[axis]:
+                modulation[axis] = alpha[len(kept.size) :]
+            folded = _weights_of_terms(kept, unit[axis] * on_points, np.exp(logs), axis)
             linear[stage, axis], library[stage, :, :, axis], radial[:, stage, :, :, axis] = folded
     return {
-        "steering": steering,
+        "steering": modulation,
         "linear": linear,
         "library": library,
         "points": kept.direction,
@@ -352,7 +357,7 @@ def _mean(
     }
 
 
-def _solved(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
+def _solve_weights(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
     """Return the weights of columns (N, K) with inverse prior covariance that fit noisy labels (N,)."""
     sure = columns.T / noise
     normal = sure @ columns + prior
@@ -360,7 +365,7 @@ def _solved(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
     return np.asarray(np.linalg.solve(normal, sure @ label))
 
 
-def _folded(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
+def _weights_of_terms(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
     """Convert weights alpha (K,) of rows to weights of z (6,), products (3, 57) and points (K, 3, 3)."""
     own, rest = mirrored(axis), variances[OTHERS_AT - 2 :]
     grown = kept.size ** np.arange(1, POWERS + 1)[:, None] * alpha

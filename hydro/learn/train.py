@@ -57,7 +57,7 @@ PATIENCE = 30  # epochs without improvement before training stops (paper IV-C)
 BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch has enough updates
 BATCH_LIMITS = (64, 512)
 ROWS_PER_PASS = 16384
-UNSEEN = 1e12  # scale that makes an input negligible
+HIDDEN_SCALE = 1e12  # scale that makes an input negligible
 TRUSTED = 0.01  # greatest noise of an acceleration that is an input, as a share of its spread
 
 
@@ -90,7 +90,7 @@ class _Rows(NamedTuple):
     targets: Tensor
 
 
-class _Course(NamedTuple):
+class _Plan(NamedTuple):
     """Schedule: greatest number of epochs, batch size, weight decay, and seed of the row order."""
 
     epochs: int
@@ -139,14 +139,14 @@ def train(
     seeds.check(seed)
     description = architecture(model)
     if description["model"] == "gp":
-        return _process(table, description, seed, centre, progress)
+        return _train_gaussian_process(table, description, seed, centre, progress)
     target_device = _device(device)
     training, inputs = rows.inputs(table, "train", description)
     validating = rows.validation(training)
     targets = rows.wrenches(training)
     scalers = _scalers(inputs[~validating], targets[~validating])
     if not accelerations:
-        _hide(scalers, networks.inputs(description))
+        _hide_accelerations(scalers, networks.inputs(description))
     fitted = _standardised(inputs[~validating], targets[~validating], scalers, target_device)
     watched = _standardised(inputs[validating], targets[validating], scalers, target_device)
     batch = int(np.clip(len(fitted.inputs) // BATCHES_PER_EPOCH, *BATCH_LIMITS))
@@ -155,7 +155,7 @@ def train(
     with _reproducible(seed):
         network = build(description).to(target_device)
         network.standardise(scalers)
-        summary = _fit(network, fitted, watched, _Course(epochs, batch, decay, seed), progress)
+        summary = _run_epochs(network, fitted, watched, _Plan(epochs, batch, decay, seed), progress)
     summary |= {
         "rows": {"fitted": len(fitted.inputs), "validation": len(watched.inputs)},
         "parameters": parameter_count(network),
@@ -164,7 +164,7 @@ def train(
     return _model(model, description, network, scalers, summary)
 
 
-def _process(
+def _train_gaussian_process(
     table: pl.DataFrame,
     description: dict[str, Any],
     seed: int,
@@ -178,7 +178,7 @@ def _process(
     scalers = _scalers(inputs, targets)
     description["points"] = min(description["points"], len(inputs))
 
-    def told(done: int, of: int) -> None:
+    def report(done: int, of: int) -> None:
         if progress is not None:
             progress(Epoch(done, of, math.nan, math.nan, math.nan, False))
 
@@ -191,7 +191,7 @@ def _process(
             points=description["points"],
             seed=seed,
             centre=centre,
-            progress=told,
+            progress=report,
         )
         network = build(description)
         network.standardise(scalers)
@@ -205,22 +205,22 @@ def _process(
     return _model(description["model"], description, network, scalers, summary)
 
 
-def _fit(
+def _run_epochs(
     network: Residual,
     fitted: _Rows,
     watched: _Rows,
-    course: _Course,
+    plan: _Plan,
     progress: Callable[[Epoch], None] | None,
 ) -> dict[str, Any]:
     """Run the epochs, load the best weights into the network, and return the summary."""
-    epochs, batch, decay, seed = course
+    epochs, batch, decay, seed = plan
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=decay)
     updates = epochs * math.ceil(len(fitted.inputs) / batch)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda done: annealed(done / updates))
     order = torch.Generator().manual_seed(seed)
     best, best_error, weights = 0, np.inf, _copy(network)
     for number in range(1, epochs + 1):
-        loss = _pass(network, fitted, optimiser, schedule, batch=batch, order=order)
+        loss = _run_epoch(network, fitted, optimiser, schedule, batch=batch, order=order)
         error, rmse = _errors(network, watched)
         if not np.isfinite(loss + error):
             raise DataError(
@@ -244,7 +244,7 @@ def annealed(done: float) -> float:
     return 0.5 * (1.0 + math.cos(math.pi * (done - WARM_UP) / (1.0 - WARM_UP)))
 
 
-def _pass(
+def _run_epoch(
     network: Residual,
     fitted: _Rows,
     optimiser: torch.optim.Optimizer,
@@ -310,11 +310,11 @@ def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = N
     return bool((left <= TRUSTED * spread)[spread > 0.0].all())
 
 
-def _hide(scalers: dict[str, NDArray[np.float64]], names: Sequence[str]) -> None:
+def _hide_accelerations(scalers: dict[str, NDArray[np.float64]], names: Sequence[str]) -> None:
     """Make the accelerations among the inputs negligible, in training and in use."""
     hidden = [name.endswith("_dot") for name in names]
     scalers["input_mean"][hidden] = 0.0
-    scalers["input_scale"][hidden] = UNSEEN
+    scalers["input_scale"][hidden] = HIDDEN_SCALE
 
 
 def _standardised(
