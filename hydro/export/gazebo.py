@@ -1,13 +1,13 @@
 """Target `gz`: a Gazebo world (SDF 1.11) with a vehicle in water.
 
-The link's frame is CO, axes forward, left, up.  What acts in Gazebo (gz-sim 8 and later, engine DART):
+The link's frame is CO with axes forward, left, up.  Forces in Gazebo (gz-sim 8 and later, engine DART):
 
 * `<fluid_added_mass>` about the link's origin, with its Coriolis terms;
-* the Hydrodynamics plug-in, coefficients of nu_j, |nu_k| nu_j and nu_k nu_j, and a constant current;
-* a Thruster plug-in for each thruster, told its thrust in newtons, which acts at once;
+* the Hydrodynamics plug-in: coefficients of nu_j, |nu_k| nu_j and nu_k nu_j, and a constant current;
+* a Thruster plug-in for each thruster; its command is the thrust in newtons, which acts at once;
 * the Buoyancy plug-in, which takes the volume and its centre from the collision shape.
 
-Which effects are among these coefficients their kernels say (`core.simulation.velocity_laws`).
+`core.simulation.velocity_laws` tests which effects can be expressed by these coefficients.
 """
 
 from __future__ import annotations
@@ -52,34 +52,34 @@ WORDS = (
     f" Written by hydro: frame {LINK} is the vehicle file's origin, forward, left, up. "
     "Thrusters take newtons. "
 )
-"""What stands at the top of the world."""
+"""Comment at the top of the world."""
 PROPELLER_MASS, PROPELLER_RADIUS = 1e-3, 0.02
-"""Of the links that carry the thrust [kg, m]: the vehicle's own mass gives it up."""
+"""Mass and radius of the links that carry the thrust [kg, m]; the main link is lighter by this mass."""
 PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
-"""How fast propellers are shown to spin; the thrust does not depend on it."""
+"""Parameters of the displayed propeller speed; the thrust does not depend on them."""
 
 AT_ONCE: dict[str, Any] = {"time_constant": 0.0, "lag_step": None}
 LEFT_OUT: tuple[tuple[str, str, int, dict[str, Any]], ...] = (
     ("thruster lag", "thrust follows its command at once", TIME_CONSTANT, AT_ONCE),
-    ("command delay", "commands are felt at once", DELAY, {"delay": 0.0}),
-    ("thruster inflow", "thrust knows no speed of the water", INFLOW, {}),
-    ("propeller torque", "the reaction of propellers is left out", REACTION, {}),
+    ("command delay", "commands act at once", DELAY, {"delay": 0.0}),
+    ("thruster inflow", "thrust does not depend on the speed of the water", INFLOW, {}),
+    ("propeller torque", "the reaction torque of propellers is left out", REACTION, {}),
 )
-"""Of thrusters: what, why, its column of the thruster table, and a thruster's keys without it."""
+"""Unsupported properties of thrusters: name, reason, column of the thruster table, keys without them."""
 
 
 def to_sdf(vehicle: Vehicle) -> bytes:
-    """The world.
+    """Write the world.
 
     Raises:
-        DataError: An effect, a thruster or a name is at fault, or the vehicle has no buoyancy.
+        DataError: An effect, a thruster or a name is invalid, or the vehicle has no buoyancy.
     """
     require_names(vehicle)
     found, listed = _held(vehicle), entries(vehicle)
     total = _law(found, entries(found))
     root = ET.Element("sdf", version="1.11")
     world = _add(root, "world", name=f"{vehicle.name} in water")
-    world.append(ET.Comment(WORDS))  # without names: comments are not escaped
+    world.append(ET.Comment(WORDS))  # contains no names, because comments are not escaped
     _add(world, "gravity", [0.0, 0.0, -vehicle.environment.gravity])
     for name, system in (
         ("physics", "Physics"),
@@ -106,7 +106,7 @@ def to_sdf(vehicle: Vehicle) -> bytes:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """What Gazebo has no place for."""
+    """Return the properties that Gazebo cannot represent."""
     c = constants(vehicle, entries(vehicle))
     held = {entry.where for entry in entries(vehicle) if _holds(entry, c)}
     names = {entry.effect.name for entry in entries(vehicle) if entry.where not in held}
@@ -121,27 +121,27 @@ def lacks(vehicle: Vehicle) -> list[Lack]:
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """What a user of the file must know besides."""
-    said = ["thrusters are told newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
+    """Return further warnings for the user of the file."""
+    said = ["thrusters take newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
     found = _held(vehicle)
     added, body = np.diag(inertia_matrix(found)), np.diag(mass_matrix(found))
     heavy = [name for name, a, b in zip(VELOCITIES, added, body, strict=True) if a >= b]
     if heavy:
         said.append(
-            f"added mass is that of the vehicle or more in {', '.join(heavy)}: only the engine DART takes "
-            "fluid_added_mass; fed back by the plug-in, as other engines need it, it is unstable there"
+            f"added mass is at least that of the vehicle in {', '.join(heavy)}: use the engine DART, which "
+            "supports fluid_added_mass; the plug-in of other engines feeds it back, which is unstable"
         )
     if current(found).any():
         said.append(
-            "current: Gazebo's added mass feels nu_dot and not nu_r_dot, so that M_A [omega x R^T v_c; 0] is "
+            "current: Gazebo's added mass uses nu_dot instead of nu_r_dot, so M_A [omega x R^T v_c; 0] is "
             "missing while the vehicle turns; releases before April 2026 (gz-sim 8.11, 9.5, 10.1 and older) "
-            "take its Coriolis forces of nu, too"
+            "also compute its Coriolis forces from nu"
         )
     return said
 
 
 def _holds(entry: Entry, c: Array) -> bool:
-    """Whether Gazebo has a place for an effect that is none of thrusters."""
+    """Return whether Gazebo can represent an effect other than those of thrusters."""
     effect, parameters, _ = entry
     if effect.kind == "sensor":
         return False
@@ -153,7 +153,7 @@ def _holds(entry: Entry, c: Array) -> bool:
 
 
 def _held(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with the effects that Gazebo holds, those of thrusters among them."""
+    """Return the vehicle with the effects that Gazebo represents, including those of thrusters."""
     listed = entries(vehicle)
     c = constants(vehicle, listed)
     kept = [table for table, entry in zip(vehicle.effect, listed, strict=True) if _holds(entry, c)]
@@ -161,14 +161,14 @@ def _held(vehicle: Vehicle) -> Vehicle:
 
 
 def _law(vehicle: Vehicle, listed: Sequence[Entry]) -> Law:
-    """All forces of the water but inertia, in sum."""
+    """Return the sum of all water forces except inertia."""
     c = constants(vehicle, listed)
     found = (law(entry, c) for entry in listed if entry.effect.kernel is not None)
     return reduce(lambda one, other: one + other, (one for one in found if one is not None), Law.none())
 
 
 def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
-    """What of the thrusters Gazebo has no place for."""
+    """Return the properties of thrusters that Gazebo cannot represent."""
     table, found = thruster_table(vehicle), list[Lack]()
     for what, why, columns, plain in (
         (
@@ -177,9 +177,9 @@ def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
             (TIME_CONSTANT,),
             {"time_constant": 0.0, "lag_step": None},
         ),
-        ("command delay", "commands are felt at once", (DELAY,), {"delay": 0.0}),
-        ("thruster inflow", "thrust knows no speed of the water", (INFLOW,), {}),
-        ("propeller torque", "the reaction of propellers is left out", (REACTION,), {}),
+        ("command delay", "commands act at once", (DELAY,), {"delay": 0.0}),
+        ("thruster inflow", "thrust does not depend on the speed of the water", (INFLOW,), {}),
+        ("propeller torque", "the reaction torque of propellers is left out", (REACTION,), {}),
     ):
         if (table[:, list(columns)] != 0.0).any():
             effects = tuple(one for one in vehicle.effect if not _changes(one, vehicle, columns[0]))
@@ -195,13 +195,13 @@ def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
             Thruster(name=one.name, curve="none") if one.wrench is not None else one
             for one in vehicle.thruster
         )
-        why = "an axis demand has no place where a propeller could stand"
+        why = "an axis demand has no position for a propeller"
         found.append(Lack(f"thruster {names}", why, msgspec.structs.replace(vehicle, thruster=still)))
     return found
 
 
 def _changes(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
-    """Whether an effect changes a column of the thruster table."""
+    """Return whether an effect changes a column of the thruster table."""
     (entry,) = entries(msgspec.structs.replace(vehicle, effect=(table,)))
     if entry.effect.actuator is None:
         return False
@@ -211,13 +211,13 @@ def _changes(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
 
 
 def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequence[Array]) -> None:
-    """Mass, inertia about the centre of gravity and added mass, less what the propellers carry."""
+    """Add mass, inertia about the centre of gravity and added mass, less those of the propellers."""
     body = vehicle.rigid_body
     mass, center = body.mass, np.array(body.center_of_gravity)
     rest = mass - PROPELLER_MASS * len(propellers)
     if rest <= 0.0:
         raise DataError(
-            f"rigid_body.mass: {mass:g} kg leave nothing beside {len(propellers)} propellers of 1 g"
+            f"rigid_body.mass: {mass:g} kg must exceed the mass of {len(propellers)} propellers of 1 g"
         )
     middle = (mass * center - PROPELLER_MASS * sum(propellers, np.zeros(3))) / rest
     inertia = np.array(body.inertia) - _spread(rest, middle - center)
@@ -236,18 +236,18 @@ def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequ
 
 
 def _spread(mass: float, at: Array) -> Array:
-    """Inertia of a point mass about the origin, (3, 3)."""
+    """Return the inertia of a point mass about the origin, (3, 3)."""
     found: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
     return found
 
 
 def _spin() -> float:
-    """Moment of inertia of a propeller's link [kg m^2]."""
+    """Return the moment of inertia of a propeller's link [kg m^2]."""
     return PROPELLER_MASS * PROPELLER_RADIUS**2
 
 
 def _moments(inertial: ET.Element, inertia: Array) -> None:
-    """The six entries of an inertia matrix."""
+    """Add the six entries of an inertia matrix."""
     matrix = _add(inertial, "inertia")
     for i in range(3):
         for j in range(i, 3):
@@ -255,13 +255,13 @@ def _moments(inertial: ET.Element, inertia: Array) -> None:
 
 
 def _hull(link: ET.Element, vehicle: Vehicle, total: Law) -> None:
-    """A box of the volume that floats the vehicle, about its centre of buoyancy, and the hull to be seen.
+    """Add a collision box with the volume of the buoyancy, about its centre, and a visual of the hull.
 
-    What effects add to weight and buoyancy is put into that volume and its centre.
+    The volume and its centre include weight and buoyancy of effects.
     """
     lift = vehicle.buoyancy.force - total.force
     if lift <= 0.0:
-        raise DataError("buoyancy: the vehicle with its effects has no buoyancy, and Gazebo no such thing")
+        raise DataError("buoyancy: the vehicle with its effects has no buoyancy, which Gazebo requires")
     center = (vehicle.buoyancy.force * np.array(vehicle.buoyancy.center) - total.moment) / lift
     volume = lift / (vehicle.environment.water_density * vehicle.environment.gravity)
     sides = np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
@@ -275,7 +275,7 @@ def _hull(link: ET.Element, vehicle: Vehicle, total: Law) -> None:
 
 
 def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Array) -> None:
-    """A propeller's link, its joint along the thrust, and its plug-in."""
+    """Add a propeller's link, its joint along the thrust, and its plug-in."""
     assert thruster.position is not None
     ahead, astern = row[MAX_THRUST] * (1.0 + row[GAIN]), row[MAX_REVERSE] * (1.0 + row[GAIN])
     astern *= 1.0 - row[ASYMMETRY]
@@ -302,7 +302,7 @@ def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Arra
 
 
 def _hydrodynamics(model: ET.Element, total: Law, flow: Array) -> None:
-    """The plug-in's coefficients; its signs are those of the derivatives, X_u < 0 for drag."""
+    """Add the plug-in's coefficients; their signs are those of the derivatives, X_u < 0 for drag."""
     plugin = _plugin(model, "hydrodynamics", "Hydrodynamics")
     _add(plugin, "link_name", LINK)
     _add(plugin, "disable_added_mass", "true")
@@ -326,7 +326,7 @@ def _plugin(parent: ET.Element, name: str, system: str) -> ET.Element:
 
 
 def _add(parent: ET.Element, tag: str, value: Any = None, **attributes: str) -> ET.Element:
-    """A new element with a text, a number or several."""
+    """Add an element with a text, a number or several numbers."""
     element = ET.SubElement(parent, tag, attributes)
     if isinstance(value, str):
         element.text = value

@@ -8,7 +8,7 @@ from hydro.export.targets import Lack, Target, lacking, of_sensors
 
 
 def to_mjcf(vehicle: Vehicle) -> bytes:
-    """The file, integrated by the Runge-Kutta method at 2 ms.
+    """Write the file, with Runge-Kutta integration at 2 ms.
 
     Raises:
         DataError: The vehicle cannot be simulated.
@@ -20,12 +20,12 @@ def to_mjcf(vehicle: Vehicle) -> bytes:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Errors of the velocity log alone."""
+    """Return the errors of the DVL; the target has no other lacks."""
     return lacking(vehicle, of_sensors)
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """What the controls are, where they are not the commands."""
+    """Return a warning if the controls are not the commands."""
     curved = [thruster.name for thruster in vehicle.thruster if table_of(thruster) is not None]
     if not curved:
         return []

@@ -1,9 +1,8 @@
-"""Functions of numbers run on symbols: from the source of the kernels to expressions of a symbolic library.
+"""Tracing of numeric functions with symbols: from the source of kernels to symbolic expressions.
 
-A kernel is scalar code: sums, products, `math`, loops over known ranges and branches.  Everything that is
-known (parameters, constants, places) is computed as Python does; where a branch depends on a symbol, both
-sides are run and what they wrote is joined by a selection.  A side that returns takes the rest of the
-function with it.
+A kernel is scalar code: sums, products, `math`, loops over known ranges, and branches.  Known values
+(parameters, constants, indices) are computed as in Python.  If a branch depends on a symbol, both sides run,
+and a selection joins their results.  If a side returns, it includes the rest of the function.
 """
 
 from __future__ import annotations
@@ -21,29 +20,29 @@ Environment = dict[str, Any]
 
 
 class Algebra(Protocol):
-    """What a symbolic library offers.
+    """Interface of a symbolic library.
 
     Attributes:
-        functions: What stands in the place of Python's functions and of some of hydro's.
+        functions: Replacements of Python's functions and of some of hydro's.
     """
 
     functions: Mapping[Any, Callable[..., Any]]
 
     def is_symbol(self, value: Any) -> bool:
-        """Whether a value is not known."""
+        """Return whether a value is a symbol."""
 
     def select(self, test: Any, yes: Any, no: Any) -> Any:
-        """One of two values."""
+        """Return one of two values, selected by a symbolic condition."""
 
     def both(self, one: Any, other: Any) -> Any:
-        """Whether both hold."""
+        """Return the conjunction of two conditions."""
 
     def negated(self, one: Any) -> Any:
-        """Whether it does not hold."""
+        """Return the negation of a condition."""
 
 
 class _Returned:
-    """That a function has returned."""
+    """Marker of a `return` with its value."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -53,16 +52,16 @@ _ON, _BREAK, _CONTINUE = object(), object(), object()
 
 
 class Tracer:
-    """Runs functions on symbols."""
+    """Interpreter that runs functions on symbols."""
 
     def __init__(self, algebra: Algebra) -> None:
         self.algebra = algebra
 
     def call(self, function: Any, *given: Any) -> Any:
-        """What a function returns; lists that it writes to are written to.
+        """Return the result of a function; lists that it writes to are modified.
 
         Raises:
-            HydroError: The function is no scalar code.
+            HydroError: The function is not scalar code.
         """
         known = plain(function)
         if known in self.algebra.functions:
@@ -76,7 +75,7 @@ class Tracer:
         return end.value if isinstance(end, _Returned) else None
 
     def _run(self, statements: Sequence[ast.stmt], here: Environment, around: Mapping[str, Any]) -> Any:
-        """Run statements; how they end: on, by `return`, or out of a loop."""
+        """Run statements; return how they end: normally, by `return`, or out of a loop."""
         for place, statement in enumerate(statements):
             if isinstance(statement, ast.If):
                 test = self._value(statement.test, here, around)
@@ -109,7 +108,7 @@ class Tracer:
         return _ON
 
     def _loop(self, loop: ast.For, here: Environment, around: Mapping[str, Any]) -> Any:
-        """Run a loop over what is known."""
+        """Run a loop over known values."""
         for value in self._value(loop.iter, here, around):
             self._assign(loop.target, value, here, around)
             end = self._run(loop.body, here, around)
@@ -122,7 +121,7 @@ class Tracer:
     def _split(
         self, test: Any, sides: Sequence[Sequence[ast.stmt]], here: Environment, around: Mapping[str, Any]
     ) -> Any:
-        """Run both sides from the same beginning and join what they wrote and return."""
+        """Run both sides from the same state, and join their assignments and return values."""
         lists = list(_lists(here.values()))
         before, ends, after = [list(one) for one in lists], [], []
         for side in sides:
@@ -144,7 +143,7 @@ class Tracer:
         return _Returned(self._joined(test, *values))
 
     def _joined(self, test: Any, yes: Any, no: Any) -> Any:
-        """One of two values, entry by entry."""
+        """Select one of two values, entry by entry."""
         if yes is no:
             return yes
         if isinstance(yes, list | tuple) and isinstance(no, list | tuple) and len(yes) == len(no):
@@ -152,7 +151,7 @@ class Tracer:
         return self.algebra.select(test, yes, no)
 
     def _assign(self, target: ast.expr, value: Any, here: Environment, around: Mapping[str, Any]) -> None:
-        """Write to a name, to several, or into a list."""
+        """Assign to a name, to several names, or to an entry of a list."""
         if isinstance(target, ast.Name):
             here[target.id] = value
         elif isinstance(target, ast.Tuple):
@@ -164,30 +163,30 @@ class Tracer:
             raise HydroError(f"{ast.unparse(target)!r:.80} cannot be written to")
 
     def _value(self, expression: ast.expr, here: Environment, around: Mapping[str, Any]) -> Any:
-        """Value of an expression."""
+        """Evaluate an expression."""
         tools = {"_call": self.call, "_select": self._select, "_both": self._both, "_not": self._negated}
         return eval(_compiled(expression), {**around, **tools, **here})
 
     def _select(self, test: Any, yes: Callable[[], Any], no: Callable[[], Any]) -> Any:
-        """`yes if test else no`; both where the test is a symbol."""
+        """Evaluate `yes if test else no`; both sides if the test is a symbol."""
         if self.algebra.is_symbol(test):
             return self.algebra.select(test, yes(), no())
         return yes() if test else no()
 
     def _both(self, one: Any, other: Callable[[], Any]) -> Any:
-        """`one and other`; both where the first is a symbol."""
+        """Evaluate `one and other`; both operands if the first is a symbol."""
         if self.algebra.is_symbol(one):
             return self.algebra.both(one, other())
         return other() if one else one
 
     def _negated(self, one: Any) -> Any:
-        """`not one`."""
+        """Evaluate `not one`."""
         return self.algebra.negated(one) if self.algebra.is_symbol(one) else not one
 
 
 @cache
 def _summed(statement: ast.AugAssign) -> ast.expr:
-    """`x + y` of a statement `x += y`."""
+    """Return the expression `x + y` of a statement `x += y`."""
     load = copy.copy(statement.target)
     load.ctx = ast.Load()
     whole = ast.copy_location(ast.BinOp(load, statement.op, statement.value), statement)
@@ -196,7 +195,7 @@ def _summed(statement: ast.AugAssign) -> ast.expr:
 
 @cache
 def _prepared(function: Any) -> Definition:
-    """Syntax tree of a function whose calls, choices and conjunctions are calls of the tracer's."""
+    """Return the syntax tree of a function in which calls and logic are calls of the tracer."""
     tree = _Traced().visit(copy.deepcopy(definition(function)))
     found: Definition = ast.fix_missing_locations(tree)
     return found
@@ -204,12 +203,12 @@ def _prepared(function: Any) -> Definition:
 
 @cache
 def _compiled(expression: ast.expr) -> Any:
-    """Code of an expression."""
+    """Compile an expression."""
     return compile(ast.Expression(expression), "<traced>", "eval")
 
 
 def _leaves(statements: Sequence[ast.stmt]) -> bool:
-    """Whether statements may return, or leave the loop that they stand in."""
+    """Return whether statements may return, or leave their loop."""
     return any(
         isinstance(node, ast.Return | ast.Break | ast.Continue)
         for one in statements
@@ -218,7 +217,7 @@ def _leaves(statements: Sequence[ast.stmt]) -> bool:
 
 
 def _lists(values: Any) -> Iterator[list[Any]]:
-    """Lists among values, those within lists too, each once."""
+    """Yield the lists among values, including nested ones, each once."""
     waiting, seen = list(values), set[int]()
     while waiting:
         value = waiting.pop()
@@ -229,7 +228,7 @@ def _lists(values: Any) -> Iterator[list[Any]]:
 
 
 class _Traced(ast.NodeTransformer):
-    """Calls, `if` expressions, `and`, `or` and `not` as calls of the tracer."""
+    """Transformer of calls, `if` expressions, `and`, `or` and `not` to calls of the tracer."""
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         self.generic_visit(node)
@@ -258,6 +257,6 @@ def _tool(name: str, *given: ast.expr) -> ast.expr:
 
 
 def _later(value: ast.expr) -> ast.expr:
-    """A value that is computed when it is asked for."""
+    """Return a lambda that computes a value on demand."""
     nothing = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
     return ast.Lambda(nothing, value)

@@ -37,7 +37,7 @@ def test_a_target_is_known_by_its_name_its_suffix_or_as_the_only_one():
         choose("simulink", "vehicle", "-")
     with pytest.raises(UsageError, match=r"a network or a policy .*; a vehicle file goes to python, "):
         choose("onnx", "vehicle", "-")
-    with pytest.raises(UsageError, match="--to: say which of python, "):
+    with pytest.raises(UsageError, match="--to: choose one of python, "):
         choose(None, "vehicle", "rov.toml")
     with pytest.raises(UsageError, match=r"--to python: takes a vehicle file .*goes to onnx"):
         choose("python", "model", "-")
