@@ -35,5 +35,5 @@ def test_period_and_sample_time():
     assert history.stride(0.04, 0.02) == 2
     assert history.stride(0.04, 0.04) == 1
     for dt in (0.03, 0.1):
-        with pytest.raises(DataError, match=r"0\.04 s apart, which is no multiple"):
+        with pytest.raises(DataError, match=r"0\.04 s apart, which is not a multiple"):
             history.stride(0.04, dt)
