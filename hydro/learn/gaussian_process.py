@@ -251,8 +251,8 @@ def _cross_validate(
         process: Process of the axis.
         label: Labels (N,) in units of the process.
         fold: Fold of each row (N,).
-        modulation: Columns (N, 3) with the fitted drag, and their change (N, 3) with the drag predicted without
-            the row's fold.
+        modulation: Columns (N, 3) with the fitted drag, and their change (N, 3) with the drag predicted
+            without the row's fold.
     """
     inverse = np.linalg.inv(process.whole)
     known = inverse @ label

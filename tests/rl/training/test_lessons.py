@@ -118,7 +118,7 @@ def test_what_was_learnt_before_may_pass_a_level_without_a_lesson():
     assert [level for level, _ in training.asked] == [OPEN, ONE, FOUR, FOREST, OPEN, FOUR, FOREST]
     assert training.curriculum.done
     assert training.steps == 2 * 5
-    assert training._learner._advice.levels == [OPEN]
+    assert training._learner._labels.levels == [OPEN]
 
 
 def test_lessons_go_on_until_a_level_is_passed():
@@ -126,7 +126,7 @@ def test_lessons_go_on_until_a_level_is_passed():
     training = trained({ONE: [False, False, True]})
     assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
     assert training.steps == 2 * 5 + 2 * (2 * 10)
-    assert training._learner._advice.levels == [OPEN, ONE]
+    assert training._learner._labels.levels == [OPEN, ONE]
 
 
 def test_a_level_that_is_not_passed_at_once_takes_so_many_lessons():
@@ -160,7 +160,7 @@ def test_a_policy_without_lessons_left_learns_by_itself_and_keeps_its_habits():
     assert [passed for _, passed in training.asked] == [False, False, False, False, True, True]
     shown = 3 * 2 * 5
     assert training.steps > shown + 40
-    observations, said = training._learner._advice._said[OPEN]
+    observations, said = training._learner._labels._labels[OPEN]
     done = np.tanh(training._learner._average.module(observations)[0].detach().numpy())
     np.testing.assert_allclose(said.numpy(), done, atol=1e-5)
     assert len(said) == 2 * 2  # of five steps of two vehicles the first and the fifth
