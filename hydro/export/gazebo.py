@@ -58,15 +58,6 @@ PROPELLER_MASS, PROPELLER_RADIUS = 1e-3, 0.02
 PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
 """Parameters of the displayed propeller speed; the thrust does not depend on them."""
 
-AT_ONCE: dict[str, Any] = {"time_constant": 0.0, "lag_step": None}
-LEFT_OUT: tuple[tuple[str, str, int, dict[str, Any]], ...] = (
-    ("thruster lag", "thrust follows its command at once", TIME_CONSTANT, AT_ONCE),
-    ("command delay", "commands act at once", DELAY, {"delay": 0.0}),
-    ("thruster inflow", "thrust does not depend on the speed of the water", INFLOW, {}),
-    ("propeller torque", "the reaction torque of propellers is left out", REACTION, {}),
-)
-"""Unsupported properties of thrusters: name, reason, column of the thruster table, keys without them."""
-
 
 def to_sdf(vehicle: Vehicle) -> bytes:
     """Write the world.
