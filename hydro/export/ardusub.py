@@ -65,7 +65,7 @@ def frame(packet: bytes) -> Frame | None:
 
 def answer(reading: Reading) -> bytes:
     """Return the state of a vehicle as SITL reads it: SI units, body axes FRD, world NED."""
-    said = {
+    state = {
         "timestamp": reading.time,
         "imu": {"gyro": reading.nu[3:].tolist(), "accel_body": reading.specific_force.tolist()},
         "position": reading.eta[:3].tolist(),
@@ -73,7 +73,7 @@ def answer(reading: Reading) -> bytes:
         "attitude": reading.eta[3:].tolist(),
         "quaternion": reading.quaternion.tolist(),
     }
-    return f"\n{json.dumps(said, allow_nan=False)}\n".encode()
+    return f"\n{json.dumps(state, allow_nan=False)}\n".encode()
 
 
 def channels(text: str, thrusters: int) -> tuple[int, ...]:
@@ -231,10 +231,10 @@ def serve(
                     sub.counts.others += 1
                     continue
                 client = sender
-            if (said := sub.receive(packet)) is None:
+            if (state := sub.receive(packet)) is None:
                 continue
             last = time.monotonic()
             try:
-                endpoint.sendto(said, sender)
+                endpoint.sendto(state, sender)
             except OSError:  # such as a source port of 0
                 sub.counts.unanswered += 1

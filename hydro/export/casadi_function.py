@@ -30,9 +30,9 @@ from hydro.core.errors import UsageError
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import COLUMNS, DELAY, LAG_STEP, TIME_CONSTANT, state_derivative
-from hydro.export.equations import Model, beginning, effective, interpolated, normalised, rates, targets
+from hydro.export.equations import Model, effective, initial_states, interpolated, normalised, rates, targets
 from hydro.export.numbers import model_of
-from hydro.export.targets import Lack, Target, lacking, of_sensors, without_effects
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason, without_effects
 from hydro.export.tracing import Tracer
 
 BODY_STATES = ("x", "y", "z", "q_w", "q_x", "q_y", "q_z", "u", "v", "w", "p", "q", "r")
@@ -149,12 +149,16 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
     timed = bool(any(model.flat[HEADER + CURRENT_TREND : HEADER + CURRENT_TREND + 2]))
     commands = tuple(thruster.name for thruster in vehicle.thruster)
     moving = (*BODY_STATES, *(f"lag_{commands[i]}" for i in lagging), *inner, *(["t"] if timed else []))
-    late = Late.of([row[DELAY] for row in model.thrusters], length)
-    names = (*moving, *(f"past_{commands[i]}_{k + 1}" for i, k in late.slots))
-    x, u, felt = ca.SX.sym("x", len(names)), ca.SX.sym("u", len(commands)), ca.SX.sym("felt", len(commands))
+    delay = CommandDelays.of([row[DELAY] for row in model.thrusters], length)
+    names = (*moving, *(f"past_{commands[i]}_{k + 1}" for i, k in delay.slots))
+    x, u, delayed = (
+        ca.SX.sym("x", len(names)),
+        ca.SX.sym("u", len(commands)),
+        ca.SX.sym("delayed", len(commands)),
+    )
     body = list(ca.vertsplit(x[:BODY])) + list(ca.vertsplit(x[BODY + len(lagging) : len(moving) - timed]))
     asked, time = list(ca.vertsplit(u)) if commands else [], x[len(moving) - 1] if timed else 0.0
-    given = list(ca.vertsplit(felt)) if commands else []
+    given = list(ca.vertsplit(delayed)) if commands else []
     goals = tracer.call(targets, model, given)
     rotors, lag_rates = list(goals), []
     for place, i in enumerate(lagging):
@@ -162,21 +166,21 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
         command = tracer.call(effective, model.thrusters[i], model.curves[i], given[i])
         lag_rates.append(tracer.call(state_derivative, model.thrusters[i], rotors[i], command))
     moved = tracer.call(rates, model, body, time, rotors, asked)
-    still = [0.0] * len(late.slots)
+    still = [0.0] * len(delay.slots)
     x_dot = ca.vertcat(*moved[:BODY], *lag_rates, *moved[BODY:], *([1.0] if timed else []), *still)
-    within = ca.Function("within", [x, felt, u], [x_dot])
+    within = ca.Function("within", [x, delayed, u], [x_dot])
     x_dot = within(x, u, u)
     f = ca.Function("f", [x, u], [x_dot], ["x", "u"], ["x_dot"])
     jacobian = ca.Function(
         "jacobian", [x, u], [ca.jacobian(x_dot, x), ca.jacobian(x_dot, u)], ["x", "u"], ["A", "B"]
     )
-    step = _step(within, tracer, late, length, substeps)
-    start = _start(model, tracer, lagging, timed, late)
+    step = _step(within, tracer, delay, length, substeps)
+    start = _start(model, tracer, lagging, timed, delay)
     return Functions(f, jacobian, step, start, names, commands, length)
 
 
 @dataclass(frozen=True)
-class Late:
+class CommandDelays:
     """Delays of commands in steps of one length.
 
     Attributes:
@@ -192,7 +196,7 @@ class Late:
     length: float
 
     @classmethod
-    def of(cls, delays: list[float], length: float) -> Late:
+    def of(cls, delays: list[float], length: float) -> CommandDelays:
         """Build from the thrusters' delays [s]."""
         whole = [math.floor(delay / length + CLOSE) for delay in delays]
         rest = [max(0.0, delay - length * k) for delay, k in zip(delays, whole, strict=True)]
@@ -216,28 +220,28 @@ class Late:
         return [u[i] if k == 0 else known[i, k - 1] for i, k in self.slots]
 
 
-def _step(within: Any, tracer: Tracer, late: Late, length: float, substeps: int) -> Any:
+def _step(within: Any, tracer: Tracer, delay: CommandDelays, length: float, substeps: int) -> Any:
     """Build the classical Runge-Kutta step over `length` [s], split at changes of the delayed commands."""
     import casadi as ca
 
     x, u = ca.MX.sym("x", within.size1_in(0)), ca.MX.sym("u", within.size1_in(2))
-    state, moving = ca.SX.sym("x", within.size1_in(0)), within.size1_in(0) - len(late.slots)
+    state, moving = ca.SX.sym("x", within.size1_in(0)), within.size1_in(0) - len(delay.slots)
     whole = ca.vertcat(*tracer.call(normalised, list(ca.vertsplit(state))))
     unit, y = ca.Function("normalised", [state], [whole]), x
-    for lasting, felt in late.parts(x[moving:], u):
+    for lasting, delayed in delay.parts(x[moving:], u):
         steps = max(1, math.ceil(lasting * substeps / length - CLOSE))
         h = lasting / steps
         for _ in range(steps):
-            a = within(y, felt, u)
-            b = within(y + 0.5 * h * a, felt, u)
-            c = within(y + 0.5 * h * b, felt, u)
-            d = within(y + h * c, felt, u)
+            a = within(y, delayed, u)
+            b = within(y + 0.5 * h * a, delayed, u)
+            c = within(y + 0.5 * h * b, delayed, u)
+            d = within(y + h * c, delayed, u)
             y = unit(y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d))
-    moved = ca.vertcat(y[:moving], *late.after(x[moving:], u))
+    moved = ca.vertcat(y[:moving], *delay.after(x[moving:], u))
     return ca.Function("step", [x, u], [moved], ["x", "u"], ["x_next"])
 
 
-def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, late: Late) -> Any:
+def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, delay: CommandDelays) -> Any:
     """Build the function from pose and velocity to the state; all past commands are 0."""
     import casadi as ca
 
@@ -246,8 +250,8 @@ def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, late: 
     eta, nu = ca.SX.sym("eta", 6), ca.SX.sym("nu", 6)
     angles = tracer.call(quaternion, eta[3], eta[4], eta[5])
     body = [*ca.vertsplit(eta[:3]), *angles, *ca.vertsplit(nu)]
-    inner = tracer.call(beginning, model, body, 0.0)
-    x = ca.vertcat(*body, *([0.0] * len(lagging)), *inner, *([0.0] * (timed + len(late.slots))))
+    inner = tracer.call(initial_states, model, body, 0.0)
+    x = ca.vertcat(*body, *([0.0] * len(lagging)), *inner, *([0.0] * (timed + len(delay.slots))))
     return ca.Function("start", [eta, nu], [x], ["eta", "nu"], ["x"])
 
 
@@ -257,7 +261,7 @@ def _states(vehicle: Vehicle, model: Model) -> list[Any]:
     return [table for table, entry in zip(running, model.effects, strict=True) for _ in range(entry[3])]
 
 
-def held(vehicle: Vehicle) -> Vehicle:
+def without_delays(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle of f: without delays."""
     still = without_effects(vehicle, delays)
     return msgspec.structs.replace(
@@ -276,10 +280,10 @@ def delays(effect: Any) -> bool:
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
     """Return errors of the DVL, and delays: `step` includes them, the differential equation f cannot."""
-    found = lacking(vehicle, of_sensors)
+    found = lacking_effects(vehicle, sensor_reason)
     if (thruster_table(vehicle)[:, DELAY] > 0.0).any():
         why = "included in step, as past commands; f and jacobian take delayed commands"
-        found.append(Lack("command delay", why, held(vehicle)))
+        found.append(Lack("command delay", why, without_delays(vehicle)))
     return found
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from hydro.core.simulation.dynamics import BODY
-from hydro.export.equations import Commands, Model, Numbers, approached, beginning, runge_kutta, targets
+from hydro.export.equations import Commands, Model, Numbers, initial_states, lag_after, runge_kutta, targets
 
 
 def quaternion(phi: float, theta: float, psi: float) -> Numbers:
@@ -33,7 +33,7 @@ def euler_angles(q: Numbers) -> Numbers:
     ]
 
 
-def like(given: Any, values: Numbers) -> Any:
+def same_type(given: Any, values: Numbers) -> Any:
     """Return the values as an array if `given` is one, otherwise as a list."""
     if not hasattr(given, "astype"):
         return values
@@ -95,7 +95,7 @@ class Craft:
         y = [float(value) for value in eta[:3]] + quaternion(eta[3], eta[4], eta[5])
         y += [float(value) for value in nu]
         if self.states is None:
-            self.states = beginning(self.model, y, self.time)
+            self.states = initial_states(self.model, y, self.time)
         y += self.states
         given = [float(value) for value in u_control]
         self.commands.give(self.time, given)
@@ -105,19 +105,19 @@ class Craft:
             end = begin + (k + 1) * sampleTime / steps
             close = 1e-9 * sampleTime / steps
             while self.time < end - close:
-                until = self.commands.change(self.model, self.time + close, end - close)
+                until = self.commands.next_change(self.model, self.time + close, end - close)
                 until = end if until >= end - close else until
                 y, lags = self._advance(y, lags, given, until - self.time)
                 self.time = until
         self.states = y[BODY:]
         pose = y[:3] + euler_angles(y[3:7])
-        return like(eta, pose), like(nu, y[7:BODY]), like(u_actual, lags)
+        return same_type(eta, pose), same_type(nu, y[7:BODY]), same_type(u_actual, lags)
 
     def _advance(self, y: Numbers, lags: Numbers, given: Numbers, h: float) -> Any:
         """Return the state and the lag states after a step with constant delayed commands."""
-        model, felt = self.model, self.commands.felt(self.model, self.time + 1e-9 * h)
-        goals, rows = targets(model, felt), range(len(lags))
-        middle = [approached(model.thrusters[i], lags[i], goals[i], 0.5 * h) for i in rows]
-        after = [approached(model.thrusters[i], middle[i], goals[i], 0.5 * h) for i in rows]
-        first = [approached(model.thrusters[i], lags[i], goals[i], 0.0) for i in rows]
+        model, delayed = self.model, self.commands.delayed(self.model, self.time + 1e-9 * h)
+        goals, rows = targets(model, delayed), range(len(lags))
+        middle = [lag_after(model.thrusters[i], lags[i], goals[i], 0.5 * h) for i in rows]
+        after = [lag_after(model.thrusters[i], middle[i], goals[i], 0.5 * h) for i in rows]
+        first = [lag_after(model.thrusters[i], lags[i], goals[i], 0.0) for i in rows]
         return runge_kutta(model, y, self.time, h, [first, middle, after], given), after

@@ -84,7 +84,7 @@ def targets(model: Model, commands: Numbers) -> Numbers:
     return found
 
 
-def observed(model: Model, y: Numbers, time: float, commands: Numbers) -> Numbers:
+def motion_state(model: Model, y: Numbers, time: float, commands: Numbers) -> Numbers:
     """Return the state of motion that kernels read, given y: position, quaternion, nu, internal states."""
     s: Numbers = [0.0] * MOTION
     turned: Numbers = [0.0] * 9
@@ -102,9 +102,9 @@ def observed(model: Model, y: Numbers, time: float, commands: Numbers) -> Number
     return s
 
 
-def beginning(model: Model, y: Numbers, time: float) -> Numbers:
+def initial_states(model: Model, y: Numbers, time: float) -> Numbers:
     """Return the internal states of the effects, as if the velocity in y had always been constant."""
-    s, found = observed(model, y, time, []), []
+    s, found = motion_state(model, y, time, []), []
     for _, start, parameters, count in model.effects:
         states = [0.0] * count
         if start is not None:
@@ -117,7 +117,7 @@ def beginning(model: Model, y: Numbers, time: float) -> Numbers:
 def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numbers) -> Numbers:
     """Return the time derivative of the state y for lag states `rotors`; Fossen (2011), eq. 7.190, 2.2.2."""
     c = model.flat[HEADER:]
-    s = observed(model, y, time, commands)
+    s = motion_state(model, y, time, commands)
     nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
     tau: Numbers = [0.0] * 6
     for i in range(len(model.thrusters)):
@@ -171,7 +171,7 @@ def runge_kutta(model: Model, y: Numbers, time: float, h: float, lags: Numbers, 
     return normalised([y[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]) for i in size])
 
 
-def approached(thruster: Numbers, state: float, target: float, dt: float) -> float:
+def lag_after(thruster: Numbers, state: float, target: float, dt: float) -> float:
     """Return a lag state after dt [s] of exponential approach to a target."""
     return float(target + (state - target) * lag_decay(thruster, dt))
 
@@ -190,7 +190,7 @@ class Commands:
         """Add commands that are given from a time on [s]."""
         self.given.append((time, commands))
 
-    def felt(self, model: Model, now: float) -> Numbers:
+    def delayed(self, model: Model, now: float) -> Numbers:
         """Return the delayed command of each thruster; 0 before the first."""
         found = [0.0] * len(model.thrusters)
         for time, commands in self.given:
@@ -199,7 +199,7 @@ class Commands:
                     found[i] = commands[i]
         return found
 
-    def change(self, model: Model, now: float, end: float) -> float:
+    def next_change(self, model: Model, now: float, end: float) -> float:
         """Return the time of the next delayed change after `now`, at most `end`; drop older commands."""
         latest = max([row[DELAY] for row in model.thrusters] + [0.0])
         while len(self.given) > 1 and self.given[1][0] + latest <= now:

@@ -44,7 +44,7 @@ from hydro.core.vehicle.thrusters import (
     TIME_CONSTANT,
     raised,
 )
-from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"
 LINK = "base_link"
@@ -66,7 +66,7 @@ def to_sdf(vehicle: Vehicle) -> bytes:
         DataError: An effect, a thruster or a name is invalid, or the vehicle has no buoyancy.
     """
     require_names(vehicle)
-    found, listed = _held(vehicle), entries(vehicle)
+    found, listed = _supported(vehicle), entries(vehicle)
     total = _law(found, entries(found))
     root = ET.Element("sdf", version="1.11")
     world = _add(root, "world", name=f"{vehicle.name} in water")
@@ -99,39 +99,39 @@ def to_sdf(vehicle: Vehicle) -> bytes:
 def lacks(vehicle: Vehicle) -> list[Lack]:
     """Return the properties that Gazebo cannot represent."""
     c = constants(vehicle, entries(vehicle))
-    held = {entry.where for entry in entries(vehicle) if _holds(entry, c)}
-    names = {entry.effect.name for entry in entries(vehicle) if entry.where not in held}
+    supported = {entry.where for entry in entries(vehicle) if _supports(entry, c)}
+    names = {entry.effect.name for entry in entries(vehicle) if entry.where not in supported}
 
     def why(effect: Effect) -> str:
         if effect.actuator is not None:
             return ""
         reason = "no sum of products of velocities, nor a constant current or weight"
-        return of_sensors(effect) or (reason if effect.name in names else "")
+        return sensor_reason(effect) or (reason if effect.name in names else "")
 
-    return [*lacking(vehicle, why), *_of_thrusters(vehicle)]
+    return [*lacking_effects(vehicle, why), *_thruster_lacks(vehicle)]
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
     """Return further warnings for the user of the file."""
-    said = ["thrusters take newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
-    found = _held(vehicle)
+    lines = ["thrusters take newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
+    found = _supported(vehicle)
     added, body = np.diag(inertia_matrix(found)), np.diag(mass_matrix(found))
     heavy = [name for name, a, b in zip(VELOCITIES, added, body, strict=True) if a >= b]
     if heavy:
-        said.append(
+        lines.append(
             f"added mass is at least that of the vehicle in {', '.join(heavy)}: use the engine DART, which "
             "supports fluid_added_mass; the plug-in of other engines feeds it back, which is unstable"
         )
     if current(found).any():
-        said.append(
+        lines.append(
             "current: Gazebo's added mass uses nu_dot instead of nu_r_dot, so M_A [omega x R^T v_c; 0] is "
             "missing while the vehicle turns; releases before April 2026 (gz-sim 8.11, 9.5, 10.1 and older) "
             "also compute its Coriolis forces from nu"
         )
-    return said
+    return lines
 
 
-def _holds(entry: Entry, c: Array) -> bool:
+def _supports(entry: Entry, c: Array) -> bool:
     """Return whether Gazebo can represent an effect other than those of thrusters."""
     effect, parameters, _ = entry
     if effect.kind == "sensor":
@@ -143,11 +143,11 @@ def _holds(entry: Entry, c: Array) -> bool:
     return effect.kernel is None or law(entry, c) is not None
 
 
-def _held(vehicle: Vehicle) -> Vehicle:
+def _supported(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with the effects that Gazebo represents, including those of thrusters."""
     listed = entries(vehicle)
     c = constants(vehicle, listed)
-    kept = [table for table, entry in zip(vehicle.effect, listed, strict=True) if _holds(entry, c)]
+    kept = [table for table, entry in zip(vehicle.effect, listed, strict=True) if _supports(entry, c)]
     return msgspec.structs.replace(vehicle, effect=tuple(kept))
 
 
@@ -158,7 +158,7 @@ def _law(vehicle: Vehicle, listed: Sequence[Entry]) -> Law:
     return reduce(lambda one, other: one + other, (one for one in found if one is not None), Law.none())
 
 
-def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
+def _thruster_lacks(vehicle: Vehicle) -> list[Lack]:
     """Return the properties of thrusters that Gazebo cannot represent."""
     table, found = thruster_table(vehicle), list[Lack]()
     for what, why, columns, plain in (
@@ -173,7 +173,7 @@ def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
         ("propeller torque", "the reaction torque of propellers is left out", (REACTION,), {}),
     ):
         if (table[:, list(columns)] != 0.0).any():
-            effects = tuple(one for one in vehicle.effect if not _changes(one, vehicle, columns[0]))
+            effects = tuple(one for one in vehicle.effect if not _changes_column(one, vehicle, columns[0]))
             thrusters = tuple(
                 msgspec.structs.replace(one, **plain) if one.pushes else one for one in vehicle.thruster
             )
@@ -191,7 +191,7 @@ def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
     return found
 
 
-def _changes(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
+def _changes_column(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
     """Return whether an effect changes a column of the thruster table."""
     (entry,) = entries(msgspec.structs.replace(vehicle, effect=(table,)))
     if entry.effect.actuator is None:
@@ -211,13 +211,13 @@ def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequ
             f"rigid_body.mass: {mass:g} kg must exceed the mass of {len(propellers)} propellers of 1 g"
         )
     middle = (mass * center - PROPELLER_MASS * sum(propellers, np.zeros(3))) / rest
-    inertia = np.array(body.inertia) - _spread(rest, middle - center)
+    inertia = np.array(body.inertia) - _point_inertia(rest, middle - center)
     for place in propellers:
-        inertia -= _spread(PROPELLER_MASS, place - center) + _spin() * np.eye(3)
+        inertia -= _point_inertia(PROPELLER_MASS, place - center) + _propeller_inertia() * np.eye(3)
     inertial = _add(link, "inertial")
     _add(inertial, "pose", [*HALF_TURN * middle, 0.0, 0.0, 0.0])
     _add(inertial, "mass", rest)
-    _moments(inertial, inertia * np.outer(HALF_TURN, HALF_TURN))
+    _add_inertia(inertial, inertia * np.outer(HALF_TURN, HALF_TURN))
     turned = added * np.outer(FRD_FLU, FRD_FLU)
     if turned.any():
         water = _add(inertial, "fluid_added_mass")
@@ -226,18 +226,18 @@ def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequ
                 _add(water, AXES[i] + AXES[j], turned[i, j])
 
 
-def _spread(mass: float, at: Array) -> Array:
+def _point_inertia(mass: float, at: Array) -> Array:
     """Return the inertia of a point mass about the origin, (3, 3)."""
     found: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
     return found
 
 
-def _spin() -> float:
+def _propeller_inertia() -> float:
     """Return the moment of inertia of a propeller's link [kg m^2]."""
     return PROPELLER_MASS * PROPELLER_RADIUS**2
 
 
-def _moments(inertial: ET.Element, inertia: Array) -> None:
+def _add_inertia(inertial: ET.Element, inertia: Array) -> None:
     """Add the six entries of an inertia matrix."""
     matrix = _add(inertial, "inertia")
     for i in range(3):
@@ -274,7 +274,7 @@ def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Arra
     _add(link, "pose", [*HALF_TURN * np.array(thruster.position), 0.0, 0.0, 0.0])
     inertial = _add(link, "inertial")
     _add(inertial, "mass", PROPELLER_MASS)
-    _moments(inertial, _spin() * np.eye(3))
+    _add_inertia(inertial, _propeller_inertia() * np.eye(3))
     joint = _add(model, "joint", name=f"{thruster.name}_joint", type="revolute")
     _add(joint, "parent", LINK)
     _add(joint, "child", thruster.name)

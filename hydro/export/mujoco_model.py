@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import table_of
-from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 
 def to_mjcf(vehicle: Vehicle) -> bytes:
@@ -21,7 +21,7 @@ def to_mjcf(vehicle: Vehicle) -> bytes:
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
     """Return the errors of the DVL; the target has no other lacks."""
-    return lacking(vehicle, of_sensors)
+    return lacking_effects(vehicle, sensor_reason)
 
 
 def warnings(vehicle: Vehicle) -> list[str]:

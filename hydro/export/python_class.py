@@ -14,7 +14,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.export.craft import Craft
 from hydro.export.numbers import model_of
 from hydro.export.source import Bundle, in_docstring
-from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 HEAD = '''"""{name}: equations of motion, written by hydro {version} from its vehicle file.
 
@@ -77,7 +77,7 @@ def class_name(vehicle: str) -> str:
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
     """Return the errors of the DVL; the target has no other lacks."""
-    return lacking(vehicle, of_sensors)
+    return lacking_effects(vehicle, sensor_reason)
 
 
 TARGET = Target(

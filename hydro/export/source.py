@@ -30,7 +30,7 @@ def definition(function: Callable[..., Any]) -> Definition:
     """
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(plain(function)))).body
     assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
-    found: Definition = ast.fix_missing_locations(_Plain().visit(tree))
+    found: Definition = ast.fix_missing_locations(_RemoveTypes().visit(tree))
     return found
 
 
@@ -39,7 +39,7 @@ def plain(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def surroundings(thing: Callable[..., Any]) -> dict[str, Any]:
+def module_names(thing: Callable[..., Any]) -> dict[str, Any]:
     """Return the global names of the module of a function or class."""
     if inspect.isclass(thing):
         return vars(sys.modules[thing.__module__])
@@ -60,7 +60,7 @@ def is_ours(value: Any) -> bool:
     return callable_ and (plain(value).__module__ or "").startswith("hydro.")
 
 
-class _Plain(ast.NodeTransformer):
+class _RemoveTypes(ast.NodeTransformer):
     """Transformer that removes types and numpy attributes."""
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
@@ -111,7 +111,7 @@ class Bundle:
             self._named[known] = self._unused(name or known.__name__, known)
             tree = ast.parse(ast.unparse(definition(thing))).body[0]  # a copy, because it will be renamed
             assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
-            _Renamed(self._names_in(tree, surroundings(thing))).visit(tree)
+            _Rename(self._names_in(tree, module_names(thing))).visit(tree)
             tree.name = self._named[known]
             self.definitions[tree.name] = ast.unparse(tree)
         return self._named[known]
@@ -168,7 +168,7 @@ def _is_hydro(module: Any) -> bool:
     return isinstance(module, ModuleType) and module.__name__.startswith("hydro.")
 
 
-class _Renamed(ast.NodeTransformer):
+class _Rename(ast.NodeTransformer):
     """Transformer that replaces names by those in the module."""
 
     def __init__(self, names: dict[str, str]) -> None:

@@ -102,7 +102,7 @@ def without_effects(vehicle: Vehicle, left_out: Callable[[Effect], bool]) -> Veh
     return msgspec.structs.replace(vehicle, effect=kept)
 
 
-def lacking(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
+def lacking_effects(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
     """Return the effects that a target cannot represent, each once; `why` gives a reason, or ''."""
     found = []
     for name in dict.fromkeys(str(table["name"]) for table in vehicle.effect):
@@ -113,7 +113,7 @@ def lacking(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
     return found
 
 
-def of_sensors(effect: Effect) -> str:
+def sensor_reason(effect: Effect) -> str:
     """Return why no simulator represents an error of the DVL; empty for other effects."""
     return "an error of the DVL, not of the motion" if effect.kind == "sensor" else ""
 

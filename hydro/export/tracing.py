@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any, Protocol
 
 from hydro.core.errors import HydroError
-from hydro.export.source import Definition, definition, is_ours, plain, surroundings
+from hydro.export.source import Definition, definition, is_ours, module_names, plain
 
 Environment = dict[str, Any]
 
@@ -48,7 +48,7 @@ class _Returned:
         self.value = value
 
 
-_ON, _BREAK, _CONTINUE = object(), object(), object()
+_NORMAL, _BREAK, _CONTINUE = object(), object(), object()
 
 
 class Tracer:
@@ -71,7 +71,7 @@ class Tracer:
         tree = _prepared(known)
         assert isinstance(tree, ast.FunctionDef)
         names = [argument.arg for argument in tree.args.args]
-        end = self._run(tree.body, dict(zip(names, given, strict=True)), surroundings(known))
+        end = self._run(tree.body, dict(zip(names, given, strict=True)), module_names(known))
         return end.value if isinstance(end, _Returned) else None
 
     def _run(self, statements: Sequence[ast.stmt], here: Environment, around: Mapping[str, Any]) -> Any:
@@ -83,11 +83,11 @@ class Tracer:
                 if not self.algebra.is_symbol(test):
                     return self._run([*(statement.body if test else statement.orelse), *rest], here, around)
                 sides = statement.body, statement.orelse
-                if any(_leaves(side) for side in sides):
+                if any(_may_leave(side) for side in sides):
                     return self._split(test, [[*side, *rest] for side in sides], here, around)
                 self._split(test, list(sides), here, around)
             elif isinstance(statement, ast.For):
-                if (end := self._loop(statement, here, around)) is not _ON:
+                if (end := self._loop(statement, here, around)) is not _NORMAL:
                     return end
             elif isinstance(statement, ast.Return):
                 return _Returned(
@@ -100,12 +100,12 @@ class Tracer:
                 for target in statement.targets:
                     self._assign(target, value, here, around)
             elif isinstance(statement, ast.AugAssign):
-                self._assign(statement.target, self._value(_summed(statement), here, around), here, around)
+                self._assign(statement.target, self._value(_sum_of(statement), here, around), here, around)
             elif isinstance(statement, ast.Expr):
                 self._value(statement.value, here, around)
             elif not isinstance(statement, ast.Pass):
                 raise HydroError(f"{ast.unparse(statement)!r:.80} cannot be run on symbols")
-        return _ON
+        return _NORMAL
 
     def _loop(self, loop: ast.For, here: Environment, around: Mapping[str, Any]) -> Any:
         """Run a loop over known values."""
@@ -116,7 +116,7 @@ class Tracer:
                 break
             if isinstance(end, _Returned):
                 return end
-        return _ON
+        return _NORMAL
 
     def _split(
         self, test: Any, sides: Sequence[Sequence[ast.stmt]], here: Environment, around: Mapping[str, Any]
@@ -132,22 +132,22 @@ class Tracer:
                 one[:] = values
         (yes, yes_lists), (no, no_lists) = after
         for one, values, others in zip(lists, yes_lists, no_lists, strict=True):
-            one[:] = self._joined(test, values, others)
+            one[:] = self._select_entries(test, values, others)
         for name in yes.keys() & no.keys():
-            here[name] = self._joined(test, yes[name], no[name])
-        if ends == [_ON, _ON]:
-            return _ON
+            here[name] = self._select_entries(test, yes[name], no[name])
+        if ends == [_NORMAL, _NORMAL]:
+            return _NORMAL
         if _BREAK in ends or _CONTINUE in ends:
             raise HydroError("a loop that ends by a symbol cannot be run on symbols")
         values = [end.value if isinstance(end, _Returned) else None for end in ends]
-        return _Returned(self._joined(test, *values))
+        return _Returned(self._select_entries(test, *values))
 
-    def _joined(self, test: Any, yes: Any, no: Any) -> Any:
+    def _select_entries(self, test: Any, yes: Any, no: Any) -> Any:
         """Select one of two values, entry by entry."""
         if yes is no:
             return yes
         if isinstance(yes, list | tuple) and isinstance(no, list | tuple) and len(yes) == len(no):
-            return type(yes)(self._joined(test, a, b) for a, b in zip(yes, no, strict=True))
+            return type(yes)(self._select_entries(test, a, b) for a, b in zip(yes, no, strict=True))
         return self.algebra.select(test, yes, no)
 
     def _assign(self, target: ast.expr, value: Any, here: Environment, around: Mapping[str, Any]) -> None:
@@ -185,7 +185,7 @@ class Tracer:
 
 
 @cache
-def _summed(statement: ast.AugAssign) -> ast.expr:
+def _sum_of(statement: ast.AugAssign) -> ast.expr:
     """Return the expression `x + y` of a statement `x += y`."""
     load = copy.copy(statement.target)
     load.ctx = ast.Load()
@@ -196,7 +196,7 @@ def _summed(statement: ast.AugAssign) -> ast.expr:
 @cache
 def _prepared(function: Any) -> Definition:
     """Return the syntax tree of a function in which calls and logic are calls of the tracer."""
-    tree = _Traced().visit(copy.deepcopy(definition(function)))
+    tree = _TracerCalls().visit(copy.deepcopy(definition(function)))
     found: Definition = ast.fix_missing_locations(tree)
     return found
 
@@ -207,7 +207,7 @@ def _compiled(expression: ast.expr) -> Any:
     return compile(ast.Expression(expression), "<traced>", "eval")
 
 
-def _leaves(statements: Sequence[ast.stmt]) -> bool:
+def _may_leave(statements: Sequence[ast.stmt]) -> bool:
     """Return whether statements may return, or leave their loop."""
     return any(
         isinstance(node, ast.Return | ast.Break | ast.Continue)
@@ -227,7 +227,7 @@ def _lists(values: Any) -> Iterator[list[Any]]:
             waiting += [one for one in value if isinstance(one, list)]
 
 
-class _Traced(ast.NodeTransformer):
+class _TracerCalls(ast.NodeTransformer):
     """Transformer of calls, `if` expressions, `and`, `or` and `not` to calls of the tracer."""
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
@@ -236,27 +236,27 @@ class _Traced(ast.NodeTransformer):
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
         self.generic_visit(node)
-        return _tool("_select", node.test, _later(node.body), _later(node.orelse))
+        return _tracer_call("_select", node.test, _deferred(node.body), _deferred(node.orelse))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
         self.generic_visit(node)
         turned = isinstance(node.op, ast.Or)  # a or b is not (not a and not b)
-        values = [_tool("_not", one) if turned else one for one in node.values]
+        values = [_tracer_call("_not", one) if turned else one for one in node.values]
         whole = values[0]
         for one in values[1:]:
-            whole = _tool("_both", whole, _later(one))
-        return _tool("_not", whole) if turned else whole
+            whole = _tracer_call("_both", whole, _deferred(one))
+        return _tracer_call("_not", whole) if turned else whole
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
         self.generic_visit(node)
-        return _tool("_not", node.operand) if isinstance(node.op, ast.Not) else node
+        return _tracer_call("_not", node.operand) if isinstance(node.op, ast.Not) else node
 
 
-def _tool(name: str, *given: ast.expr) -> ast.expr:
+def _tracer_call(name: str, *given: ast.expr) -> ast.expr:
     return ast.Call(ast.Name(name, ast.Load()), list(given), [])
 
 
-def _later(value: ast.expr) -> ast.expr:
+def _deferred(value: ast.expr) -> ast.expr:
     """Return a lambda that computes a value on demand."""
     nothing = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
     return ast.Lambda(nothing, value)

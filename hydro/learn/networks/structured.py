@@ -91,8 +91,7 @@ class Structured(Residual):
         return drag
 
     def root(self) -> Tensor:
-        """Return square roots of the damping (6,) implied by the scales of wrench and velocity [sqrt(N
-        s/m)]."""
+        """Return the square root of the damping (6,) that the scales imply [sqrt(N s/m)]."""
         return (self.output_scale / self.input_scale[:AXES]).sqrt()
 
 
