@@ -24,7 +24,7 @@ from numba.core import caching
 
 from hydro.core.errors import HydroNotice, HydroWarning
 
-COLD = "compiling kernels for this machine, about 40 s, only once"
+COMPILING = "compiling kernels for this machine, about 40 s, only once"
 """Notice before the first kernels are compiled."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
 _MARK = b"hydro-kernel/1 "
@@ -91,7 +91,7 @@ def _first_fault(base: Path, ours: Path, kernels: Path) -> tuple[str, str]:
     """Return the first of three nested folders that is not trustworthy, and why; two '' if all are."""
     if why := _fault_above(base):
         return str(base), why
-    if why := _fault_in(ours, mend=True):
+    if why := _fault_in(ours, repair=True):
         return str(ours), why
     why = _fault_in(kernels)
     return str(kernels) if why else "", why
@@ -107,12 +107,12 @@ def _fault_above(place: Path) -> str:
     return "others can replace it" if mode & stat.S_IWOTH and not mode & stat.S_ISVTX else ""
 
 
-def _fault_in(place: Path, *, mend: bool = False, private: bool = False) -> str:
+def _fault_in(place: Path, *, repair: bool = False, private: bool = False) -> str:
     """Return why a folder is not trustworthy, or ''; create it if it is missing.
 
     Args:
         place: The folder.
-        mend: Remove write access of others instead of refusing, for a folder whose subfolders are tested.
+        repair: Remove write access of others instead of refusing, for a folder whose subfolders are tested.
         private: Refuse links, folders of root, and any access of others.
     """
     try:
@@ -128,7 +128,7 @@ def _fault_in(place: Path, *, mend: bool = False, private: bool = False) -> str:
         if not {link.st_uid, found.st_uid} <= trusted:
             return "it belongs to another user"
         if found.st_mode & (0o077 if private else _WRITABLE):
-            if not (mend and found.st_uid == own):
+            if not (repair and found.st_uid == own):
                 return "others can write to it"
             place.chmod(stat.S_IMODE(found.st_mode) & ~_WRITABLE)
     except OSError as error:
@@ -151,7 +151,7 @@ class _Saving:
     works = True
 
 
-def _fails(place: object, error: OSError) -> None:
+def _stop_saving(place: object, error: OSError) -> None:
     """Warn once that the cache cannot be written, and stop writing."""
     if _Saving.works:
         _Saving.works = False
@@ -159,16 +159,16 @@ def _fails(place: object, error: OSError) -> None:
 
 
 @functools.cache
-def _tell_damage(place: str) -> None:
+def _warn_of_damage(place: str) -> None:
     """Warn once per folder that a file in it was rejected."""
     _warn(f"{place}: damaged or foreign compiled kernels are compiled again; remove the folder if this stays")
 
 
 @functools.cache
-def _tell_cold(place: str) -> None:
+def _announce_compilation(place: str) -> None:
     """Announce once per folder that it is empty, so that kernels are compiled."""
     if not any(Path(place).rglob("*.nbi")):
-        warnings.warn(COLD, HydroNotice, stacklevel=2)
+        warnings.warn(COMPILING, HydroNotice, stacklevel=2)
 
 
 class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
@@ -205,7 +205,7 @@ class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
             status.st_uid not in (os.geteuid(), 0) or status.st_mode & _WRITABLE
         )
         if foreign or whole[:_HEAD] != _MARK + zlib.crc32(content).to_bytes(4, "little"):
-            _tell_damage(str(Path(path).parents[1]))
+            _warn_of_damage(str(Path(path).parents[1]))
             return None
         return content
 
@@ -263,10 +263,10 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         try:
             if _fault_in_existing(self._cache_path):
                 return None
-            _tell_cold(str(Path(self._cache_path).parent))
+            _announce_compilation(str(Path(self._cache_path).parent))
             return super().load_overload(sig, target_context)
         except Exception:  # any error of numba with a file that it did not write
-            _tell_damage(str(Path(self._cache_path).parent))
+            _warn_of_damage(str(Path(self._cache_path).parent))
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -276,7 +276,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            _fails(Path(self._cache_path).parent, error)
+            _stop_saving(Path(self._cache_path).parent, error)
 
 
 @functools.cache
@@ -285,5 +285,5 @@ def _fault_in_existing(place: str) -> str:
     if not os.path.isdir(place):
         return ""
     if fault := _fault_in(Path(place)):
-        _tell_damage(str(Path(place).parent))
+        _warn_of_damage(str(Path(place).parent))
     return fault

@@ -12,7 +12,7 @@ from hydro.core.errors import UsageError
 
 T = TypeVar("T")
 R = TypeVar("R")
-_HERE = threading.local()
+_LOCAL = threading.local()
 VARIABLE = "HYDRO_THREADS"
 """Environment variable with the number of threads of a process that shares its machine."""
 
@@ -27,17 +27,17 @@ def available() -> int:
     Raises:
         UsageError: HYDRO_THREADS is not a whole number from 1.
     """
-    return max(_processors() // getattr(_HERE, "sharing", 1), 1)
+    return max(_processors() // getattr(_LOCAL, "sharing", 1), 1)
 
 
 def _processors() -> int:
     """Return the number in HYDRO_THREADS, otherwise the number of processors."""
-    said = os.environ.get(VARIABLE)
-    if said is None:
+    limit = os.environ.get(VARIABLE)
+    if limit is None:
         return os.cpu_count() or 1
-    if not said.isdecimal() or int(said) < 1:
-        raise UsageError(f"{VARIABLE}={said!r:.40}: set it to a whole number of threads, or unset it")
-    return int(said)
+    if not limit.isdecimal() or int(limit) < 1:
+        raise UsageError(f"{VARIABLE}={limit!r:.40}: set it to a whole number of threads, or unset it")
+    return int(limit)
 
 
 def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
@@ -49,14 +49,14 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     """
     every = list(items)
     threads = max(min(available(), len(every)), 1)
-    sharing = threads * getattr(_HERE, "sharing", 1)
+    sharing = threads * getattr(_LOCAL, "sharing", 1)
 
-    def alone(item: T) -> R:
-        _HERE.sharing = sharing
+    def in_thread(item: T) -> R:
+        _LOCAL.sharing = sharing
         return work(item)
 
     with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(alone, every)
+        yield from pool.map(in_thread, every)
 
 
 def spread(work: Callable[[T], R], pieces: Iterable[T], threads: int | None = None) -> list[R]:

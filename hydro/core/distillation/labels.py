@@ -64,7 +64,7 @@ Subtract = Literal["inertia", "effects"]
 
 UNCERTAIN = DEVIATIONS[0]
 """Column that only labels of a recording with nulls have."""
-FOLLOWING = 3.0  # factor on the likeliest ratio q dt^3 / R: regression averages label noise, but not bias
+RATIO_FACTOR = 3.0  # factor on the likeliest ratio q dt^3 / R: regression averages label noise, but not bias
 BATCH = 32_768  # rows per batch: they fit the processor's cache, and no whole column is copied to float64
 
 
@@ -113,7 +113,7 @@ def labels(
         return labels_of_samples(vehicle, raw, noise=noise, subtract=subtract, limits=limits)
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     bounds = segments(raw)
-    _require_neighbours(raw, bounds)
+    _require_no_isolated_rows(raw, bounds)
     chosen = design or filter_design(raw, noise)
     designed, log, table = gains(chosen), velocity_log(vehicle), thruster_table(vehicle)
     known = constants(vehicle, table)
@@ -170,7 +170,7 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
         DataError: The sample time is not constant, or `noise` is not six numbers of at least 0.
     """
     likeliest = estimate(columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
-    return likeliest.following(FOLLOWING)
+    return likeliest.following(RATIO_FACTOR)
 
 
 def filter_design_of_sessions(
@@ -200,7 +200,7 @@ def filter_design_of_sessions(
             pieces += [nu[first:last] for first, last in own]
     edges = np.concatenate([[0], np.cumsum(chosen[:, 1] - chosen[:, 0])])
     within = np.stack([edges[:-1], edges[1:]], axis=1)
-    return estimate_in(np.concatenate(pieces), within, dt, noise).following(FOLLOWING)
+    return estimate_in(np.concatenate(pieces), within, dt, noise).following(RATIO_FACTOR)
 
 
 def labelled(labels: pl.DataFrame) -> pl.DataFrame:
@@ -230,13 +230,13 @@ def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) 
     return np.asarray(np.sqrt(np.mean(spread**2, axis=0)))
 
 
-def _require_neighbours(raw: pl.DataFrame, bounds: Rows) -> None:
+def _require_no_isolated_rows(raw: pl.DataFrame, bounds: Rows) -> None:
     """Raise if a row is isolated between gaps, because it has no acceleration."""
-    alone = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
-    if alone.size:
+    isolated = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
+    if isolated.size:
         raise DataError(
-            f"{alone.size} rows stand alone between gaps in t and have no acceleration "
-            f"(first: row {alone[0]}, session {raw['session'][int(alone[0])]}); remove them"
+            f"{isolated.size} rows stand alone between gaps in t and have no acceleration "
+            f"(first: row {isolated[0]}, session {raw['session'][int(isolated[0])]}); remove them"
         )
 
 

@@ -60,7 +60,7 @@ ATTITUDE_BOUND = 0.05
 """Greatest standard deviation of the attitude of a row with a label [rad]."""
 POSITION_BOUND = 0.1
 """Greatest standard deviation of its position [m], if a subtracted effect depends on position."""
-DISPLACED = 1.0  # displacement that reveals such an effect [m]
+DISPLACEMENT = 1.0  # displacement that reveals such an effect [m]
 ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
 
 
@@ -112,14 +112,14 @@ def labels_of_samples(
     known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
     nu_r = through_water(current(vehicle), pose, motion[:, :, 0], raw["t"]) if inflow else None
     after_gap = resumes(raw, bounds)
-    driven = recorded_commands(vehicle, raw)
-    thrust = thrusts(table, driven, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
-    forces, placed = np.empty((0, 6)), False
+    commanded = recorded_commands(vehicle, raw)
+    thrust = thrusts(table, commanded, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
+    forces, needs_position = np.empty((0, 6)), False
     if subtract == "effects":
-        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"], driven)
+        forces, needs_position = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"], commanded)
     out: Array32 = np.empty((24 + len(commands), raw.height), np.float32)
     label_kernel(Terms(motion, pose[:, 3:], thrust, forces), known, out)
-    out[:, ~_determined(found, limits or Bounds(), placed)] = np.nan
+    out[:, ~_determined(found, limits or Bounds(), needs_position)] = np.nan
     wrench = np.sqrt(np.einsum("ij,njk,ik->ni", known.mass, found.covariance, known.mass))
     spread = np.hstack([found.motion_sd[:, :, 0], found.motion_sd[:, :, 1], wrench]).astype(np.float32)
     added = [*zip(names(len(commands)), out, strict=True), *zip(DEVIATIONS, spread.T, strict=True)]
@@ -136,14 +136,14 @@ def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
     part = labels.filter(pl.col(f"{WRENCH[0]}_res").is_null())
     if part.is_empty():
         return ""
-    causes, left, told = _causes(part, limits or Bounds()), np.ones(part.height, bool), list[str]()
+    causes, left, reasons = _causes(part, limits or Bounds()), np.ones(part.height, bool), list[str]()
     while left.any():
         words, rows = max(causes.items(), key=lambda cause: int((cause[1] & left).sum()))
-        told.append(f"{words} ({int((rows & left).sum()):,})")
+        reasons.append(f"{words} ({int((rows & left).sum()):,})")
         left &= ~rows
-    others = len(told) - 3
+    others = len(reasons) - 3
     more = f" and {others} more cause{'s' if others > 1 else ''}" if others > 0 else ""
-    return f"{part.height:,} of {labels.height:,} rows have no label: {', '.join(told[:3])}{more}"
+    return f"{part.height:,} of {labels.height:,} rows have no label: {', '.join(reasons[:3])}{more}"
 
 
 def reach_of_samples(labels: pl.DataFrame) -> int:
@@ -238,15 +238,15 @@ def _forces(
     """Return the wrench of the effects (N, 6), and whether it depends on position."""
     forces = effect_forces(vehicle, pose, nu, bounds, t, commands)
     displaced = pose.copy()
-    displaced[:, :3] += DISPLACED
+    displaced[:, :3] += DISPLACEMENT
     return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, t, commands), forces)
 
 
-def _determined(found: Smoothed, limits: Bounds, placed: bool) -> Mask:
+def _determined(found: Smoothed, limits: Bounds, needs_position: bool) -> Mask:
     """Return a mask of rows (N,) with known attitude, velocity, acceleration and, if needed, position."""
     known = (found.pose_sd[:, 3:] <= ATTITUDE_BOUND).all(axis=1)
     known &= (found.motion_sd[:, :, 0] <= limits.velocity).all(axis=1)
     known &= (found.motion_sd[:, :, 1] <= limits.acceleration).all(axis=1)
-    if placed:
+    if needs_position:
         known &= (found.pose_sd[:, :3] <= POSITION_BOUND).all(axis=1)
     return np.asarray(known)

@@ -60,7 +60,7 @@ def split(
         raise DataError(f"the test share must lie within 0 and 1, not {test:g}")
     bounds, ids = _blocks(labels, block, salt)
     is_test = np.array([int(digest, 16) / 16**64 < test for digest in ids], dtype=bool)
-    return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
+    return _divide(labels, bounds, ids, is_test, guard), _table(ids, is_test)
 
 
 def split_from(
@@ -96,7 +96,7 @@ def split_from(
             "block length or salt"
         )
     is_test = np.array([parts[digest] == "test" for digest in ids], dtype=bool)
-    return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
+    return _divide(labels, bounds, ids, is_test, guard), _table(ids, is_test)
 
 
 def block_bounds(bounds: Rows, block: int) -> Rows:
@@ -143,7 +143,7 @@ def _content(labels: pl.DataFrame) -> Array:
     return content
 
 
-def _divided(
+def _divide(
     labels: pl.DataFrame, bounds: Rows, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
 ) -> pl.DataFrame:
     rows = smoother_reach(labels) if guard is None else guard
