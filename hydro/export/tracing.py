@@ -138,7 +138,7 @@ class Tracer:
         if ends == [_NORMAL, _NORMAL]:
             return _NORMAL
         if _BREAK in ends or _CONTINUE in ends:
-            raise HydroError("a loop that ends by a symbol cannot be run on symbols")
+            raise HydroError("a loop that ends on a symbolic condition cannot be traced")
         values = [end.value if isinstance(end, _Returned) else None for end in ends]
         return _Returned(self._select_entries(test, *values))
 

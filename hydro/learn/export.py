@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from hydro.core.distillation.features import CROSS
-from hydro.core.distillation.history import remembered
+from hydro.core.distillation.history import memory_size
 from hydro.core.errors import UsageError
 from hydro.io.model import Model
 from hydro.learn.networks import load
@@ -67,7 +67,7 @@ def to_onnx(model: Model) -> bytes:
         UsageError: If the libraries are not installed.
     """
     window = model.architecture.get("window", 1)
-    arguments = [torch.zeros(2, 12)] + ([torch.zeros(2, remembered(window))] if window > 1 else [])
+    arguments = [torch.zeros(2, 12)] + ([torch.zeros(2, memory_size(window))] if window > 1 else [])
     described = {
         "model": model.name,
         "states": "u v w p q r [m/s, rad/s], then their rates; body FRD",

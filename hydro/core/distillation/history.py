@@ -16,7 +16,7 @@ AXES = 6
 PERIOD_TOLERANCE = 0.01  # greatest deviation of a period from whole sample times [sample times]
 
 
-def remembered(window: int) -> int:
+def memory_size(window: int) -> int:
     """Return the number of past values for a window of velocities that includes the present one."""
     return AXES * (window - 1)
 

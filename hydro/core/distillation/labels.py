@@ -107,8 +107,8 @@ def labels(
     if has_nulls(raw):
         if acceleration != "rts" or design is not None:
             raise DataError(
-                "a recording with nulls needs its smoother, so --acceleration rts; for another "
-                "import the log with `hydro import --fill`, which draws lines between samples"
+                "a recording with nulls requires --acceleration rts; for another method import the log with "
+                "`hydro import --fill`, which interpolates between samples"
             )
         return labels_of_samples(vehicle, raw, noise=noise, subtract=subtract, limits=limits)
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)

@@ -36,7 +36,9 @@ class GaussianProcess(Residual):
 
     def __init__(self, *, features: str, points: int) -> None:
         if features != "raw" or points < 1:
-            raise ValueError(f"{points} points of features {features}: there must be some, of features raw")
+            raise ValueError(
+                f"{points} points of features {features}: give at least one point, and features raw"
+            )
         super().__init__(inputs=len(names(features)), features=features)
         self.centre = nn.Parameter(torch.zeros(3))
         self.scale = nn.Parameter(torch.ones(AXES))
@@ -73,7 +75,7 @@ class GaussianProcess(Residual):
                 tau = tau + m ** (power + 1) * (products @ library[stage, power] + radial)
             stages.append(tau)
         drag = stages[0] - m.square() * (products[:, SIGNED:] @ library[0, 1, SIGNED:])
-        tau = beyond.square() * (stages[1] + _steered(drag, self.steering.double()))
+        tau = beyond.square() * (stages[1] + _modulate(drag, self.steering.double()))
         moment = tau[:, 3:] + torch.linalg.cross(centre, tau[:, :3])
         return torch.cat([tau[:, :3], moment], dim=1).to(features.dtype)
 
@@ -105,7 +107,7 @@ def _products(d: Tensor) -> Tensor:
     return torch.cat([signed, d[:, first] * d[:, second]], dim=1)
 
 
-def _steered(drag: Tensor, steering: Tensor) -> Tensor:
+def _modulate(drag: Tensor, steering: Tensor) -> Tensor:
     """Return the sum over j of T_ij F_i |F_j| / |F| (N, 6), of drag F (N, 6) and T (6, 3)."""
     halves = []
     for half in (slice(0, 3), slice(3, 6)):

@@ -25,7 +25,7 @@ from hydro.core.distillation.features import names
 from hydro.learn.networks.residual import AXES, Residual, chain
 
 CONTEXT = 7  # inputs of the network of A
-PACE = 10.0  # factor between the parameter `inertia` and the physical inertia, in units of the scales [s]
+INERTIA_TIME = 10.0  # physical inertia per unit of the parameter `inertia`, in units of the scales [s]
 SLOW = 0.1  # speed below which the direction of motion fades, in units of the training data's speed
 TINY = 1e-12  # keeps the derivative of a square root finite
 
@@ -48,7 +48,7 @@ class Structured(Residual):
             )
         super().__init__(inputs=len(names(features)), features=features)
         self.layers = chain(layers)
-        self.inertia = nn.Parameter(torch.eye(AXES) / PACE)
+        self.inertia = nn.Parameter(torch.eye(AXES) / INERTIA_TIME)
         with torch.no_grad():  # start with the drag and inertia that the scales suggest
             last = self.get_parameter(f"layers.{len(self.layers) - 1}.bias")
             last.copy_(0.5 * torch.eye(AXES).flatten())
@@ -69,7 +69,7 @@ class Structured(Residual):
     def coriolis(self, nu: Tensor) -> Tensor:
         """Return C(nu) nu (N, 6) [N and N m] of the learned inertia; it is orthogonal to nu (N, 6)."""
         root = self.root()
-        momentum = nu @ (root[:, None] * (0.5 * PACE) * (self.inertia + self.inertia.T) * root)
+        momentum = nu @ (root[:, None] * (0.5 * INERTIA_TIME) * (self.inertia + self.inertia.T) * root)
         linear, angular = momentum[:, :3], momentum[:, 3:]
         v, omega = nu[:, :3], nu[:, 3:]
         force = torch.linalg.cross(omega, linear)

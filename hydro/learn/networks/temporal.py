@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hydro.core.distillation.features import names
-from hydro.core.distillation.history import remembered
+from hydro.core.distillation.history import memory_size
 from hydro.learn.networks.mlp import MLP
 
 
@@ -27,7 +27,7 @@ class Temporal(MLP):
     def __init__(
         self, *, features: str, layers: Sequence[int], activation: str, window: int, period: float
     ) -> None:
-        wanted = len(names(features)) + remembered(window)
+        wanted = len(names(features)) + memory_size(window)
         if window < 2 or period <= 0.0 or layers[0] != wanted:
             raise ValueError(
                 f"layers {list(layers)} must begin with {wanted} for a window of {window} velocities, "

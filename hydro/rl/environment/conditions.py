@@ -53,14 +53,10 @@ class Condition:
             raise UsageError(f"there is no condition {self.name!r}; choose one of {', '.join(CONDITIONS)}")
         wanted, model = MODELS.get(self.name), self.model
         if wanted is None and model is not None:
-            raise UsageError(
-                f"{self.name} flies without a residual model, and {model.name} is given; leave it out"
-            )
+            raise UsageError(f"{self.name} has no residual model, but {model.name} is given; leave it out")
         if wanted is not None and (model is None or model.architecture.get("model") != wanted):
             given = "none is given" if model is None else f"{model.name} is given"
-            raise UsageError(
-                f"{self.name} flies with a residual model of kind {wanted}, and {given}; train one"
-            )
+            raise UsageError(f"{self.name} needs a residual model of kind {wanted}, but {given}; train one")
 
 
 def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file: str = "") -> Water:
@@ -87,8 +83,8 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
         and vehicle_hash(model.labelled) != (file or vehicle_hash(vehicle))
     ):
         raise DataError(
-            f"{model.name}: its labels left out the effects of another vehicle file than {vehicle.name}; "
-            "fly it with the file that they were made with"
+            f"{model.name}: its labels subtract the effects of another vehicle file than {vehicle.name}; "
+            "use the file of the labels"
         )
     return residual(vehicle, control, effects=whole, beside=() if whole else beside(vehicle, model.labelled))
 

@@ -36,12 +36,12 @@ from hydro.rl.environment.blocks import (
     Outcome,
     Scenes,
 )
+from hydro.rl.environment.history import History
 from hydro.rl.environment.interfaces import Guidance, Info, State, Step
 from hydro.rl.environment.observation import OBSERVATIONS
-from hydro.rl.environment.past import Past
 from hydro.rl.environment.randomiser import Randomiser
 from hydro.rl.environment.reward import WEIGHTS
-from hydro.rl.environment.step import rules_of, sense_kernel, step_kernel
+from hydro.rl.environment.step import make_rules, sense_kernel, step_kernel
 from hydro.rl.tasks.registry import TASKS, task_of
 from hydro.rl.tasks.task import Ends, Task, generator
 from hydro.rl.world.config import Settings
@@ -92,14 +92,14 @@ class Fleet:
         crew = mixing(known, mass_matrix(known) + inertia_matrix(known))
         if len(crew.table) != plant.thrust.shape[1]:
             raise UsageError(
-                f"{plant.vehicle.name} has {plant.thrust.shape[1]} thrusters and {known.name} "
-                f"{len(crew.table)}: give a truth with the same"
+                f"{plant.vehicle.name} has {plant.thrust.shape[1]} thrusters and {known.name} has "
+                f"{len(crew.table)}: give a true vehicle with the same number"
             )
         self.settings, self.plant, self.seed, self.guidance = settings, plant, seed, guidance
         self.count, self.task, self.level, self.led = len(plant.pose), next(iter(TASKS.values())), 0, False
         self._mixing = crew.allocation, crew.table, crew.authority
         self._senses = observation.senses(settings, plant.vehicle)
-        self._rules = rules_of(settings, plant.vehicle, crew.table)
+        self._rules = make_rules(settings, plant.vehicle, crew.table)
         self._noise = _generator(seed)
         self._randomiser = Randomiser(settings, plant.vehicle, OBSERVATIONS, estimates)
         self._make_arrays()
@@ -119,8 +119,8 @@ class Fleet:
         self._rotation, self._totals = np.zeros((count, 9)), np.zeros((count, TOTALS))
         self._now = np.zeros((count, OBSERVATIONS), dtype=np.float32)
         seen, obeyed = self._randomiser.latest
-        self._seen = Past(count, seen + self.settings.history, OBSERVATIONS, np.float32)
-        self._demands = Past(count, obeyed + 1, ACTIONS, np.float64)
+        self._seen = History(count, seen + self.settings.history, OBSERVATIONS, np.float32)
+        self._demands = History(count, obeyed + 1, ACTIONS, np.float64)
         self._commands, self._all = np.zeros_like(plant.thrust), np.ones(count, dtype=np.bool_)
         self._motion = Motion(
             plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged, self._rotation
@@ -145,7 +145,7 @@ class Fleet:
         chosen.require(level)
         led = chosen.guided if led is None else led
         if led and self.guidance is None:
-            raise UsageError(f"{chosen.name} needs guidance along a path; give the fleet some")
+            raise UsageError(f"{chosen.name} needs a path planner; give the fleet a Guidance")
         self.task, self.level, self.led = chosen, level, led
 
     def reset(self, mask: Mask | None = None, seed: int | None = None) -> Array32:
@@ -186,8 +186,8 @@ class Fleet:
         if demands.shape != self._before.shape:
             raise DataError(f"actions: expected shape {self._before.shape}, got {demands.shape}")
         np.minimum(np.maximum(demands, -1.0, out=demands), 1.0, out=demands)  # three times as fast as np.clip
-        self._demands.note(self._all, demands)
-        if not command_kernel(*self._mixing, self._demands.seen(), np.empty(ACTIONS), self._commands):
+        self._demands.append(self._all, demands)
+        if not command_kernel(*self._mixing, self._demands.arrived(), np.empty(ACTIONS), self._commands):
             raise DataError("actions: some are not finite; check the observations of the policy")
         self.plant.step(self._commands, flying)
 
@@ -231,9 +231,9 @@ class Fleet:
         self._path_cost[mask] = 0.0
         if self.guidance is not None and self.led:
             self.guidance.reset(mask, self.starts, self.goals, self.pillars)
-        self._demands.begin(mask, self._before, late[1])
+        self._demands.fill(mask, self._before, late[1])
         self._observe(mask)
-        self._seen.begin(mask, self._now, late[0])
+        self._seen.fill(mask, self._now, late[0])
 
     def _set_scene(self, k: int) -> tuple[Array, Array]:
         """Draw the scene of a vehicle's episode; return its initial position and quaternion."""
@@ -282,11 +282,11 @@ class Fleet:
             self.targets[led], self._path_cost[led] = ahead[led], cost[led]
         noise = self._noise.standard_normal((self.count, OBSERVATIONS)) + self._bias
         sense_kernel(mask, self._senses, self._motion, self._scenes, noise, self._least, self._now)
-        self._seen.note(mask, self._now)
+        self._seen.append(mask, self._now)
 
     def _visible(self) -> Array32:
         """Return the observations of all vehicles that have arrived (N, O), the newest first."""
-        return self._seen.seen(self.settings.history)
+        return self._seen.arrived(self.settings.history)
 
     def _error(self) -> Array:
         """Return the root mean square distances from the goal (N,) [m]; 0 for tasks that end on arrival."""
@@ -302,8 +302,8 @@ class Fleet:
         """Return the complete state as arrays; see `restore`."""
         parts = {f"fleet/{name}": np.array(getattr(self, name)) for name in _STATE}
         parts["fleet/task"] = np.frombuffer(self.task.name.encode(), dtype=np.uint8).copy()
-        for name, past in (("seen", self._seen), ("demands", self._demands)):
-            parts |= {f"{name}/values": past.values.copy(), f"{name}/late": past.late.copy()}
+        for name, history in (("seen", self._seen), ("demands", self._demands)):
+            parts |= {f"{name}/values": history.values.copy(), f"{name}/late": history.late.copy()}
         parts |= {f"plant/{name}": value for name, value in self.plant.snapshot().items()}
         if self.guidance is not None:
             parts |= {f"guidance/{name}": value for name, value in self.guidance.state().items()}
@@ -321,8 +321,8 @@ class Fleet:
             else:
                 setattr(self, name, type(getattr(self, name))(value))
         self.task = task_of(state["fleet/task"].tobytes().decode())
-        for name, past in (("seen", self._seen), ("demands", self._demands)):
-            past.values[:], past.late[:] = state[f"{name}/values"], state[f"{name}/late"]
+        for name, history in (("seen", self._seen), ("demands", self._demands)):
+            history.values[:], history.late[:] = state[f"{name}/values"], state[f"{name}/late"]
         vehicles = dict.fromkeys(map(int, changed), self.plant.vehicle)
         for k in map(int, np.flatnonzero(self._changed)):
             vehicles |= self._draw(k, np.zeros((2, self.count), dtype=np.int64))

@@ -42,22 +42,22 @@ def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillar
         pillars: x y of the pillars' axes (P, 2), NaN in unused rows.
     """
     for i in range(3):
-        center, extent = shadow_kernel(hull, position, R, i)
+        center, extent = projection_kernel(hull, position, R, i)
         far = tank[LENGTH] if i == 0 else tank[WIDTH] if i == 1 else tank[FLOOR]
         if center - extent <= 0.0 or center + extent >= far:
             return True
-    north, long = shadow_kernel(hull, position, R, 0)
-    east, wide = shadow_kernel(hull, position, R, 1)
+    north, long = projection_kernel(hull, position, R, 0)
+    east, wide = projection_kernel(hull, position, R, 1)
     for i in range(pillars.shape[0]):
         x, y = pillars[i, 0] - north, pillars[i, 1] - east
         near = abs(x) < long + tank[RADIUS] and abs(y) < wide + tank[RADIUS]
-        if near and shadow_distance(hull, R, x, y) <= tank[RADIUS]:
+        if near and line_distance(hull, R, x, y) <= tank[RADIUS]:
             return True
     return False
 
 
 @kernel
-def shadow_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[float, float]:
+def projection_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[float, float]:
     """Return centre and half length [m] of an ellipsoid's projection on a world axis (its support)."""
     row = R[3 * axis : 3 * axis + 3]
     center = position[axis] + row[0] * hull[0] + row[1] * hull[1] + row[2] * hull[2]
@@ -66,7 +66,7 @@ def shadow_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[fl
 
 
 @kernel
-def shadow_distance(hull: Array, R: Array, x: float, y: float) -> float:
+def line_distance(hull: Array, R: Array, x: float, y: float) -> float:
     """Return the horizontal distance [m] from the hull to a vertical line; 0 if the line pierces the hull.
 
     The line stands at (x, y) [m] from the hull's centre.  Its distance from the ellipsoid is that of its foot

@@ -17,7 +17,7 @@ State = dict[str, NDArray[np.generic]]
 
 ALPHA = 0.15
 """Weight of the new point ahead in the exponential moving average, per control step."""
-BACK, ON = 1.0, 5.0
+SEARCH_BACK, SEARCH_AHEAD = 1.0, 5.0
 """Search window for the nearest point, behind and ahead of the last one along the path [m].
 
 The window is limited because a path may cross itself.
@@ -108,9 +108,9 @@ def follow_kernel(
     for k in range(len(mask)):
         if not mask[k]:
             continue
-        off[k], along[k] = nearest(ways[k], positions[k], along[k] - BACK, along[k] + ON)
+        off[k], along[k] = nearest(ways[k], positions[k], along[k] - SEARCH_BACK, along[k] + SEARCH_AHEAD)
         cost[k] = cross_track_cost(off[k])
-        at(ways[k], along[k] + lead, point)
+        point_at(ways[k], along[k] + lead, point)
         for i in range(3):
             if math.isnan(ahead[k, i]):
                 ahead[k, i] = point[i]
@@ -138,7 +138,7 @@ def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float
 
 
 @jit
-def at(way: Array, place: float, out: Array) -> None:
+def point_at(way: Array, place: float, out: Array) -> None:
     """Write the point of a path (K, 3) at an arc length [m]; beyond the end, its last point."""
     out[:] = way[-1]
     for k in range(len(way) - 1):

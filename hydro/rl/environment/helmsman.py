@@ -55,7 +55,7 @@ def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
     return _steer(seen, np.where(near, 0.0, np.arctan2(way[:, 1], way[:, 0])), manner)
 
 
-def docker(seen: Array32, manner: Manner = PLAIN) -> Array32:
+def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
     """Compute actions of the same law with the bow to the north, as docking requires."""
     w, x, y, z = seen[:, QUATERNION : QUATERNION + 4].T
     return _steer(seen, -np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)), manner)

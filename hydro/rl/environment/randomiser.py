@@ -18,13 +18,13 @@ from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.world.config import Randomisation, Settings
 
-APART = 1 << 33
+STREAM = 1 << 33
 """Key that separates the random stream of these draws from those of scenes and noise."""
 TRIES = 50
 """Greatest number of draws until one is a physically possible vehicle."""
-HEAVINESS = 0.2
+NET_WEIGHT = 0.2
 """Net weight of a payload in water, as a share of its weight in air."""
-ON_BOARD = 0.5
+PAYLOAD_OFFSET = 0.5
 """Greatest offset of a payload from the hull's centre, as a share of the hull's half-axes."""
 
 
@@ -84,13 +84,13 @@ class Randomiser:
             episode: Number of its episode.
             current: Velocity of the water in its task (3,), NED [m/s].
         """
-        given, rng = self.given, np.random.default_rng([seed, number, episode, APART])
-        vehicle = self._in_water(self._possible(rng), current, rng)
+        given, rng = self.given, np.random.default_rng([seed, number, episode, STREAM])
+        vehicle = self._with_conditions(self._draw_possible(rng), current, rng)
         bias = given.bias * rng.standard_normal(self._observations)
         late = [self._steps(_share(given, rng) * most) for most in (given.delay, given.late)]
         return Draw(None if vehicle is self._vehicle else vehicle, bias, *late)
 
-    def _possible(self, rng: np.random.Generator) -> Vehicle:
+    def _draw_possible(self, rng: np.random.Generator) -> Vehicle:
         """Return the vehicle of the file, or a physically possible one with drawn parameters.
 
         Raises:
@@ -99,7 +99,7 @@ class Randomiser:
         if not (self.given.posterior or self.given.box):
             return self._vehicle
         for _ in range(TRIES):
-            drawn = self._drawn(rng)
+            drawn = self._draw_parameters(rng)
             try:
                 validate(drawn)
             except DataError:
@@ -110,7 +110,7 @@ class Randomiser:
             "too uncertain, or the box is too large"
         )
 
-    def _drawn(self, rng: np.random.Generator) -> Vehicle:
+    def _draw_parameters(self, rng: np.random.Generator) -> Vehicle:
         """Draw the vehicle's parameters from their covariance, or uniformly from a box."""
         if self.given.posterior and self._estimates is not None:
             return next(self._estimates.drawn(self._vehicle, 1, int(rng.integers(2**63))))
@@ -119,18 +119,18 @@ class Randomiser:
         factors = 1.0 + self.given.box * rng.uniform(-1.0, 1.0, len(values))
         return self._box.at(self._box.within(values * factors))
 
-    def _in_water(self, vehicle: Vehicle, current: Array, rng: np.random.Generator) -> Vehicle:
+    def _with_conditions(self, vehicle: Vehicle, current: Array, rng: np.random.Generator) -> Vehicle:
         """Add the drawn current, payload and thruster fault to a vehicle."""
         given = self.given
         towards, speed = rng.uniform(-np.pi, np.pi), _share(given, rng) * given.current
         flow = current + speed * np.array([np.cos(towards), np.sin(towards), 0.0])
         if flow.any():
             vehicle = changes.in_current(vehicle, flow)
-        place, load = rng.uniform(-ON_BOARD, ON_BOARD, 3), _share(given, rng) * given.load
+        place, load = rng.uniform(-PAYLOAD_OFFSET, PAYLOAD_OFFSET, 3), _share(given, rng) * given.load
         if given.load:
             hull, mass = vehicle.hull, load * vehicle.rigid_body.mass
             at = np.asarray(hull.center) + place * np.array([hull.length, hull.width, hull.height]) / 2.0
-            weight = HEAVINESS * mass * vehicle.environment.gravity
+            weight = NET_WEIGHT * mass * vehicle.environment.gravity
             vehicle = changes.with_payload(vehicle, mass, weight, at.tolist())
         which, loss = rng.random(), _share(given, rng) * given.thruster
         if given.thruster:

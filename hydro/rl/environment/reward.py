@@ -1,7 +1,7 @@
 """Terms whose sum is the reward of one control step; a task chooses their weights.
 
 Equation 8 of the paper has `shaping`, `posture`, `obstacle_cost`, `effort_cost`, success and collision.
-Tasks that hold or follow add `straying`; docking adds `alignment` and `haste`.
+Tasks that hold or follow add `distance_cost`; docking adds `alignment` and `speed_cost`.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def cross_track_cost(error: float) -> float:
 
 
 @kernel
-def straying(w: Array, away: float) -> float:
+def distance_cost(w: Array, away: float) -> float:
     """Return the cost of a distance `away` [m] from the goal, for tasks that hold or follow."""
     return float(w[HOLD] * cross_track_cost(away))
 
@@ -96,7 +96,7 @@ def alignment(w: Array, R: Array, away: float) -> float:
 
 
 @kernel
-def haste(w: Array, speed: float, allowed: float, away: float) -> float:
+def speed_cost(w: Array, speed: float, allowed: float, away: float) -> float:
     """Return the cost of a speed [m/s] above the limit at a distance `away` [m] from the dock.
 
     The limit is `allowed` [m/s] at the dock and rises with the distance.

@@ -44,19 +44,19 @@ from hydro.rl.environment.reward import (
     COLLISION,
     SUCCESS,
     alignment,
+    distance_cost,
     effort_cost,
-    haste,
     obstacle_cost,
     posture,
     shaping,
-    straying,
+    speed_cost,
 )
 from hydro.rl.world.config import Settings
 
 POWER = 1.5  # exponent of an ideal propeller's power as a function of its thrust (momentum theory)
 
 
-def rules_of(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
+def make_rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
     """Build the constants by which a step is judged, for a thruster table (n, columns)."""
     limits = np.array([settings.overspeed, settings.period])
     return Rules(hull_numbers(vehicle.hull), tank(settings.world), table, limits)
@@ -144,8 +144,8 @@ def score(
     gain = shaping(w, episodes.distance[k], away) - effort_cost(w, power, action, episodes.action[k])
     north, east = scenes.targets[k, 0] - motion.pose[k, 0], scenes.targets[k, 1] - motion.pose[k, 1]
     gain += posture(w, motion.rotation[k], north, east)
-    gain += alignment(w, motion.rotation[k], away) - haste(w, speed, ends[SPEED], away)
-    gain -= obstacle_cost(w, episodes.nearest[k]) + straying(w, away) + scenes.path_cost[k]
+    gain += alignment(w, motion.rotation[k], away) - speed_cost(w, speed, ends[SPEED], away)
+    gain -= obstacle_cost(w, episodes.nearest[k]) + distance_cost(w, away) + scenes.path_cost[k]
     if outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]:
         gain += w[SUCCESS]
     if outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]:
@@ -173,7 +173,7 @@ def mark_ends(
     late = totals[AGE] >= ends[STEPS]
     arrived, ended = False, failed or touched
     if not ended and ends[SETTLING] < 0.0:
-        arrived = ended = there(ends, motion.pose[k], velocity, away)
+        arrived = ended = within_limits(ends, motion.pose[k], velocity, away)
     elif not ended and late:
         arrived = root_mean_square(totals, ends) <= ends[RADIUS]
     flags[ARRIVED, k], flags[TOUCHED, k], flags[DIVERGED, k] = arrived, touched, failed
@@ -182,7 +182,7 @@ def mark_ends(
 
 
 @kernel
-def there(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
+def within_limits(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
     """Return whether a vehicle at a distance `away` [m] from its goal is within all limits of its task."""
     if away > ends[RADIUS] or length(velocity[:3]) > ends[SPEED] or length(velocity[3:]) > ends[TURNING]:
         return False

@@ -25,7 +25,7 @@ from hydro.rl.environment.blocks import FLAGS, TOTALS, Episodes, Motion, Outcome
 from hydro.rl.environment.conditions import Condition, waters
 from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.reward import WEIGHTS
-from hydro.rl.environment.step import rules_of
+from hydro.rl.environment.step import make_rules
 from hydro.rl.tasks.point_to_point import PointToPoint
 from hydro.rl.tasks.registry import task_of
 from hydro.rl.tasks.task import Ends, Scene, Task, generator
@@ -82,8 +82,7 @@ class GpuFleet:
         """
         if settings.randomise != Randomisation() or settings.history != 1:
             raise UsageError(
-                "a GPU's vehicles are all as the file says and see one observation at once: leave randomise "
-                "and history out, or fly on the processor"
+                "a GPU fleet supports neither randomise nor history: leave both out, or fly on the processor"
             )
         water = waters(condition or Condition(), vehicle, settings.period)
         self.plant = GpuPlant(vehicle, water, count=count, period=settings.period, timestep=timestep)
@@ -127,7 +126,7 @@ class GpuFleet:
         ends = np.array([self.task.ends(settings)], dtype=np.float64)
         worth = reward.weights(self.task.reward(settings))[None]
         self._commands = memory.zeros((count, len(crew.table)))
-        self._crew = kernels.Crew(*map(memory.put, (crew.allocation, crew.table, crew.authority)))
+        self._crew = kernels.Allocation(*map(memory.put, (crew.allocation, crew.table, crew.authority)))
         self._demand_block = kernels.Demands(shared(self._demands), self._commands)
         self._pool = kernels.Pool(*map(memory.put, self._pool_arrays))
         self._starts = kernels.Starts(shared(self._mask), shared(self._episode), shared(self._poses))
@@ -136,7 +135,7 @@ class GpuFleet:
             limits=memory.put(senses.limits), fan=memory.put(senses.fan), tank=memory.put(senses.tank),
             sigma=memory.put(senses.sigma),
         )  # fmt: skip
-        self._rules = type(rules := rules_of(settings, vehicle, crew.table))(*map(memory.put, rules))
+        self._rules = type(rules := make_rules(settings, vehicle, crew.table))(*map(memory.put, rules))
         plant = self.plant
         self._motion = Motion(
             plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged,
@@ -184,7 +183,7 @@ class GpuFleet:
         self._mask.copy_(self._all)
         self._observe()
         self._launch(
-            kernels.judge, self.count, self._rules, self._motion, self._scenes, self._episodes,
+            kernels.evaluate_step, self.count, self._rules, self._motion, self._scenes, self._episodes,
             self._demand_block, self._outcome,
         )  # fmt: skip
         return self.observations
@@ -197,7 +196,7 @@ class GpuFleet:
         """Update the observations of the vehicles of the mask."""
         self._noise.normal_(generator=self._generator)
         self._launch(
-            self._kernels.look,
+            self._kernels.observe,
             self.count,
             self._senses,
             self._motion,

@@ -47,7 +47,7 @@ class Starts(NamedTuple):
     pose: Array
 
 
-class Crew(NamedTuple):
+class Allocation(NamedTuple):
     """Thruster allocation; see `environment.action.allocate`."""
 
     allocation: Array
@@ -97,7 +97,7 @@ def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> Non
 
 
 @cuda.jit  # type: ignore[untyped-decorator]
-def command(crew: Crew, demands: Demands) -> None:
+def command(crew: Allocation, demands: Demands) -> None:
     """Compute thruster commands; write NaN for an action that is not finite, so that the vehicle diverges."""
     k = cuda.grid(1)
     if k >= demands.actions.shape[0]:
@@ -111,7 +111,7 @@ def command(crew: Crew, demands: Demands) -> None:
 
 
 @cuda.jit  # type: ignore[untyped-decorator]
-def look(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
+def observe(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
     """Compute the observations of the vehicles of a mask."""
     k = cuda.grid(1)
     if k < view.mask.size and view.mask[k]:
@@ -119,7 +119,7 @@ def look(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, vie
 
 
 @cuda.jit  # type: ignore[untyped-decorator]
-def judge(
+def evaluate_step(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, demands: Demands, outcome: Outcome
 ) -> None:
     """Compute rewards, flags and totals of a step."""

@@ -118,8 +118,8 @@ class Task(ABC):
             UsageError: It is not within 0 and `most`.
         """
         if not 0 <= level <= self.most:
-            counted = f"{level} {self.levels}; choose 0 to {self.most}" if self.levels else "none"
-            raise UsageError(f"level {level} of {self.name} asks for {counted}")
+            choice = f"choose 0 to {self.most} {self.levels}" if self.levels else "the only level is 0"
+            raise UsageError(f"level {level} of {self.name} does not exist: {choice}")
 
 
 def with_obstacles(task: Task, settings: Settings) -> Reward:

@@ -58,7 +58,7 @@ class Builder:
         drawn = settings.randomise
         if (drawn.posterior or drawn.box) and self.config.condition not in conditions.OF_THE_FILE:
             raise UsageError(
-                f"{self.config.condition} does not heed the numbers of the vehicle file's effects: draw them "
+                f"{self.config.condition} ignores the parameters of the vehicle file's effects: draw them "
                 f"with --condition {conditions.EFFECTS}"
             )
         return Fleet(

@@ -241,9 +241,9 @@ class TrainingConfig:
         if not 0.0 <= self.pilot <= 1.0:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
-            raise UsageError("there is nothing to clone without demonstrations; give some")
+            raise UsageError("clone needs demonstrations; give a number of vehicles")
         if self.corrections < 0 or (self.corrections and not self.clone):
-            raise UsageError("corrections are cloned, 0 or more times: give clone a number of batches")
+            raise UsageError("corrections must be 0 or more, and need clone: give clone a number of batches")
         if self.record % self.vehicles or self.evaluate % self.record:
             raise UsageError(
                 f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "

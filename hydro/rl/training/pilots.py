@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from hydro.core.columns import Array32, Mask
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
-from hydro.rl.environment.helmsman import PLAIN, Manner, docker, helmsman
+from hydro.rl.environment.helmsman import PLAIN, Manner, docking_pilot, helmsman
 from hydro.rl.environment.observation import TARGET
 from hydro.rl.tasks.docking import Docking
 from hydro.rl.tasks.task import Task
@@ -22,7 +22,7 @@ Actor = Callable[[Array32], Array32]
 
 def pilot_of(task: Task, manner: Manner = PLAIN) -> Actor:
     """Return the hand-written pilot of a task, without a map."""
-    return partial(docker if task.name == Docking.name else helmsman, manner=manner)
+    return partial(docking_pilot if task.name == Docking.name else helmsman, manner=manner)
 
 
 class WithMap:

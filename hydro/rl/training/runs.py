@@ -73,7 +73,9 @@ def config_of(run: Artefact) -> TrainingConfig:
     choices = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
     if strange := sorted(choices.keys() ^ _choices(TrainingConfig()).keys()):
         # A missing setting must not take its default: the version without it behaved otherwise.
-        raise DataError(f"run: not a training of this version, for its {strange[0]}: train again")
+        raise DataError(
+            f"run: not a training of this version: setting {strange[0]} is missing or unknown: train again"
+        )
     try:
         return _config(choices)
     except (msgspec.MsgspecError, RecursionError) as error:

@@ -109,16 +109,16 @@ class Training:
                 self._step()
                 if self._due:
                     self._examine()
-            if self.finished or self._over(self.config.record, self._recorded):
+            if self.finished or self._passed_multiple(self.config.record, self._recorded):
                 self._record()
                 progress(self)
-            if self.finished or self._over(self.config.evaluate, self._evaluated):
+            if self.finished or self._passed_multiple(self.config.evaluate, self._evaluated):
                 break
         if not self.watch.broken:
             self._evaluated = self.steps
             self._evaluate("curve", self.config.episodes, CURVE_SEED)
 
-    def _over(self, period: int, before: int) -> bool:
+    def _passed_multiple(self, period: int, before: int) -> bool:
         """Return whether a multiple of `period` steps was reached since the step `before`."""
         return self.steps // period > before // period
 
@@ -227,7 +227,7 @@ class Training:
             self._label_own_actions(level)
         self._lessons = 0
         if config.corrections and self.curriculum.done:
-            self._rehearse()
+            self._examine_all_tasks()
         self._fleet.set_level(*self.curriculum.level)
         return True
 
@@ -237,7 +237,7 @@ class Training:
             best = self._learner.best
             self._learner.add_labels(own_actions(self._expert_fleet(level), best), level, replace=True)
 
-    def _rehearse(self) -> None:
+    def _examine_all_tasks(self) -> None:
         """Examine every task once more, and return to the first one whose last level fails."""
         for level in self.curriculum.ends.items():
             share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED, level)

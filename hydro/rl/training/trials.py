@@ -76,6 +76,7 @@ def trials_of(names: list[str], task: Task, *, estimates: bool) -> dict[str, Tri
         if name not in TRIALS:
             raise UsageError(f"there is no setting {name!r}: choose one of {', '.join(TRIALS)}, or {EVERY}")
         if not TRIALS[name].suits(task, estimates=estimates):
-            lacks = "a covariance of the vehicle file" if TRIALS[name].posterior else "a plan to leave out"
-            raise UsageError(f"{name}: {task.name} is without {lacks}")
+            if TRIALS[name].posterior:
+                raise UsageError(f"{name} needs a covariance of the vehicle file")
+            raise UsageError(f"{name} needs a planned path, and {task.name} has none")
     return {name: TRIALS[name] for name in names}

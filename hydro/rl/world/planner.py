@@ -120,7 +120,7 @@ def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radi
             way = np.concatenate([start[None, :2], grid.centres(cells[1:-1]), goal[None, :2]])
             apart = radius + share * grid.margin - grid.cell
             return _with_depth(way[shorten_kernel(way, standing, apart)], start[2], goal[2])
-    raise DataError("no way leads round the pillars from start to goal: leave more room between them")
+    raise DataError("no path leads around the pillars from start to goal: leave more room between them")
 
 
 def astar(free: Cells, start: tuple[int, int], goal: tuple[int, int]) -> NDArray[np.int64]:

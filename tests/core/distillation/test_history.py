@@ -15,7 +15,7 @@ from hydro.core.errors import DataError
 def test_columns_are_what_a_flight_remembers(window, rows):
     nu = np.random.default_rng(rows).normal(size=(rows, 6))
     columns = history.past(nu, [(0, rows)], window, 1)
-    memory = np.empty(history.remembered(window))
+    memory = np.empty(history.memory_size(window))
     history.begin(nu[0], memory)
     for row in range(rows):
         np.testing.assert_array_equal(columns[row], memory)

@@ -202,7 +202,7 @@ def test_another_vehicle_may_be_the_truth():
     import msgspec
 
     other = msgspec.structs.replace(vehicle(), thruster=vehicle().thruster[:4])
-    with pytest.raises(UsageError, match="give a truth with the same"):
+    with pytest.raises(UsageError, match="give a true vehicle with the same number"):
         Fleet(QUIET, plant, believed=other)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Mask, Rows
 
 
-class Past:
+class History:
     """Values of N vehicles over their last steps, newest first.
 
     Attributes:
@@ -23,18 +23,18 @@ class Past:
         self.values: NDArray[Any] = np.zeros((count, depth, width), dtype=dtype)
         self.late: Rows = np.zeros(count, dtype=np.int64)
 
-    def begin(self, mask: Mask, values: NDArray[Any], late: Rows) -> None:
+    def fill(self, mask: Mask, values: NDArray[Any], late: Rows) -> None:
         """Fill the history of some vehicles (N,) with values (N, width), and set their delays (N,)."""
         self.values[mask] = values[mask, None]
         self.late[mask] = late[mask]
 
-    def note(self, mask: Mask, values: NDArray[Any]) -> None:
+    def append(self, mask: Mask, values: NDArray[Any]) -> None:
         """Append the values (N, width) of a new step of some vehicles (N,)."""
         if self.values.shape[1] > 1:
             self.values[mask, 1:] = self.values[mask, :-1]
         np.copyto(self.values[:, 0], values, where=mask[:, None])
 
-    def seen(self, steps: int = 1) -> NDArray[Any]:
+    def arrived(self, steps: int = 1) -> NDArray[Any]:
         """Return a copy of the last steps that have arrived, newest first (N, steps * width)."""
         if not self.late.any():
             return self.values[:, :steps].reshape(len(self.values), -1).copy()
