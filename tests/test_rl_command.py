@@ -291,7 +291,7 @@ def test_a_study_trains_in_what_was_identified_and_flies_it_in_the_teacher_of_it
             2,
         ),
         (("eval", VEHICLE, "--setting", "storm", "-o", "x"), "there is no setting 'storm'", 2),
-        (("eval", VEHICLE, "--setting", "no_plan", "-o", "x"), "without a plan to leave out", 2),
+        (("eval", VEHICLE, "--setting", "no_plan", "-o", "x"), "needs a planned path", 2),
         (("eval", VEHICLE, "--task", "slalom", "--stage", "2", "-o", "x"), "give one of them", 2),
         (("eval", VEHICLE, "--task", "slalom", "--level", "9", "-o", "x"), "choose 0 to 4", 2),
         *(
