@@ -1,8 +1,7 @@
 """Root of the command line: registers the commands and converts errors to exit codes.
 
 0 done; 1 fault of the data or a file; 2 wrong usage; 3 bug in hydro; 130 interrupted.  One line on stderr
-gives
-the problem, its place and the remedy; tracebacks appear only with `--debug`.
+gives the problem, its place and the remedy; tracebacks appear only with `--debug`.
 """
 
 from __future__ import annotations
@@ -166,12 +165,10 @@ def _main(arguments: list[str] | None) -> int:
     debug = "--debug" in arguments
     if not {"train", "demo"} & set(arguments):
         # hydro's own threads share the work by shots, windows or vehicles, on matrices of a few dozen rows.
-        # BLAS
-        # threads in addition only wait for each other.  On two busy cores, a diagnosis of one minute took 34
-        # s of
-        # processor time with one BLAS thread; with two it had not finished after 168 s.  NumPy reads the
-        # variable
-        # when it is first imported.  Only training has matrices large enough for BLAS threads.
+        # BLAS threads in addition only wait for each other.  On two busy cores, a diagnosis of one minute
+        # took 34 s of processor time with one BLAS thread; with two it had not finished after 168 s.  NumPy
+        # reads the variable when it is first imported.  Only training has matrices large enough for BLAS
+        # threads.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
     try:

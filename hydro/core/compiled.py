@@ -2,8 +2,7 @@
 
 Numba keys its on-disk cache on the file of the function alone.  A kernel edited in another module would
 therefore leave stale machine code.  Here, the name of a layer's cache folder contains a digest of every
-source
-that its kernels can use: the modules of the layer that compile something, and all their imports.
+source that its kernels can use: the modules of the layer that compile something, and all their imports.
 """
 
 from __future__ import annotations
@@ -120,8 +119,7 @@ def kernel(function: F, *, reorder_sums: bool = False, within: bool = False) -> 
 
     Numba counts references to the memory of every slice, with atomic operations that take longer than the
     arithmetic of a thruster.  The caller of a kernel holds its arrays, so counting is unnecessary.  A kernel
-    that
-    allocates an array does not compile.  Tests check that no kernel returns an array and that no memory
+    that allocates an array does not compile.  Tests check that no kernel returns an array and that no memory
     leaks.
     """
     return jit(function, reorder_sums=reorder_sums, counted=False, within=within)

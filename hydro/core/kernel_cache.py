@@ -40,8 +40,7 @@ def folder(name: str) -> Path | None:
     """Return a folder that only the user can write to; create it if it is missing.
 
     The first choice is `HYDRO_CACHE_DIR`, or `hydro` in the user's cache folder.  The second is the user's
-    own
-    folder among the temporary files.  A warning gives the reason if the first is not used.
+    own folder among the temporary files.  A warning gives the reason if the first is not used.
 
     Args:
         name: Last part of the path.

@@ -21,8 +21,7 @@ def available() -> int:
     """Return the number of threads for shared work; no result depends on it.
 
     A worker of a cluster sees all processors of a machine and may use only some.  The scheduler sets its
-    share in
-    HYDRO_THREADS.  Within `shared`, the threads divide that share among themselves.
+    share in HYDRO_THREADS.  Within `shared`, the threads divide that share among themselves.
 
     Raises:
         UsageError: HYDRO_THREADS is not a whole number from 1.
@@ -44,8 +43,7 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     """Apply `work` to every item in parallel threads; yield the results in order.
 
     It pays for work of some hundredths of a second or more.  Compiled kernels run in parallel, and the Python
-    code
-    of one item runs while the kernels of another do.
+    code of one item runs while the kernels of another do.
     """
     every = list(items)
     threads = max(min(available(), len(every)), 1)

@@ -23,8 +23,7 @@ def of_lacks(vehicle: Vehicle, lacks: Sequence[Lack], raw: pl.DataFrame | None =
 
     Returns:
         `left out`, `why` and the error 5 s ahead, null if no motion depends on it.  The first row is the
-        complete
-        vehicle, the last one leaves out everything together.
+        complete vehicle, the last one leaves out everything together.
 
     Raises:
         DataError: The vehicle cannot be simulated, or the recording does not fit it.

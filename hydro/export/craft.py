@@ -46,9 +46,8 @@ class Craft:
     """Vehicle with the interface of Fossen's Python Vehicle Simulator.
 
     eta is x y z [m, NED] and phi theta psi [rad, ZYX].  nu is u v w [m/s] and p q r [rad/s] of the body
-    origin
-    over ground, body axes forward, right, down.  `u_control` are commands in [-1, 1], one per thruster;
-    `u_actual` are their lag states: thrusts [N], or normalised rotor speeds.
+    origin over ground, body axes forward, right, down.  `u_control` are commands in [-1, 1], one per
+    thruster; `u_actual` are their lag states: thrusts [N], or normalised rotor speeds.
 
     Attributes:
         nu: Initial velocity, (6,).

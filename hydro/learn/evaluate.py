@@ -32,8 +32,7 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
 
     Returns:
         tau_res (N, 6) [N and N m], body FRD.  It stands on the left-hand side of the balance: the wrench on
-        the
-        vehicle is -tau_res.
+        the vehicle is -tau_res.
 
     Raises:
         DataError: If the tensors or features of the model do not fit its architecture.

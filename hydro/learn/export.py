@@ -57,8 +57,7 @@ def to_onnx(model: Model) -> bytes:
     """Export a model as an ONNX file.
 
     Inputs: `states` (N, 12), nu and nu_dot [m/s, rad/s, m/s^2, rad/s^2], body FRD.  A model with a window
-    also
-    has `past` (N, 6 (window - 1)), the velocities of the previous control steps, newest first.
+    also has `past` (N, 6 (window - 1)), the velocities of the previous control steps, newest first.
     Output: `tau_res` (N, 6) [N, N m], on the left-hand side of the balance: the wrench on the vehicle is
     -tau_res.  All are float32.  The metadata of the file repeat this.
 

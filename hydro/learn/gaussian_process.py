@@ -130,8 +130,7 @@ def _fit_centre_and_arms(nu: Array, tau: Array, fold: Rows, centre: Sequence[flo
     """Find the arms, and the centre if it is not given, with the least cross-validation error.
 
     The search moves along one coordinate at a time.  The second stage is modulated by moments about the
-    centre,
-    so the search for the centre uses both stages.
+    centre, so the search for the centre uses both stages.
     """
     place = np.concatenate([np.zeros(3) if centre is None else centre, np.log(np.full(3, ARM))])
     searches = [((3, 4, 5), np.log(2.0), 2, 1), ((2, 0, 1), 0.1 * ARM, 3, 2)]

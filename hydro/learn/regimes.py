@@ -42,10 +42,8 @@ def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Mask]]:
         model: model whose scalers hold mean and spread of its training data.
         nu: velocities (N, 6) [m/s, rad/s].
         by: `speed` |v|; `drift`, the angle between v and the bow, 0 ahead, 180 degrees astern; or `reach`,
-            the
-            greatest deviation of the six velocities from their training means, in standard deviations.  Above
-            3
-            the network extrapolates.
+            the greatest deviation of the six velocities from their training means, in standard deviations.
+            Above 3 the network extrapolates.
 
     Yields:
         A name such as `speed 0.25-0.5 m/s`, and a mask (N,).

@@ -72,8 +72,7 @@ def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> t
     """Return the rows of one part of the split and the inputs of a network for them.
 
     A window of past velocities may reach into rows of other parts, guard rows first.  It uses their
-    velocities,
-    not their labels.  It does not cross gaps, starts of sessions or rows without a label.
+    velocities, not their labels.  It does not cross gaps, starts of sessions or rows without a label.
 
     Args:
         table: labels; all rows of their sessions in order if the network has a window.
@@ -82,8 +81,7 @@ def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> t
 
     Raises:
         DataError: If the part is empty, a column is missing or not finite, or the sample time does not fit
-            the
-            network's period.
+            the network's period.
     """
     table = labelled(table)
     chosen = of_part(table, part)

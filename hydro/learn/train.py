@@ -69,8 +69,7 @@ class Epoch(NamedTuple):
         limit: greatest number of epochs.
         loss: mean squared standardised error over the fitted rows during the epoch.
         validation_rmse: single figure of the paper on the validation rows: the root mean square error over
-            all
-            rows and six axes [N and N m mixed].
+            all rows and six axes [N and N m mixed].
         learning_rate: learning rate at the end of the epoch.
         best: whether its weights are the best so far.
     """
@@ -117,8 +116,7 @@ def train(
         model: name of an architecture, see `learn.networks`.
         seed: seed of the initial weights and of the row order.
         epochs: greatest number of epochs, over which the learning rate falls; early stopping may end sooner.
-            By
-            default as many as give 25,000 updates, at most 60.  The model `gp` uses neither epochs nor
+            By default as many as give 25,000 updates, at most 60.  The model `gp` uses neither epochs nor
             device.
         device: `cpu`, or `cuda` if available.
         accelerations: whether nu_dot is an input; use False for labels from a noisy log, see
@@ -298,8 +296,7 @@ def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = N
 
     The label contains -M nu_dot.  Noise of nu_dot is therefore in the input and, times -M, in the label.  A
     network with nu_dot as input would learn to predict that noise, and its wrench would be wrong without
-    noise.
-    Noise below a hundredth of the acceleration's spread, on every axis that moves, does no harm.
+    noise.  Noise below a hundredth of the acceleration's spread, on every axis that moves, does no harm.
 
     Args:
         table: labels, with the velocities as they were logged.

@@ -87,7 +87,7 @@ def test_the_command_writes_and_says_what_is_left_out(datasets, tmp_path, capfd)
     said = capfd.readouterr().err
     assert code == 0, said
     assert "sensor_bias" in said
-    assert "velocity log" in said
+    assert "error of the DVL" in said
     assert "class Remus100(Craft)" in out.read_text()
     assert main(["export", str(datasets / "vehicles" / "auv151.toml"), "-o", str(out)]) == 0
     assert "python holds all that the file says" in capfd.readouterr().err

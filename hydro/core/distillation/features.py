@@ -10,8 +10,8 @@ The set `physfeat` has 45 features, so the network 45-128-256-128-6 has 72,582 p
 The last kind has 30 pairs, of which twelve are used.  Each translation is damped by the other two: form drag
 grows with the total speed |V|, so |w| u matters as much as |u| u on a bluff hull; |u| v and |u| w are also
 lift.  Yaw is damped by surge, sway and heave, and pitch by surge and heave (fins and the cross-flow
-integrals,
-Fossen 6.4.3).  Roll is damped by heave, which is normal to the broad side of a hull that is wider than high.
+integrals, Fossen 6.4.3).  Roll is damped by heave, which is normal to the broad side of a hull that is wider
+than high.
 """
 
 from __future__ import annotations
@@ -101,8 +101,7 @@ def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
     """Compute the features of a labels or split table.
 
     The result also has `session`, `t`, the targets tau_res [N, N m], and `block` and `part` if present.
-    Features
-    are float32 columns named by `names`.  Rows without a label are dropped.
+    Features are float32 columns named by `names`.  Rows without a label are dropped.
 
     Raises:
         DataError: The set is unknown, or the table lacks a column.

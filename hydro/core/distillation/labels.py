@@ -7,8 +7,7 @@ tau_res is on the left-hand side of the balance and opposes motion: the wrench o
 With `subtract="effects"` all wrenches of the vehicle's effects are subtracted too: damping and others, the
 Coriolis terms C_A of the added mass, and the current through nu_r and nu_r_dot.  If the effects are complete,
 C_RB(nu) nu remains, because the rigid body is not an effect.  A simulation with a residual model omits its
-own
-C_RB in either case (paper 5).
+own C_RB in either case (paper 5).
 
 Effects of thrusters always enter tau_prop, and those of the DVL are always corrected first.
 
@@ -85,8 +84,7 @@ def labels(
     Args:
         vehicle: Rigid body, buoyancy, thrusters and effects.
         raw: Raw table: `session`, `t` [s], pose (NED), velocity of CO in body axes (FRD), `cmd_1` ...
-            `cmd_n`;
-            optionally the supply `voltage` [V].
+            `cmd_n`; optionally the supply `voltage` [V].
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         design: Filter design; by default `filter_design(raw, noise)`.
@@ -100,9 +98,8 @@ def labels(
 
     Raises:
         DataError: The sample time is not constant, a row is isolated between gaps, the commands do not fit
-            the
-            thrusters, a value is not finite, or an effect is not in the catalogue.  Also if a recording with
-            nulls is to be smoothed by another method than `rts`.
+            the thrusters, a value is not finite, or an effect is not in the catalogue.  Also if a recording
+            with nulls is to be smoothed by another method than `rts`.
     """
     if has_nulls(raw):
         if acceleration != "rts" or design is not None:
@@ -159,8 +156,7 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
 
     It follows the log more closely than the likeliest filter, which is nearest to the motion row by row.  A
     regression on labels averages thousands of rows: noise cancels, but the bias of smoothed acceleration
-    peaks
-    does not.
+    peaks does not.
 
     Args:
         raw: Table with `session`, `t` and `u` ... `r`.

@@ -1,8 +1,8 @@
 """Labels of a recording with nulls, only for rows that its samples determine, with standard deviations.
 
 Pose, velocity and acceleration come from `recording.kinematic_smoother`.  A row has a label if attitude,
-velocity and acceleration are all determined within a bound.  The standard deviation of tau_res is that of
-M nu_dot; it ignores the uncertainty of thrust, attitude, M and the vehicle's effects.
+velocity and acceleration are all determined within a bound.  The standard deviation of tau_res is that of M
+nu_dot; it ignores the uncertainty of thrust, attitude, M and the vehicle's effects.
 
 Beyond the bounds a label contains more noise than information.  0.05 m/s is a tenth of the speed of a small
 vehicle, 0.25 m/s^2 is half of the acceleration by its thrusters, and 0.05 rad rotates a twentieth of its
@@ -95,13 +95,11 @@ def labels_of_samples(
 
     Returns:
         As `labels.labels`, null in rows without a label; in addition the standard deviations DEVIATIONS of
-        each
-        row, null in segments in which an angle was never measured.
+        each row, null in segments in which an angle was never measured.
 
     Raises:
         DataError: The sample time is not constant, the commands do not fit the thrusters, a value is not
-            finite,
-            or `noise` is not six numbers of at least 0.
+            finite, or `noise` is not six numbers of at least 0.
     """
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     bounds, dt, samples = segments(raw), sample_time(raw), _samples(raw, commands)
@@ -149,10 +147,9 @@ def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
 def reach_of_samples(labels: pl.DataFrame) -> int:
     """Return the number of rows on either side that influence the smoothed motion of a row.
 
-    It is estimated from the standard deviations.  A smoother for white jerk or its derivative passes
-    1 / (1 + (f / f_0)^2n) of a measurement.  Its time constant is therefore the ratio of the standard
-    deviations
-    of velocity and acceleration, within a factor of the square root of 2.  The weight of a sample falls to a
+    It is estimated from the standard deviations.  A smoother for white jerk or its derivative passes 1 / (1 +
+    (f / f_0)^2n) of a measurement.  Its time constant is therefore the ratio of the standard deviations of
+    velocity and acceleration, within a factor of the square root of 2.  The weight of a sample falls to a
     thousandth of the largest within 10 such time constants if velocity is measured, 20 if position is.
 
     Raises:

@@ -45,13 +45,11 @@ def split(
         test: Expected share of blocks that are test data, 0 to 1.
         salt: Text added to the hashes; another salt gives another split.
         guard: Rows next to a block of the other part that neither part uses; by default the reach of the
-            smoother
-            that `labels` designs for these velocities.
+            smoother that `labels` designs for these velocities.
 
     Returns:
         The rows with a label, with `block` (64 hexadecimal digits) and `part` (train, test, guard); and the
-        table
-        of all blocks: `block`, `part` (train, test), sorted, each id once.
+        table of all blocks: `block`, `part` (train, test), sorted, each id once.
 
     Raises:
         DataError: An argument is out of range, or the sample time is not constant.

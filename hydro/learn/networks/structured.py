@@ -34,10 +34,8 @@ class Structured(Residual):
     """C(nu) nu + D(nu) nu with a learned inertia and a learned factor A of D.
 
     Tensors: `layers.<i>.*` map `context` to the 36 entries of A, row by row, with SiLU between; `inertia` (6,
-    6)
-    enters with its symmetric part.  Both are in units of the scalers.  With o the scales of the wrench, v
-    those
-    of nu, and r = sqrt(o / v), the physical A is r[i] A[i, j].  The physical inertia is
+    6) enters with its symmetric part.  Both are in units of the scalers.  With o the scales of the wrench, v
+    those of nu, and r = sqrt(o / v), the physical A is r[i] A[i, j].  The physical inertia is
     r[i] inertia[i, j] r[j] x 10 s; the factor lets the small steps of the optimiser move it far enough.
     """
 

@@ -1,10 +1,8 @@
 """Temporal model: a causal convolution over past velocities (future work in the paper, section VI).
 
 Water has memory: a wake builds up, and vortices are shed.  The wrench is a feedforward function of the
-present
-(nu, nu_dot) and of nu at previous control steps.  The window is the whole memory, so a simulation carries
-only
-these velocities from step to step.  Unlike a recurrent state, a finite window cannot drift.
+present (nu, nu_dot) and of nu at previous control steps.  The window is the whole memory, so a simulation
+carries only these velocities from step to step.  Unlike a recurrent state, a finite window cannot drift.
 """
 
 from __future__ import annotations

@@ -45,9 +45,8 @@ def allocate(
     The arguments are those of `command_kernel`, with one action (6,) and commands (n,).
 
     If a thruster saturates, the whole wrench is scaled down, so that it keeps its direction.  The inverse
-    thrust
-    curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in the vehicle
-    file.
+    thrust curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in the
+    vehicle file.
     """
     for j in range(ACTIONS):
         if not math.isfinite(action[j]):

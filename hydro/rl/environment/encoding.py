@@ -22,8 +22,7 @@ class Encoding:
     Attributes:
         scale: Typical size of each observation (O,), in its own unit; observations are divided by it.
         fades: Mask (O,) of the observations encoded as exp(-x / scale) instead of x / scale: 1 at contact, 0
-            far
-            away.
+            far away.
     """
 
     scale: Array32

@@ -198,8 +198,7 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
     `autoreset_mode` selects when the next episode begins.  SAME_STEP, the default: in the step that ends the
     last one.  NEXT_STEP: in the step after, which ignores its action and has reward 0.  DISABLED: when
-    `reset`
-    names the vehicle in its `reset_mask`.
+    `reset` names the vehicle in its `reset_mask`.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012

@@ -176,8 +176,7 @@ class Fleet:
             renew: Whether vehicles whose episode ends begin the next one at once; otherwise the caller resets
                 them.
             flying: Vehicles that move (N,), by default all; the others stay where they are, and their results
-                are
-                meaningless.
+                are meaningless.
 
         Raises:
             DataError: The actions have a wrong shape or are not finite.

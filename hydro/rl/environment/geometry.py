@@ -71,8 +71,7 @@ def line_distance(hull: Array, R: Array, x: float, y: float) -> float:
 
     The line stands at (x, y) [m] from the hull's centre.  Its distance from the ellipsoid is that of its foot
     from the ellipsoid's projection on the horizontal plane.  That projection is the ellipse z^T S^-1 z = 1
-    with
-    S = sum of a_i^2 r_i r_i^T, where r_i are the horizontal parts of the body's axes.
+    with S = sum of a_i^2 r_i r_i^T, where r_i are the horizontal parts of the body's axes.
     """
     xx = xy = yy = 0.0
     for i in range(3):

@@ -25,8 +25,7 @@ class Manner(NamedTuple):
         margin: Distance that the pilot's own paths keep from pillars, if there is room [m].
         pace: Factor on all speeds.
         firmness: Actions in roll, pitch and yaw per angle, in multiples of 1 per rad.  Those per angular
-            velocity
-            scale with its square root, which keeps the damping ratio.
+            velocity scale with its square root, which keeps the damping ratio.
     """
 
     margin: float = Grid.margin

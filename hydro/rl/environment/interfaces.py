@@ -47,8 +47,7 @@ class Info(NamedTuple):
         episode_energy: Time of full thrust of all thrusters with the same energy [s].
         episode_overspeed: Steps faster than `Settings.overspeed`.
         episode_error: Root mean square distance from the goal since settling [m], for tasks that hold or
-            follow;
-            otherwise 0.
+            follow; otherwise 0.
     """
 
     success: Mask

@@ -53,10 +53,8 @@ class Ends(NamedTuple):
         speed: Greatest speed over ground [m/s].
         turning: Greatest angular velocity [rad/s].
         settling: For tasks that hold or follow: steps after which the error counts.  The episode runs to its
-            end
-            and succeeds if the root mean square error is at most `radius`.  Below 0 for tasks that arrive:
-            the
-            first step within all limits ends the episode.
+            end and succeeds if the root mean square error is at most `radius`.  Below 0 for tasks that
+            arrive: the first step within all limits ends the episode.
     """
 
     steps: float
@@ -97,8 +95,7 @@ class Task(ABC):
         """Return the weights of the terms of `rl.environment.reward`.
 
         The default removes the costs of nearness, because there are no obstacles.  It scales the reward of
-        success
-        with the time limit, because a longer episode leaves more time for loitering.
+        success with the time limit, because a longer episode leaves more time for loitering.
         """
         given = settings.reward
         return replace(given, obstacle=0.0, near=0.0, success=self.patience * given.success)

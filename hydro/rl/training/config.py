@@ -35,8 +35,7 @@ class SACConfig:
             stored.  A policy that succeeds in training may fail one episode in five after a single update.
         target_entropy: Target entropy of the policy [nats].
         temperature: Initial alpha.  From 1 it takes 13,000 updates at this learning rate until the reward of
-            a
-            step weighs as much as its entropy.
+            a step weighs as much as its entropy.
         norm: Whether the critics' hidden layers are normalised (Ball et al. 2023), which bounds the values of
             actions that were never tried.
         batch: Transitions per update.
@@ -150,8 +149,7 @@ class TrainingConfig:
     """Settings of a training, except the vehicle and its residual model.
 
     The expert is a hand-written pilot with a map.  The policy first imitates its flights.  Then the policy
-    flies
-    and the expert labels the states that it visits: one such round is a correction.
+    flies and the expert labels the states that it visits: one such round is a correction.
 
     Attributes:
         condition: Physics condition; see `conditions`.
@@ -164,31 +162,24 @@ class TrainingConfig:
         record: Steps between points of the curves; `evaluate` is a multiple of it.
         episodes: Episodes per evaluation.
         pilot: Success rate at the first level that the hand-written pilot with a map must reach.  If it is
-            lower,
-            the vehicle cannot do the task.  0 skips this test.
+            lower, the vehicle cannot do the task.  0 skips this test.
         demonstrations: Vehicles that the expert flies for one episode's time before a level is learnt; 0
-            disables
-            demonstrations.
+            disables demonstrations.
         clone: Batches of imitation before the policy flies at a level, and after each correction.
         corrections: Greatest number of corrections at a level.  With corrections, the final policy must pass
-            the
-            last level of every task.
+            the last level of every task.
         lessons: Least number of corrections at a level that imitation alone did not pass.  A policy with few
             corrections may pass in the simulator it was corrected in, and not in another.
         margin: Distance that the expert keeps from pillars, if there is room and it does not follow the
-            policy's
-            path [m].  With the planner's margin it cuts corners to a tenth of a metre from the hull, and a
-            policy
-            that imitates it inexactly collides.
+            policy's path [m].  With the planner's margin it cuts corners to a tenth of a metre from the hull,
+            and a policy that imitates it inexactly collides.
         pace: Speeds of the expert, in multiples of the baseline pilot's; it bounds the speed of the policy.
         firmness: Actions of the expert per angle of roll, pitch and heading, in multiples of the baseline
             pilot's.  If water turns the hull by more than it can correct, the hull pitches by tens of
             degrees.
         push: Standard deviation of the disturbance of the policy's actions in roll and pitch; in the other
-            axes
-            a third of it.  It is applied to every other vehicle in a correction, because other water trims
-            the
-            hull differently.
+            axes a third of it.  It is applied to every other vehicle in a correction, because other water
+            trims the hull differently.
         curriculum: Levels and conditions that pass them.
         sac: Soft actor-critic.
         settings: Environment.
@@ -221,8 +212,7 @@ class TrainingConfig:
 
         Raises:
             UsageError: A number or the seed is not within its range, or records and evaluations are not
-                multiples of
-                a step of all vehicles.
+                multiples of a step of all vehicles.
         """
         seeds.check(self.seed)
         counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")

@@ -23,8 +23,7 @@ def demonstrations(fleet: Fleet, manner: Manner = PLAIN) -> Iterator[Transition]
     """Fly for the time of one episode, one episode after the other, and yield every step.
 
     The expert follows a planned path, even if the policy only observes the goal; the path makes it better
-    near
-    pillars.
+    near pillars.
 
     Args:
         fleet: Vehicles that have not flown yet, with task and level set.

@@ -169,8 +169,7 @@ class Folder:
         """Make the folder, and write the settings and copies of the residual model and the covariance.
 
         Call it after the training was constructed.  Otherwise invalid settings would leave a folder that
-        blocks a
-        valid training.
+        blocks a valid training.
 
         Raises:
             DataError: The operating system refuses.
@@ -345,10 +344,8 @@ def _interned(nested: Any) -> Any:
     """Return the same values with equal texts as one object.
 
     Pickle writes an object once and refers to it afterwards.  Texts read back from a file are other objects
-    than
-    those of the program.  Without interning, a continued training would write other bytes than an
-    uninterrupted
-    one.
+    than those of the program.  Without interning, a continued training would write other bytes than an
+    uninterrupted one.
     """
     if isinstance(nested, str):
         return sys.intern(nested)

@@ -126,12 +126,9 @@ class Training:
         """Give the policy one lesson of the expert at the current level, if any remain.
 
         The first lesson is imitation of the expert's flights.  In later lessons, the corrections, the policy
-        flies
-        and learns the expert's actions at the states that it visits.  An examination takes place before the
-        first
-        lesson, because training at other levels may suffice.  Others follow after the first lesson, and after
-        each
-        correction from the least number on.
+        flies and learns the expert's actions at the states that it visits.  An examination takes place before
+        the first lesson, because training at other levels may suffice.  Others follow after the first lesson,
+        and after each correction from the least number on.
 
         Returns:
             Whether an examination or a lesson took place; otherwise the policy learns by reinforcement.

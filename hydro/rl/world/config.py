@@ -37,8 +37,7 @@ class Sonar:
     """Fan of sonar beams from the hull's surface, level in the body, from port to starboard.
 
     The beams cover the flanks and the stern.  Without them, a policy without memory hits pillars that have
-    left
-    the view of its bow (docs/adr/0009).
+    left the view of its bow (docs/adr/0009).
 
     Attributes:
         fan: Angle between the outermost beams [rad].
@@ -342,8 +341,7 @@ class Settings:
 
         Raises:
             UsageError: Loitering is rewarded more than success, open water does not fit into the tank, or the
-                control
-                step is not a multiple of the physics step.
+                control step is not a multiple of the physics step.
         """
         loitering = self.task.steps * (self.reward.heading + self.reward.upright)
         if self.reward.success <= loitering:

@@ -102,8 +102,7 @@ def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radi
 
     Returns:
         Corners of the path (K, 3), K >= 2, from start to goal.  Cells of A* are dropped if a straight line
-        within
-        one cell of the margin replaces them.
+        within one cell of the margin replaces them.
 
     Raises:
         DataError: No path exists without any margin.
