@@ -27,10 +27,10 @@ from hydro.core.errors import HydroNotice, HydroWarning
 COMPILING = "compiling kernels for this machine, about 40 s, only once"
 """Notice before the first kernels are compiled."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
-_MARK = b"hydro-kernel/1 "
+_MARK = b"hydro-kernel/1 "  # first bytes of a cache file, with the version of its format
 _HEAD = len(_MARK) + 4
 """Bytes before the content of a cache file: the mark and the CRC-32 of the content."""
-_WRITABLE = stat.S_IWGRP | stat.S_IWOTH
+_WRITABLE = stat.S_IWGRP | stat.S_IWOTH  # permissions that make a file or folder untrustworthy
 _Locator: Any = getattr(caching, "UserProvidedCacheLocator", None) or caching._UserProvidedCacheLocator
 """Numba's locator for a folder that the user names; it lost its underscore in version 0.62."""
 

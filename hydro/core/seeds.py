@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hydro.core.errors import UsageError
 
-LARGEST = 2**64 - 1
+LARGEST = 2**64 - 1  # greatest seed that torch accepts
 
 
 def check(seed: int) -> None:

@@ -12,7 +12,7 @@ from hydro.core.errors import UsageError
 
 T = TypeVar("T")
 R = TypeVar("R")
-_LOCAL = threading.local()
+_LOCAL = threading.local()  # `sharing`: number of threads that share the processors at present
 VARIABLE = "HYDRO_THREADS"
 """Environment variable with the number of threads of a process that shares its machine."""
 

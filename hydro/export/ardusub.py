@@ -24,10 +24,10 @@ from hydro.core.simulation.live import Live, Reading
 from hydro.core.thrust_curves.table import commands_of_pulses
 from hydro.core.vehicle.description import Vehicle
 
-HOST, PORT = "127.0.0.1", 9002
+HOST, PORT = "127.0.0.1", 9002  # defaults of ArduPilot's JSON interface
 MAGIC = {18458: 16, 29569: 32}
 """Number of servo outputs of a frame by its magic."""
-HEAD = struct.Struct("<HHI")
+HEAD = struct.Struct("<HHI")  # magic, frame rate, frame count
 LONGEST_STEP = 0.05
 """Longest step of a frame [s]; at slower frame rates, simulated time falls behind."""
 NO_OUTPUT = 0
@@ -161,21 +161,21 @@ class Sub:
         Raises:
             DataError: The motion diverges.
         """
-        asked = frame(packet)
-        if asked is None or max(map(abs, self.outputs), default=0) > len(asked.pwm):
+        request = frame(packet)
+        if request is None or max(map(abs, self.outputs), default=0) > len(request.pwm):
             self.counts.malformed += 1
             return None
-        if self._last is not None and asked.number < self._last:
+        if self._last is not None and request.number < self._last:
             self.counts.restarts += 1
             self._begin()
             self._last = None
-        if asked.number == self._last:
+        if request.number == self._last:
             self.counts.repeated += 1
         else:
-            self.counts.lost += 0 if self._last is None else asked.number - self._last - 1
+            self.counts.lost += 0 if self._last is None else request.number - self._last - 1
             self.counts.frames += 1
-            self._live.step(self._commands(asked.pwm), min(1.0 / asked.rate, LONGEST_STEP))
-        self._last = asked.number
+            self._live.step(self._commands(request.pwm), min(1.0 / request.rate, LONGEST_STEP))
+        self._last = request.number
         return answer(self._live.read())
 
     def _commands(self, pwm: Sequence[int]) -> Array:

@@ -36,6 +36,7 @@ from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason, w
 from hydro.export.tracing import Tracer
 
 BODY_STATES = ("x", "y", "z", "q_w", "q_x", "q_y", "q_z", "u", "v", "w", "p", "q", "r")
+"""Names of the rigid body's states."""
 STEP = 0.02
 """Length of the step in an exported file [s]; `functions` accepts any length."""
 CLOSE = 1e-9
@@ -157,7 +158,7 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
         ca.SX.sym("delayed", len(commands)),
     )
     body = list(ca.vertsplit(x[:BODY])) + list(ca.vertsplit(x[BODY + len(lagging) : len(moving) - timed]))
-    asked, time = list(ca.vertsplit(u)) if commands else [], x[len(moving) - 1] if timed else 0.0
+    undelayed, time = list(ca.vertsplit(u)) if commands else [], x[len(moving) - 1] if timed else 0.0
     given = list(ca.vertsplit(delayed)) if commands else []
     goals = tracer.call(targets, model, given)
     rotors, lag_rates = list(goals), []
@@ -165,7 +166,7 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
         rotors[i] = x[BODY + place]
         command = tracer.call(effective, model.thrusters[i], model.curves[i], given[i])
         lag_rates.append(tracer.call(state_derivative, model.thrusters[i], rotors[i], command))
-    moved = tracer.call(rates, model, body, time, rotors, asked)
+    moved = tracer.call(rates, model, body, time, rotors, undelayed)
     still = [0.0] * len(delay.slots)
     x_dot = ca.vertcat(*moved[:BODY], *lag_rates, *moved[BODY:], *([1.0] if timed else []), *still)
     within = ca.Function("within", [x, delayed, u], [x_dot])

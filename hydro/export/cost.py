@@ -10,7 +10,7 @@ from hydro.core.difference.ahead import ERROR, Errors
 from hydro.core.vehicle.description import Vehicle
 from hydro.export.targets import Lack, all_left_out
 
-ALL = "all of it"
+ALL = "all of it"  # name of the row without all unsupported properties
 
 
 def of_lacks(vehicle: Vehicle, lacks: Sequence[Lack], raw: pl.DataFrame | None = None) -> pl.DataFrame:

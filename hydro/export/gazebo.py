@@ -46,7 +46,7 @@ from hydro.core.vehicle.thrusters import (
 )
 from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
-FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"
+FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"  # letters in the names of Gazebo's coefficients
 LINK = "base_link"
 WORDS = (
     f" Written by hydro: frame {LINK} is the vehicle file's origin, forward, left, up. "

@@ -48,7 +48,7 @@ class _Returned:
         self.value = value
 
 
-_NORMAL, _BREAK, _CONTINUE = object(), object(), object()
+_NORMAL, _BREAK, _CONTINUE = object(), object(), object()  # ends of a run of statements, besides `return`
 
 
 class Tracer:

@@ -17,8 +17,8 @@ from hydro.io.model import Model
 from hydro.learn import networks, rows
 from hydro.learn.regimes import regimes, require_ways
 
-BLOCK = 150
-ROWS_PER_PASS = 16384
+BLOCK = 150  # rows per bootstrap block of tables without `block`, as in `distillation.split`
+ROWS_PER_PASS = 16384  # rows per evaluation of a network, to limit memory
 
 
 def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> Array:

@@ -22,8 +22,8 @@ from hydro.core.errors import UsageError
 from hydro.io.model import Model
 from hydro.learn.networks import load
 
-OPSET = 18
-NEEDED = ("onnx", "onnxscript")
+OPSET = 18  # version of the ONNX operators
+NEEDED = ("onnx", "onnxscript")  # libraries of the extra `onnx`
 
 
 class Exported(nn.Module):

@@ -21,7 +21,7 @@ REACHES = (0.0, 1.0, 2.0, 3.0, np.inf)  # edges in standard deviations of the tr
 SLOWEST = 0.05  # speed below which a drift angle is meaningless [m/s]
 FEWEST = 20  # least number of rows of a reported regime
 
-BY = ("speed", "drift", "reach")
+BY = ("speed", "drift", "reach")  # divisions of rows into regimes
 
 
 def require_ways(ways: Sequence[str]) -> None:

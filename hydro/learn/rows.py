@@ -17,7 +17,7 @@ from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError, UsageError
 from hydro.core.recording.segments import sample_time, segments
 
-VALIDATION_SHARE = 0.1
+VALIDATION_SHARE = 0.1  # expected share of training blocks for validation
 
 
 def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:

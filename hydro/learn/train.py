@@ -55,8 +55,8 @@ GRADIENT_NORM = 5.0  # clipping norm of gradients (paper IV-C)
 PATIENCE = 30  # epochs without improvement before training stops (paper IV-C)
 
 BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch has enough updates
-BATCH_LIMITS = (64, 512)
-ROWS_PER_PASS = 16384
+BATCH_LIMITS = (64, 512)  # least and greatest rows of a batch
+ROWS_PER_PASS = 16384  # rows per evaluation of a network, to limit memory
 HIDDEN_SCALE = 1e12  # scale that makes an input negligible
 TRUSTED = 0.01  # greatest noise of an acceleration that is an input, as a share of its spread
 

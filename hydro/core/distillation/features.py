@@ -26,7 +26,9 @@ from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError
 
 INPUTS = (*(f"{name}_s" for name in VELOCITY), *(f"{name}_dot" for name in VELOCITY))
+"""Columns of a labels table that hold (nu, nu_dot)."""
 OUTPUTS = tuple(f"{name}_res" for name in WRENCH)
+"""Columns of a labels table that are the targets of networks, X_res to N_res [N, N m]."""
 
 CROSS = np.array(  # pairs (i, j) of the features |nu_i| nu_j
     [(1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2), (2, 3), (0, 4), (2, 4), (0, 5), (1, 5), (2, 5)]
@@ -41,6 +43,7 @@ _PHYSFEAT = (
     *(f"|{VELOCITY[i]}|{VELOCITY[j]}" for i, j in CROSS),
 )
 NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
+"""Names of the features by set."""
 
 
 @kernel

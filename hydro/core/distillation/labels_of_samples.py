@@ -62,6 +62,7 @@ POSITION_BOUND = 0.1
 """Greatest standard deviation of its position [m], if a subtracted effect depends on position."""
 DISPLACEMENT = 1.0  # displacement that reveals such an effect [m]
 ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
+"""Words for the columns of attitude."""
 
 
 class Bounds(NamedTuple):

@@ -28,9 +28,9 @@ from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
 from hydro.core.threads import spread
 
-CONTENT = ("t", *MOTION)
+CONTENT = ("t", *MOTION)  # columns in the hash of a block, followed by the commands
 CHUNK = 32_768  # rows hashed per task
-TRAIN, TEST, GUARD = 0, 1, 2
+TRAIN, TEST, GUARD = 0, 1, 2  # indices into PARTS
 PARTS = pl.Series(["train", "test", "guard"])
 
 

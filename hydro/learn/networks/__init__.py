@@ -112,8 +112,8 @@ def build(architecture: Mapping[str, Any]) -> Residual:
     try:
         return NETWORKS[name](**options)
     except (TypeError, ValueError, RuntimeError, IndexError) as error:
-        said = " ".join(str(error).split())
-        raise DataError(f"model architecture: the description of '{name}' does not fit: {said}") from None
+        reason = " ".join(str(error).split())
+        raise DataError(f"model architecture: the description of '{name}' does not fit: {reason}") from None
 
 
 def load(model: Model) -> Residual:
@@ -127,10 +127,10 @@ def load(model: Model) -> Residual:
     wanted = {name: tuple(tensor.shape) for name, tensor in shapes.state_dict().items()}
     found = {name: tensor.shape for name, tensor in model.tensors.items()}
     for name in sorted(wanted.keys() | found.keys()):
-        shape, asked = found.get(name, "missing"), wanted.get(name, "none")
-        if shape != asked:
+        shape, required = found.get(name, "missing"), wanted.get(name, "none")
+        if shape != required:
             raise DataError(
-                f"model {model.name}: tensor {name} is {shape}, the architecture requires {asked}: "
+                f"model {model.name}: tensor {name} is {shape}, the architecture requires {required}: "
                 "train the model again"
             )
     network = build(model.architecture)

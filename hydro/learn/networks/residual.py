@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from hydro.io.model import SCALERS
 
-AXES = 6
+AXES = 6  # components of a wrench
 ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "relu": nn.functional.relu,
     "silu": nn.functional.silu,

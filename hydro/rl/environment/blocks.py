@@ -14,9 +14,11 @@ RETURN, AGE, ENERGY, OVERSPEED, ERROR, TOTALS = range(6)
 """Columns of the totals of an episode: sum of rewards; steps; time of full thrust [s]; steps above the
 plausible speed; sum of the squared distances from the goal since settling [m^2]."""
 ARRIVED, TOUCHED, DIVERGED, FAST, TERMINATED, TRUNCATED, FLAGS = range(7)
+"""Rows of the flags of a step: success, collision, divergence, overspeed, and the two ends of an episode."""
 STEPS, RADIUS, TILT, SPEED, TURNING, SETTLING = range(6)
 """Columns of the numbers of `tasks.task.Ends`."""
 LIMIT, PERIOD = range(2)
+"""Entries of `Rules.limits`."""
 
 
 class Senses(NamedTuple):

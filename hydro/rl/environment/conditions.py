@@ -18,7 +18,7 @@ from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
 
-NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"
+NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"  # see `Condition`
 MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}
 """Kind of residual model by condition."""
 OF_THE_FILE = (EFFECTS, IDENTIFIED)

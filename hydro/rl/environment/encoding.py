@@ -41,7 +41,7 @@ class Encoding:
             )
 
     def __len__(self) -> int:
-        """Number of observations O."""
+        """Return the number of observations O."""
         return len(self.scale)
 
     def __call__(self, observations: Array32) -> Array32:

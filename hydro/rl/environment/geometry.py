@@ -70,8 +70,8 @@ def line_distance(hull: Array, R: Array, x: float, y: float) -> float:
     """Return the horizontal distance [m] from the hull to a vertical line; 0 if the line pierces the hull.
 
     The line stands at (x, y) [m] from the hull's centre.  Its distance from the ellipsoid is that of its foot
-    from the ellipsoid's projection on the horizontal plane.  That projection is the ellipse z^T S^-1 z = 1
-    with S = sum of a_i^2 r_i r_i^T, where r_i are the horizontal parts of the body's axes.
+    from the ellipsoid's projection on the horizontal plane.  That projection is the ellipse z^T S^-1 z = 1.
+    S is the sum of a_i^2 r_i r_i^T, and r_i are the horizontal parts of the body's axes.
     """
     xx = xy = yy = 0.0
     for i in range(3):

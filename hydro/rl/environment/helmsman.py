@@ -11,8 +11,8 @@ from hydro.core.columns import Array, Array32
 from hydro.rl.environment.observation import GRAVITY, QUATERNION, RATE, TARGET, VELOCITY
 from hydro.rl.world.planner import Grid
 
-NAME, WITH_MAP = "helmsman", "helmsman with map"
-TAUGHT = "pilot who taught"
+NAME, WITH_MAP = "helmsman", "helmsman with map"  # values of `flown_by` for the baseline pilot
+TAUGHT = "pilot who taught"  # value of `flown_by` for the expert of a training
 FASTEST, SLOWING = 1.6, 0.7  # greatest speed [m/s]; speed per distance from the target [1/s]
 THRUST, TURNING = 2.0, 0.8  # action per velocity error [s/m]; per angular velocity [s/rad]
 BLIND = 0.5  # distance from the target below which its bearing is meaningless [m]
@@ -33,7 +33,7 @@ class Manner(NamedTuple):
     firmness: float = 1.0
 
 
-PLAIN = Manner()
+PLAIN = Manner()  # baseline pilot
 
 
 def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:

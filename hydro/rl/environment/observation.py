@@ -28,6 +28,7 @@ TARGET, VELOCITY, RATE, QUATERNION, GRAVITY, DEPTH, SONAR = 0, 3, 6, 9, 13, 16, 
 ALTITUDE = SONAR + BEAMS
 SPECIFIC_FORCE = ALTITUDE + 1
 OBSERVATIONS = SPECIFIC_FORCE + 3
+"""First index of each group of observations; their number."""
 
 NAMES = (
     *("target_x", "target_y", "target_z", "u", "v", "w", "p", "q", "r", "q_w", "q_x", "q_y", "q_z"),

@@ -18,6 +18,7 @@ from hydro.rl.world.config import Reward
 SHAPING, DISTANCE, DISCOUNT, HEADING, BLIND, UPRIGHT, SUCCESS, OBSTACLE = range(8)
 NEAR, FAR, COLLISION, ENERGY, ACTION, SMOOTHNESS, PATH = range(8, 15)
 HOLD, ALIGNMENT, CLOSE, HASTE, WEIGHTS = range(15, 20)
+"""Indices of the weights, in the order of `world.config.Reward`; their number."""
 FALL_OFF = 1.5  # decay of the obstacle cost with distance [1/m]
 NEAR_SHARE = 0.01  # cost of a step within `near`, as a share of the cost of a collision
 SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]

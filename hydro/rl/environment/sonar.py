@@ -12,7 +12,7 @@ from hydro.core.vehicle.description import Hull
 from hydro.rl.environment.geometry import FLOOR, LENGTH, RADIUS, WIDTH
 from hydro.rl.world.config import Sonar
 
-BEAMS = 15
+BEAMS = 15  # paper III-D
 
 Point = tuple[float, float, float]
 """x y z [m]; a tuple, because threads of a GPU cannot allocate arrays."""

@@ -11,7 +11,7 @@ from hydro.rl.tasks.task import Scene, Task, along, depths, open_water, with_obs
 from hydro.rl.world.config import Reward, Settings
 from hydro.rl.world.planner import Grid
 
-TRIES = 200
+TRIES = 200  # greatest number of forests drawn until one meets all conditions
 
 
 class Forest(Task):

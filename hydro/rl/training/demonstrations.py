@@ -78,8 +78,8 @@ def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[
         actor: Policy or pilot that flies.
         manner: Tuning of the expert.
     """
-    for observations, said, _, _ in _fly(fleet, actor, manner):
-        yield observations, said
+    for observations, expert, _, _ in _fly(fleet, actor, manner):
+        yield observations, expert
 
 
 def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
@@ -113,9 +113,9 @@ def _fly(
     """
     pilot, observations = WithMap(fleet, manner), fleet.reset()
     for _ in range(fleet.task.steps(fleet.settings)):
-        said = np.clip(pilot(observations), -1.0, 1.0)
-        done = said if actor is None else actor(observations)
+        expert = np.clip(pilot(observations), -1.0, 1.0)
+        done = expert if actor is None else actor(observations)
         step = fleet.step(done)
         pilot.begun = step.terminated | step.truncated
-        yield observations, said, done, step
+        yield observations, expert, done, step
         observations = step.obs

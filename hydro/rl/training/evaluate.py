@@ -18,8 +18,8 @@ from hydro.rl.training.pilots import Actor, WithMap
 POLICY = "policy"
 """Label of the policy in the column `flown_by`; pilots have their own names."""
 
-OUTCOMES = ("success", "collision", "diverged", "time")
-CONFIDENCE = 0.95
+OUTCOMES = ("success", "collision", "diverged", "time")  # values of the column `outcome`
+CONFIDENCE = 0.95  # of the intervals of shares
 POSITION = ("x", "y", "z")
 RARE = ("tracking_error", "alternating")
 """Columns that are null for some flights."""

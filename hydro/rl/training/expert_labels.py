@@ -38,7 +38,7 @@ class ExpertLabels:
 
     @property
     def levels(self) -> list[Level]:
-        """Levels with labels, in the order of their last addition."""
+        """Return the levels with labels, in the order of their last addition."""
         return list(self._labels)
 
     def add(self, level: Level, encoded: Array32, actions: Array32) -> None:
@@ -94,10 +94,10 @@ def imitate(network: nn.Module, labels: ExpertLabels, batches: int, generator: t
         generator: Generator of the batches.
     """
     optimiser = torch.optim.Adam(network.parameters(), RATE, fused=True)
-    for k, (seen, said) in enumerate(labels.batches(batches, generator)):
+    for k, (seen, actions) in enumerate(labels.batches(batches, generator)):
         optimiser.param_groups[0]["lr"] = RATE * (1.0 - (1.0 - LEAST) * k / batches)
         mean, scale = network(seen)
-        error = (mean.tanh() - said).square().mean() + (scale - SPREAD).square().mean()
+        error = (mean.tanh() - actions).square().mean() + (scale - SPREAD).square().mean()
         optimiser.zero_grad()
         error.backward()
         optimiser.step()

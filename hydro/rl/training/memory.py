@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-SEEN, FOLLOWING = "observation", "next.observation"
+SEEN, FOLLOWING = "observation", "next.observation"  # columns before and after a step
 UNLINKED = -1
 """Link of a following observation that equals no observation of a transition; it is stored separately."""
 ROWS = 1 << 16

@@ -306,10 +306,10 @@ def policy_of(artefact: Artefact) -> Policy:
     Raises:
         DataError: The footer does not describe a policy.
     """
-    said = models.described(artefact, DescribedPolicy, AGAIN)
+    described = models.described(artefact, DescribedPolicy, AGAIN)
     return Policy(
-        said.widths,
-        Encoding(np.array(said.scale, np.float32), np.array(said.fades, np.bool_)),
+        described.widths,
+        Encoding(np.array(described.scale, np.float32), np.array(described.fades, np.bool_)),
         models.tensors(artefact),
         (artefact.provenance.model or {})["training"],
     )

@@ -377,7 +377,7 @@ def _leaves(parameters: Any) -> list[Tensor]:
 
 
 def _place(item: tuple[tuple[str, ...], Tensor]) -> tuple[int, bool]:
-    """Sort key: number of the layer, weights before biases."""
+    """Return the sort key of a tensor: the number of its layer, weights before biases."""
     *_, layer, name = item[0]
     return int(layer), name != "weight"
 

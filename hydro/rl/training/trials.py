@@ -9,8 +9,8 @@ from hydro.core.errors import UsageError
 from hydro.rl.tasks.task import Task
 from hydro.rl.world.config import Randomisation, Settings
 
-NOMINAL = "nominal"
-EVERY = "all"
+NOMINAL = "nominal"  # setting without changes
+EVERY = "all"  # selects all settings that suit a task
 
 
 @dataclass(frozen=True)
