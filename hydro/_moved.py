@@ -1,9 +1,9 @@
-"""Names of version 0.1 that have moved, importable for one more version with a `DeprecationWarning`.
+"""Import names of version 0.1 that have moved; they work for one more version with a `DeprecationWarning`.
 
-A finder at the end of `sys.meta_path` is asked only for modules that nobody else has found: it imports the
-module under its new name and hands out that same object, so that classes stay identical.  Delete this file,
-its call in `hydro/__init__.py` and the `__getattr__` of `core.vehicle` and `core.recording` once version
-0.2 is out.
+A finder at the end of `sys.meta_path` handles only modules that no other finder has found.  It imports the
+module under its new name and returns the same object, so classes stay identical.  When version 0.2 is out,
+delete this file, its call in `hydro/__init__.py`, and the `__getattr__` of `core.vehicle` and
+`core.recording`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
-_PACKAGES = {  # new package: old name of a module, and its new one where that is another
+_PACKAGES = {  # new package: old module names, each with its new name after a colon if it differs
     "hydro.core.diagnosis": "diagnose search naming:confidence "
     "left_out:confidence undetermined:identifiability unexplained slow:unexplained "
     "log_faults findings extend:findings",
@@ -58,28 +58,28 @@ MODULES = {
     "hydro.core.ranking": "hydro.report.ranking",
     **{f"hydro.sim.{name}": f"hydro.core.residual.{name}" for name in ("lowering", "layers", "network")},
 }
-"""Old dotted name of a module: its new one."""
+"""New dotted names of modules by old name."""
 
 PACKAGES = {
     "hydro.core.vehicle": "hydro.core.vehicle.description",
     "hydro.core.recording": "hydro.core.recording.arrays",
 }
-"""Modules that are packages now: the module that holds what they held."""
+"""Modules that became packages, with the module that holds their former content."""
 
 
 class Finder:
-    """Finds modules by their old names."""
+    """Finder of modules by their old names."""
 
     @staticmethod
     def find_spec(
         fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """A spec for an old name, None for any other."""
+        """Return a spec for an old name, None for any other."""
         return ModuleSpec(fullname, _Loader()) if fullname in MODULES else None
 
 
 class _Loader(Loader):
-    """Gives the module of the new name out under the old one."""
+    """Loader that returns the module of the new name under the old one."""
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         new = MODULES[spec.name]
@@ -93,13 +93,13 @@ class _Loader(Loader):
 
 
 def attribute(package: str, name: str) -> Any:
-    """A name that was in a module whose place a package has taken.
+    """Return a name from a module that has become a package.
 
     Raises:
-        AttributeError: it was not.
+        AttributeError: The module did not have the name.
     """
     home = PACKAGES[package]
-    # a submodule is left to the import system, which asks here before it looks for one
+    # the import system calls this before it looks for a submodule, so submodules are left to it
     if name.startswith("_") or find_spec(f"{package}.{name}") or not hasattr(import_module(home), name):
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
     if sys._getframe(2).f_globals["__name__"] != "importlib._bootstrap":  # `from` asks twice: warn once
@@ -108,13 +108,13 @@ def attribute(package: str, name: str) -> Any:
 
 
 def install() -> None:
-    """Let old names be found, once."""
+    """Register the finder once."""
     if Finder not in sys.meta_path:
         sys.meta_path.append(Finder)
 
 
 def _warn(old: str, new: str, level: int = 3) -> None:
-    """Warn in the name of the line that imports; frames of the import system do not count."""
+    """Warn at the line that imports, skipping frames of the import system."""
     warnings.warn(
         f"{old} has moved to {new}; the old name goes with the next version",
         DeprecationWarning,

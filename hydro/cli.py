@@ -1,7 +1,7 @@
-"""The root of the command line: registers the commands and turns errors into exit codes.
+"""Root of the command line: registers the commands and converts errors to exit codes.
 
-0 done; 1 the data or a file is at fault; 2 wrong usage; 3 our own bug; 130 interrupted.  One line on stderr
-says what, where and what to do; tracebacks come only with `--debug`.
+0 done; 1 fault of the data or a file; 2 wrong usage; 3 bug in hydro; 130 interrupted.  One line on stderr
+gives the problem, its place and the remedy; tracebacks appear only with `--debug`.
 """
 
 from __future__ import annotations
@@ -61,21 +61,21 @@ SECTIONS: dict[str, tuple[ModuleType, ...]] = {
     "Residual networks": (data, models, replay, study),
     "Policies (imitation and reinforcement learning)": (rl,),
 }
-"""Modules of commands under the titles of `hydro --help`. Each has `COMMANDS`: its functions, and an example
-of each that runs. A module with `NAME` and `HELP` is a group of commands under one name."""
+"""Modules of commands by section of `hydro --help`.  `COMMANDS` of a module has its functions, each with an
+example that runs.  A module with `NAME` and `HELP` is a group of commands under one name."""
 
 GROUPS = tuple(one for modules in SECTIONS.values() for one in modules if not hasattr(one, "NAME"))
-"""Modules whose commands stand directly under `hydro`."""
+"""Modules whose commands are directly under `hydro`."""
 
 FAMILIES = tuple(one for modules in SECTIONS.values() for one in modules if hasattr(one, "NAME"))
-"""Modules whose commands stand under one name, such as `hydro rl`."""
+"""Modules whose commands are in a group, such as `hydro rl`."""
 
 
 class Sectioned(help_.Pasted, TyperGroup):
     """Group of commands whose help lists them by section, with the summaries in one column."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands; the last line of the help names the options, so that all fits one screen.
+        """Write the commands; the last line of the help names the options, so that the help fits one screen.
 
         Args:
             ctx: Context of the parser.
@@ -129,7 +129,7 @@ def root(
         bool, typer.Option("--debug", help="Show the traceback of an error; works after a command, too.")
     ] = False,
 ) -> None:
-    """Hold the options that stand before any command."""
+    """Accept the options before any command."""
 
 
 def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str], section: str) -> None:
@@ -154,7 +154,7 @@ for title, modules in SECTIONS.items():
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command line and return its exit code; `arguments` defaults to the process's own."""
+    """Run one command line and return its exit code; `arguments` defaults to those of the process."""
     streams.replace_closed()
     with streams.warnings_in_one_line(), interrupts.noted():
         return _main(arguments)
@@ -164,10 +164,11 @@ def _main(arguments: list[str] | None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments
     if not {"train", "demo"} & set(arguments):
-        # The work is shared among threads by shots, windows or vehicles already, on matrices of a few dozen
-        # rows: threads of the linear algebra beside these only wait for one another.  On two busy cores a
-        # diagnosis of one minute took 34 s of processor time with one of them; with two it was not done after
-        # 168 s.  They are counted when numpy is first imported.  Training alone has matrices worth them.
+        # hydro's own threads share the work by shots, windows or vehicles, on matrices of a few dozen rows.
+        # BLAS threads in addition only wait for each other.  On two busy cores, a diagnosis of one minute
+        # took 34 s of processor time with one BLAS thread; with two it had not finished after 168 s.  NumPy
+        # reads the variable when it is first imported.  Only training has matrices large enough for BLAS
+        # threads.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
     try:
@@ -184,22 +185,22 @@ def _main(arguments: list[str] | None) -> int:
 
 @functools.cache
 def _parser() -> Any:
-    """Build the parser of all commands, once in a process: that takes longer than many a command."""
+    """Build the parser of all commands, once per process, because that takes longer than many a command."""
     return get_command(app)
 
 
 def _run(arguments: list[str]) -> int:
-    """Run the Typer application; what it returns on `raise typer.Exit` is the code."""
+    """Run the Typer application; return the exit code, also after `raise typer.Exit`."""
     code = _parser()(arguments, prog_name="hydro", standalone_mode=False)
     return code if isinstance(code, int) else 0
 
 
 def _exit_code(error: BaseException) -> int:
-    """Report `error` in one line on stderr and choose the exit code."""
+    """Report an error in one line on stderr and return the exit code."""
     from hydro.core.errors import HydroError
 
     if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
-        streams.leave()  # the reader has gone, which Click ends with SystemExit(1)
+        streams.leave()  # the reader of the pipe has closed, which Click turns into SystemExit(1)
         return 0
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else 1
@@ -207,7 +208,7 @@ def _exit_code(error: BaseException) -> int:
         return 130
     if isinstance(error, HydroError):
         return _report(str(error), error.exit_code)
-    if type(error).__name__ == "NoArgsIsHelpError":  # of a family of commands: its help, line by line
+    if type(error).__name__ == "NoArgsIsHelpError":  # group without a command: print its help
         print(str(error), file=sys.stderr)
         return 2
     if (usage := _usage_message(error)) is not None:
@@ -226,7 +227,7 @@ def _exit_code(error: BaseException) -> int:
 
 
 def _usage_message(error: BaseException) -> str | None:
-    """One line for a usage error of Typer's parser, with the help to turn to; None for any other error."""
+    """Return one line for a usage error of Typer's parser, with the help command; None for other errors."""
     if not hasattr(error, "format_message"):
         return None
     context = getattr(error, "ctx", None)

@@ -18,7 +18,7 @@ MAKEFILE = Path(__file__).resolve().parents[1] / "Makefile"
 def test_the_kernels_are_compiled_and_kept(capsys: pytest.CaptureFixture[str]) -> None:
     kernels.main()
     assert "compiled in" in capsys.readouterr().out
-    kernel_cache._tell_cold.cache_clear()
+    kernel_cache._announce_compilation.cache_clear()
     with warnings.catch_warnings():
         warnings.simplefilter("error", HydroNotice)
         assert kernels.compile_kernels() > 0.0, "no cache is cold now"

@@ -275,7 +275,7 @@ def test_a_study_trains_in_what_was_identified_and_flies_it_in_the_teacher_of_it
         (("train", VEHICLE, "--set", "sac.size=3", "-o", "x"), "no choice is called 'sac.size'", 2),
         (("train", VEHICLE, "--set", "sac.batch", "-o", "x"), "give a name and a value", 2),
         (("train", VEHICLE, "--condition", "R_1", "-o", "x"), "there is no condition 'R_1'", 2),
-        (("train", VEHICLE, "--condition", "R_MLP", "-o", "x"), "flies with a residual model", 2),
+        (("train", VEHICLE, "--condition", "R_MLP", "-o", "x"), "needs a residual model", 2),
         (("train", VEHICLE, "--start", "nowhere", "-o", "x"), "nowhere", 1),
         (
             ("train", VEHICLE, "--task", "dock", "-o", "x"),
@@ -287,11 +287,11 @@ def test_a_study_trains_in_what_was_identified_and_flies_it_in_the_teacher_of_it
         (("train", VEHICLE, "--randomise", "wind=1", "-o", "x"), "no choice is called", 2),
         (
             ("train", VEHICLE, "--condition", "R_0", "--randomise", "0.2", "-o", "x"),
-            "R_0 does not heed the numbers",
+            "R_0 ignores the parameters",
             2,
         ),
         (("eval", VEHICLE, "--setting", "storm", "-o", "x"), "there is no setting 'storm'", 2),
-        (("eval", VEHICLE, "--setting", "no_plan", "-o", "x"), "without a plan to leave out", 2),
+        (("eval", VEHICLE, "--setting", "no_plan", "-o", "x"), "needs a planned path", 2),
         (("eval", VEHICLE, "--task", "slalom", "--stage", "2", "-o", "x"), "give one of them", 2),
         (("eval", VEHICLE, "--task", "slalom", "--level", "9", "-o", "x"), "choose 0 to 4", 2),
         *(

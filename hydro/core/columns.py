@@ -1,7 +1,7 @@
-"""Names and units of the columns of motion and force, and the types of array and table code.
+"""Names and units of the columns of motion and force, and types of arrays.
 
-Letters are those of SNAME (1950), as in Fossen (2021), Table 2.1: the pose of CO in NED, velocity and force
-in body axes (FRD).
+Letters follow SNAME (1950), as in Fossen (2021), Table 2.1: the pose of CO in NED, velocity and force in body
+axes (FRD).
 """
 
 from __future__ import annotations
@@ -30,36 +30,36 @@ POSE_UNITS = ("m",) * 3 + ("rad",) * 3
 VELOCITY_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 WRENCH_UNITS = ("N",) * 3 + ("N m",) * 3
 UNITS = dict(zip((*MOTION, *WRENCH), (*POSE_UNITS, *VELOCITY_UNITS, *WRENCH_UNITS), strict=True))
-"""Unit of each of these columns."""
+"""Unit of each column of motion and force."""
 
 COMMAND = "cmd_"
-"""What the name of every command column begins with."""
+"""Prefix of the names of command columns."""
 
 
 VOLTAGE = "voltage"
-"""Column of the supply voltage [V], which a recording may have."""
+"""Optional column of the supply voltage [V]."""
 
 
 def command_column(thruster: int) -> str:
-    """Name of the column of a thruster's command; thrusters count from 0, the columns from 1."""
+    """Return the name of a thruster's command column; thrusters count from 0, columns from 1."""
     return f"{COMMAND}{thruster + 1}"
 
 
 def command_columns(thrusters: int) -> list[str]:
-    """Names of the command columns of so many thrusters: `cmd_1 ... cmd_n`."""
+    """Return the names of the command columns of a number of thrusters: `cmd_1 ... cmd_n`."""
     return [command_column(thruster) for thruster in range(thrusters)]
 
 
 def checked_commands(columns: Iterable[str], thrusters: int, vehicle: str) -> list[str]:
-    """The command columns of a table, which must be those of a vehicle's thrusters, one for each.
+    """Return the command columns of a table; they must match a vehicle's thrusters one to one.
 
     Args:
         columns: Names of all columns of the table.
-        thrusters: How many thrusters the vehicle has.
-        vehicle: Its name, for the error line.
+        thrusters: Number of thrusters of the vehicle.
+        vehicle: Name of the vehicle, for the error line.
 
     Raises:
-        DataError: A command column is missing, or is one too many.
+        DataError: A command column is missing or superfluous.
     """
     needed = command_columns(thrusters)
     found = [name for name in columns if name.startswith(COMMAND)]

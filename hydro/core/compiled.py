@@ -1,9 +1,8 @@
-"""Compile scalar kernels once per version of the sources, whichever module they stand in.
+"""Compilation of scalar kernels, once per version of all sources that a kernel uses.
 
-Numba keys its on-disk cache on the file of the *calling* function alone, so a kernel edited in another
-module would leave stale machine code behind.  The cache folder of a layer's kernels is therefore named by a
-digest of every source that they can see: the modules of the layer that compile something, and all that these
-import.
+Numba keys its on-disk cache on the file of the function alone.  A kernel edited in another module would
+therefore leave stale machine code.  Here, the name of a layer's cache folder contains a digest of every
+source that its kernels can use: the modules of the layer that compile something, and all their imports.
 """
 
 from __future__ import annotations
@@ -35,14 +34,14 @@ _IMPORTS = re.compile(
 
 
 PARTS = ("core", "sim", "rl")
-"""Layers that compile something."""
+"""Layers with compiled functions."""
 
 
 @functools.cache
 def _cache_folder(part: str) -> Path | None:
-    """Return the folder of compiled kernels for exactly the sources that a layer's kernels can see."""
+    """Return the folder of compiled kernels for exactly the sources that a layer's kernels can use."""
     digest = hashlib.sha256(numba.__version__.encode())
-    # sim's kernels hold offsets into MuJoCo's structs
+    # The kernels of sim contain offsets into MuJoCo's structs.
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         digest.update(importlib.metadata.version("mujoco").encode())
     for source in kernel_sources((part,) if part in PARTS else PARTS):
@@ -51,7 +50,7 @@ def _cache_folder(part: str) -> Path | None:
 
 
 def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
-    """Sources of some layers that compile something, with all of hydro's that they import, in order."""
+    """Return the sources of layers that compile something, with all hydro modules they import, sorted."""
     text = _sources()
     own = tuple(_PACKAGE / part for part in parts)
     waiting = [
@@ -70,12 +69,12 @@ def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
 
 @functools.cache
 def _sources() -> dict[Path, bytes]:
-    """Text of every module of the layers that compile something."""
+    """Return the text of every module in the layers with compiled functions."""
     return {path: path.read_bytes() for part in PARTS for path in (_PACKAGE / part).rglob("*.py")}
 
 
 def _imported(source: bytes) -> list[Path]:
-    """Files that the import statements of a module may mean: a module, a package, or a module of one."""
+    """Return the files that a module's imports may refer to: a module, a package, or a module in one."""
     files = []
     for origin, listed, line, whole in _IMPORTS.findall(source):
         module = _PACKAGE.parent.joinpath(*(origin or whole).decode().split("."))
@@ -86,7 +85,7 @@ def _imported(source: bytes) -> list[Path]:
 
 
 def _cache(function: Callable[..., Any]) -> KernelCache | None:
-    """Return the cache of a function; None where there is no folder for it, or it stands in no file."""
+    """Return the cache of a function; None without a cache folder or a source file."""
     place = _cache_folder(function.__module__.removeprefix("hydro.").split(".")[0])
     try:
         return None if place is None else KernelCache(function, place)
@@ -95,14 +94,17 @@ def _cache(function: Callable[..., Any]) -> KernelCache | None:
 
 
 def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within: bool = False) -> F:
-    """`numba.njit` with the cache above, or without one where there is no folder for it.
+    """Compile with `numba.njit`, using the cache above if there is a folder for it.
 
-    `reorder_sums` lets the compiler add in another, fixed order, so that a long sum uses vector instructions:
-    the same bits every time on one machine, rounding that may differ on another.  `counted`: see `kernel`.
-    `within` puts the code into whoever calls it: an array takes seven arguments of a call.
+    Args:
+        function: Function to compile.
+        reorder_sums: Allow another, fixed order of additions, so that long sums use vector instructions.  The
+            result is reproducible on one machine; its rounding may differ on another.
+        counted: Count references to arrays; see `kernel`.
+        within: Inline the code into its callers; an array otherwise takes seven arguments of a call.
     """
     fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
-    # said of every function: one that says nothing takes over what its first caller says
+    # Set explicitly for every function; otherwise it would inherit the setting of its first caller.
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
     dispatcher = numba.njit(
         function, error_model="numpy", nogil=True, fastmath=fastmath, forceinline=within, **counts
@@ -113,30 +115,30 @@ def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within
 
 
 def kernel(function: F, *, reorder_sums: bool = False, within: bool = False) -> F:
-    """`jit` for a function that makes no arrays, returns none, and calls none that does.
+    """Compile a function that allocates and returns no arrays, and calls none that does.
 
-    Numba counts references to the memory behind every slice, by atomic operations that take longer than the
-    arithmetic of a thruster.  Whoever calls a kernel holds its arrays meanwhile, so nothing need be counted.
-    Making an array in one does not compile; that none returns one, and that all memory is given back, is
-    tested.
+    Numba counts references to the memory of every slice, with atomic operations that take longer than the
+    arithmetic of a thruster.  The caller of a kernel holds its arrays, so counting is unnecessary.  A kernel
+    that allocates an array does not compile.  Tests check that no kernel returns an array and that no memory
+    leaks.
     """
     return jit(function, reorder_sums=reorder_sums, counted=False, within=within)
 
 
 def within(function: F) -> F:
-    """A `kernel` whose code stands in whoever calls it, for short ones in the innermost loops."""
+    """Compile a `kernel` that is inlined into its callers, for short functions in inner loops."""
     return kernel(function, within=True)
 
 
 @kernel
 def copy_kernel(values: Any, out: Any) -> None:
-    """Write a vector into another one: a slice that is assigned to a slice may need memory of its own."""
+    """Copy a vector; assignment of a slice to a slice may allocate memory."""
     for i in range(out.size):
         out[i] = values[i]
 
 
 def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
-    """`numba.cfunc` (a native function pointer, called without the GIL) with the same cache.
+    """Compile with `numba.cfunc` (a native function pointer, called without the GIL), with the same cache.
 
     `counted`: see `kernel`.
     """

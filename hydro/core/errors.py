@@ -1,4 +1,4 @@
-"""The errors a user can meet; the shell maps each to an exit code and prints its one line."""
+"""Errors for the user; the command line maps each to an exit code and prints its one line."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ from collections.abc import Sequence
 
 
 class HydroError(Exception):
-    """Any error with one clear line for the user: what, where, what to do."""
+    """Error with one clear line for the user: where, problem and remedy."""
 
     exit_code = 1
 
 
 class HydroWarning(UserWarning):
-    """Something in the data that is possible and yet likely wrong: one line, which the shell prints once."""
+    """Warning of something in the data that is possible but probably wrong: one line, printed once."""
 
 
 class HydroNotice(HydroWarning):
-    """Something that the user should know and need not act on: one line, which the shell prints once."""
+    """Notice that requires no action by the user: one line, printed once."""
 
 
 class DataError(HydroError):
-    """The data or the file is at fault (exit code 1)."""
+    """Fault of the data or of a file (exit code 1)."""
 
 
 class UsageError(HydroError):
-    """The command was called wrongly (exit code 2)."""
+    """Wrong use of a command (exit code 2)."""
 
     exit_code = 2
 
 
 def shown(text: str) -> str:
-    """A text as it may stand in an error line: in quotes and escaped where it would break the line."""
+    """Return a text for an error line, quoted and escaped if it would break the line."""
     return text if text.isprintable() else repr(text)
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words in a sentence: `a, b and c`."""
+    """Return words as an enumeration: `a, b and c`."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -1,8 +1,8 @@
-"""Cache of compiled kernels on disk: where it is, whose it may be, and what happens when a file is damaged.
+"""Cache of compiled kernels on disk: its location, its ownership, and the handling of damaged files.
 
-Numba's cache files are pickles, which run code when they are loaded.  They are therefore read only from
-folders and files that nobody but the user and root can write to.  The cache only saves time, so no fault of
-it ends a command: kernels are then compiled again, and one line names the folder.
+Numba's cache files are pickles, which execute code when they are loaded.  They are therefore read only from
+folders and files that only the user and root can write.  The cache only saves time, so no fault of it ends a
+command: kernels are then compiled again, and one line names the folder.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from numba.core import caching
 
 from hydro.core.errors import HydroNotice, HydroWarning
 
-COLD = "compiling kernels for this machine, about 40 s, only once"
-"""What is said before the first kernels are compiled."""
+COMPILING = "compiling kernels for this machine, about 40 s, only once"
+"""Notice before the first kernels are compiled."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
-_MARK = b"hydro-kernel/1 "
+_MARK = b"hydro-kernel/1 "  # first bytes of a cache file, with the version of its format
 _HEAD = len(_MARK) + 4
 """Bytes before the content of a cache file: the mark and the CRC-32 of the content."""
-_WRITABLE = stat.S_IWGRP | stat.S_IWOTH
+_WRITABLE = stat.S_IWGRP | stat.S_IWOTH  # permissions that make a file or folder untrustworthy
 _Locator: Any = getattr(caching, "UserProvidedCacheLocator", None) or caching._UserProvidedCacheLocator
 """Numba's locator for a folder that the user names; it lost its underscore in version 0.62."""
 
 
 @functools.cache
 def folder(name: str) -> Path | None:
-    """Return a folder that only the user can write to, and make it where it is missing.
+    """Return a folder that only the user can write to; create it if it is missing.
 
-    The first choice is `HYDRO_CACHE_DIR`, or `hydro` in the user's cache folder.  The second is a folder of
-    the user's in the folder for temporary files.  A warning says why the first one is not used.
+    The first choice is `HYDRO_CACHE_DIR`, or `hydro` in the user's cache folder.  The second is the user's
+    own folder among the temporary files.  A warning gives the reason if the first is not used.
 
     Args:
         name: Last part of the path.
 
     Returns:
-        The folder; None where there is no such place.
+        The folder; None if neither is usable.
     """
     try:
         base = _base()
@@ -65,7 +65,7 @@ def folder(name: str) -> Path | None:
 
 
 def _base() -> Path:
-    """Return the folder of caches that the environment names, else the user's own.
+    """Return the folder of caches named by the environment, otherwise the user's own.
 
     Raises:
         RuntimeError: The user has no home folder.
@@ -77,7 +77,7 @@ def _base() -> Path:
 
 
 def _temporary() -> list[Path]:
-    """Return the user's own folder among the temporary files, if there is a place for those."""
+    """Return the user's own folder among the temporary files, if there is a folder for those."""
     try:
         return [
             Path(tempfile.gettempdir()) / (f"hydro-{os.geteuid()}" if hasattr(os, "geteuid") else "hydro")
@@ -87,17 +87,17 @@ def _temporary() -> list[Path]:
 
 
 def _first_fault(base: Path, ours: Path, kernels: Path) -> tuple[str, str]:
-    """Return the first of three nested folders that is not to be trusted, and why; two '' if all are."""
+    """Return the first of three nested folders that is not trustworthy, and why; two '' if all are."""
     if why := _fault_above(base):
         return str(base), why
-    if why := _fault_in(ours, mend=True):
+    if why := _fault_in(ours, repair=True):
         return str(ours), why
     why = _fault_in(kernels)
     return str(kernels) if why else "", why
 
 
 def _fault_above(place: Path) -> str:
-    """Return why folders cannot safely be made in `place`, which is made where it is missing; else ''."""
+    """Return why folders cannot safely be created in `place`, or ''; create `place` if it is missing."""
     try:
         place.mkdir(parents=True, exist_ok=True)
         mode = place.stat().st_mode
@@ -106,13 +106,13 @@ def _fault_above(place: Path) -> str:
     return "others can replace it" if mode & stat.S_IWOTH and not mode & stat.S_ISVTX else ""
 
 
-def _fault_in(place: Path, *, mend: bool = False, private: bool = False) -> str:
-    """Return why a folder, which is made where it is missing, is not to be trusted; else ''.
+def _fault_in(place: Path, *, repair: bool = False, private: bool = False) -> str:
+    """Return why a folder is not trustworthy, or ''; create it if it is missing.
 
     Args:
         place: The folder.
-        mend: Take the right to write from others instead of refusing: for a folder whose parts are tested.
-        private: Refuse links, folders of root, and any right of others.
+        repair: Remove write access of others instead of refusing, for a folder whose subfolders are tested.
+        private: Refuse links, folders of root, and any access of others.
     """
     try:
         with contextlib.suppress(FileExistsError):
@@ -127,7 +127,7 @@ def _fault_in(place: Path, *, mend: bool = False, private: bool = False) -> str:
         if not {link.st_uid, found.st_uid} <= trusted:
             return "it belongs to another user"
         if found.st_mode & (0o077 if private else _WRITABLE):
-            if not (mend and found.st_uid == own):
+            if not (repair and found.st_uid == own):
                 return "others can write to it"
             place.chmod(stat.S_IMODE(found.st_mode) & ~_WRITABLE)
     except OSError as error:
@@ -136,7 +136,7 @@ def _fault_in(place: Path, *, mend: bool = False, private: bool = False) -> str:
 
 
 def _reason(error: OSError) -> str:
-    """Return what the operating system says, in lower case."""
+    """Return the message of the operating system, in lower case."""
     return (error.strerror or str(error)).lower()
 
 
@@ -145,33 +145,33 @@ def _warn(line: str) -> None:
 
 
 class _Saving:
-    """Whether this process still tries to write to the cache: after one failure it does not."""
+    """Whether this process still writes to the cache; it stops after the first failure."""
 
     works = True
 
 
-def _fails(place: object, error: OSError) -> None:
-    """Say once that nothing can be written, and write no more."""
+def _stop_saving(place: object, error: OSError) -> None:
+    """Warn once that the cache cannot be written, and stop writing."""
     if _Saving.works:
         _Saving.works = False
         _warn(f"{place}: compiled kernels cannot be kept ({_reason(error)}): make room, or {ELSEWHERE}")
 
 
 @functools.cache
-def _tell_damage(place: str) -> None:
-    """Say once for each folder that a file in it was not used."""
+def _warn_of_damage(place: str) -> None:
+    """Warn once per folder that a file in it was rejected."""
     _warn(f"{place}: damaged or foreign compiled kernels are compiled again; remove the folder if this stays")
 
 
 @functools.cache
-def _tell_cold(place: str) -> None:
-    """Say once for each folder that it is empty, so that kernels are compiled."""
+def _announce_compilation(place: str) -> None:
+    """Announce once per folder that it is empty, so that kernels are compiled."""
     if not any(Path(place).rglob("*.nbi")):
-        warnings.warn(COLD, HydroNotice, stacklevel=2)
+        warnings.warn(COMPILING, HydroNotice, stacklevel=2)
 
 
 class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
-    """Numba's index and data files with a checksum, read only where nobody else could have written them."""
+    """Numba's index and data files with a checksum, read only if nobody else can have written them."""
 
     def _load_index(self) -> dict[Any, str]:
         content = self._content(self._index_path)
@@ -186,14 +186,14 @@ class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
     def _load_data(self, name: str) -> Any:
         content = self._content(self._data_path(name))
         if content is None:
-            raise FileNotFoundError(name)  # `load` takes it for a file that is gone
+            raise FileNotFoundError(name)  # `load` treats it as a deleted file
         return pickle.loads(content)
 
     def _save_data(self, name: str, data: Any) -> None:
         self._write(self._data_path(name), self._dump(data))
 
     def _content(self, path: str) -> bytes | None:
-        """Return the content of a file; None where there is none to be trusted."""
+        """Return the content of a file; None if it is missing or not trustworthy."""
         try:
             with open(path, "rb") as file:
                 status, whole = os.fstat(file.fileno()), file.read()
@@ -204,19 +204,19 @@ class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
             status.st_uid not in (os.geteuid(), 0) or status.st_mode & _WRITABLE
         )
         if foreign or whole[:_HEAD] != _MARK + zlib.crc32(content).to_bytes(4, "little"):
-            _tell_damage(str(Path(path).parents[1]))
+            _warn_of_damage(str(Path(path).parents[1]))
             return None
         return content
 
     def _write(self, path: str, content: bytes) -> None:
         with self._open_for_write(path) as file:
             if hasattr(os, "fchmod"):
-                os.fchmod(file.fileno(), 0o600)  # the umask may leave a group the right to write
+                os.fchmod(file.fileno(), 0o600)  # the umask may give a group write access
             file.write(_MARK + zlib.crc32(content).to_bytes(4, "little") + content)
 
 
 class _Place(_Locator):  # type: ignore[misc]
-    """The folder of a function's cache, without numba's test of whether it can be written to."""
+    """Cache folder of a function, without numba's test of write access."""
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Place | None:
@@ -229,20 +229,20 @@ class _Place(_Locator):  # type: ignore[misc]
 
 
 class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    """Numba's form of a compiled function, kept in the folder above alone."""
+    """Numba's serialisation of compiled functions, restricted to the folder above."""
 
     _locator_classes = (_Place,)
 
 
 class KernelCache(caching.FunctionCache):  # type: ignore[misc]
-    """Cache of one function, which a fault makes slower and never fail.
+    """Cache of one function; a fault of it costs time, but never fails.
 
     Args:
         function: The function.
-        place: The folder, as `folder` gives it.
+        place: The folder from `folder`.
 
     Raises:
-        RuntimeError: The function stands in no file.
+        RuntimeError: The function has no source file.
     """
 
     _impl_class = _Compiled
@@ -258,31 +258,31 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function of a signature; None where it has to be compiled."""
+        """Return the compiled function of a signature; None if it must be compiled."""
         try:
             if _fault_in_existing(self._cache_path):
                 return None
-            _tell_cold(str(Path(self._cache_path).parent))
+            _announce_compilation(str(Path(self._cache_path).parent))
             return super().load_overload(sig, target_context)
-        except Exception:  # whatever numba makes of a file that it did not write
-            _tell_damage(str(Path(self._cache_path).parent))
+        except Exception:  # any error of numba with a file that it did not write
+            _warn_of_damage(str(Path(self._cache_path).parent))
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a compiled function, if the disk allows."""
+        """Store a compiled function, if the disk allows it."""
         if not _Saving.works:
             return
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            _fails(Path(self._cache_path).parent, error)
+            _stop_saving(Path(self._cache_path).parent, error)
 
 
 @functools.cache
 def _fault_in_existing(place: str) -> str:
-    """Return why a folder with cache files is not to be trusted; '' where it is, or is not there yet."""
+    """Return why a folder with cache files is not trustworthy; '' if it is or does not exist yet."""
     if not os.path.isdir(place):
         return ""
     if fault := _fault_in(Path(place)):
-        _tell_damage(str(Path(place).parent))
+        _warn_of_damage(str(Path(place).parent))
     return fault

@@ -1,4 +1,4 @@
-"""Limit on how deeply the content of a file is nested, because much of what reads it is recursive."""
+"""Limit of the nesting of a file's content, because many of its readers are recursive."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 DEEPEST = 64
-"""Most tables and lists inside one another; hydro's own files have at most 8, and recursion ends near 300."""
+"""Greatest number of nested tables and lists; hydro's own files have at most 8, recursion ends near 300."""
 
 
 def too_deep(content: Any) -> bool:

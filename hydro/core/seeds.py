@@ -1,14 +1,14 @@
-"""Which numbers are seeds: those that every generator takes, torch's of 64 bits too."""
+"""Valid range of seeds: numbers that every generator accepts, including the 64 bits of torch."""
 
 from __future__ import annotations
 
 from hydro.core.errors import UsageError
 
-LARGEST = 2**64 - 1
+LARGEST = 2**64 - 1  # greatest seed that torch accepts
 
 
 def check(seed: int) -> None:
-    """Refuse what is no seed, before anything else is done.
+    """Check a seed before any other work.
 
     Raises:
         UsageError: It is below 0 or has more than 64 bits.

@@ -1,4 +1,4 @@
-"""How many threads one process may use: all processors, unless its share of the machine is said."""
+"""Threads of one process: all processors, unless the environment limits its share of the machine."""
 
 from __future__ import annotations
 
@@ -12,61 +12,61 @@ from hydro.core.errors import UsageError
 
 T = TypeVar("T")
 R = TypeVar("R")
-_HERE = threading.local()
+_LOCAL = threading.local()  # `sharing`: number of threads that share the processors at present
 VARIABLE = "HYDRO_THREADS"
-"""Environment variable with the threads of a process that shares its machine with others."""
+"""Environment variable with the number of threads of a process that shares its machine."""
 
 
 def available() -> int:
-    """Threads for work that is shared among them; no result depends on how many there are.
+    """Return the number of threads for shared work; no result depends on it.
 
-    A worker of a cluster has a share of a machine and still sees all its processors: what starts it says how
-    many are its own.  Within `shared` they are shared among those that are at work.
+    A worker of a cluster sees all processors of a machine and may use only some.  The scheduler sets its
+    share in HYDRO_THREADS.  Within `shared`, the threads divide that share among themselves.
 
     Raises:
         UsageError: HYDRO_THREADS is not a whole number from 1.
     """
-    return max(_processors() // getattr(_HERE, "sharing", 1), 1)
+    return max(_processors() // getattr(_LOCAL, "sharing", 1), 1)
 
 
 def _processors() -> int:
-    """What the machine has, or HYDRO_THREADS says."""
-    said = os.environ.get(VARIABLE)
-    if said is None:
+    """Return the number in HYDRO_THREADS, otherwise the number of processors."""
+    limit = os.environ.get(VARIABLE)
+    if limit is None:
         return os.cpu_count() or 1
-    if not said.isdecimal() or int(said) < 1:
-        raise UsageError(f"{VARIABLE}={said!r:.40}: set it to a whole number of threads, or unset it")
-    return int(said)
+    if not limit.isdecimal() or int(limit) < 1:
+        raise UsageError(f"{VARIABLE}={limit!r:.40}: set it to a whole number of threads, or unset it")
+    return int(limit)
 
 
 def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-    """What `work` makes of every item, in their order, the items shared among the threads.
+    """Apply `work` to every item in parallel threads; yield the results in order.
 
-    It pays for fits of some hundredths of a second and more: their kernels run side by side, and while one is
-    prepared another one is predicted.
+    It pays for work of some hundredths of a second or more.  Compiled kernels run in parallel, and the Python
+    code of one item runs while the kernels of another do.
     """
     every = list(items)
     threads = max(min(available(), len(every)), 1)
-    sharing = threads * getattr(_HERE, "sharing", 1)
+    sharing = threads * getattr(_LOCAL, "sharing", 1)
 
-    def alone(item: T) -> R:
-        _HERE.sharing = sharing
+    def in_thread(item: T) -> R:
+        _LOCAL.sharing = sharing
         return work(item)
 
     with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(alone, every)
+        yield from pool.map(in_thread, every)
 
 
 def spread(work: Callable[[T], R], pieces: Iterable[T], threads: int | None = None) -> list[R]:
-    """What `work` makes of every piece of one evaluation, in their order.
+    """Apply `work` to every piece of one evaluation; return the results in order.
 
-    Unlike `shared` it stays in the present thread where there is one piece or one thread: an evaluation takes
-    milliseconds, of which starting a thread would be a part.
+    Unlike `shared`, it stays in the current thread if there is one piece or one thread.  An evaluation takes
+    milliseconds, so starting a thread would cost a significant part of it.
 
     Args:
-        work: What is done with a piece; it starts no threads itself.
+        work: Function of a piece; it starts no threads itself.
         pieces: The pieces.
-        threads: How many threads; by default those that are available.
+        threads: Number of threads; by default those that are available.
     """
     every = list(pieces)
     count = min(threads or available(), len(every))

@@ -1,4 +1,4 @@
-"""TOML text, whole files and single values, to plain content: the one place where it is taken apart."""
+"""Parser of TOML text, of whole files and of single values."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from hydro.core.nesting import DEEPEST, too_deep
 
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:^[ \t]*+\[{{0,2}}|[{{,])[ \t]*+(?:{_PART}){{{DEEPEST}}}", re.M)
-"""Dotted key of too many parts.  `tomllib` takes a minute for one of 40,000, so it must not see it."""
+"""Pattern of a dotted key with too many parts; `tomllib` takes a minute for one of 40,000 parts."""
 _TOO_DEEP = f"nested more than {DEEPEST} tables or lists deep: write a flatter file"
 INTEGERS = range(-(2**63), 2**63)
-"""What TOML 1.0 promises to hold; beyond it a reader must refuse, and no physical quantity is."""
+"""Integers of TOML 1.0; a reader must refuse larger ones, and no physical quantity needs them."""
 
 
 def content(text: str) -> dict[str, Any]:
-    """The content of a TOML document.
+    """Parse a TOML document.
 
     Raises:
         DataError: It is not TOML, is nested too deeply, or has an integer of more than 64 bits.
@@ -31,7 +31,7 @@ def content(text: str) -> dict[str, Any]:
         raise DataError(f"not valid TOML: {error}") from error
     except RecursionError:
         raise DataError(_TOO_DEEP) from None
-    except ValueError:  # Python gives up on some thousand digits
+    except ValueError:  # Python refuses integers of several thousand digits
         raise DataError("not valid TOML: an integer has thousands of digits: correct it") from None
     if too_deep(found):
         raise DataError(_TOO_DEEP)
@@ -40,7 +40,7 @@ def content(text: str) -> dict[str, Any]:
 
 
 def value(text: str) -> Any:
-    """One value in TOML, such as `{mass = 2.0}`.
+    """Parse one TOML value, such as `{mass = 2.0}`.
 
     Raises:
         DataError: As for `content`.
@@ -49,7 +49,7 @@ def value(text: str) -> Any:
 
 
 def _require_integers(found: Any, path: str = "") -> None:
-    """Refuse integers that TOML does not have, by their place."""
+    """Refuse integers outside INTEGERS; the error names their path."""
     if isinstance(found, dict):
         for key, inner in found.items():
             _require_integers(inner, f"{path}.{key}" if path else key)
@@ -57,4 +57,4 @@ def _require_integers(found: Any, path: str = "") -> None:
         for index, inner in enumerate(found):
             _require_integers(inner, f"{path}[{index}]")
     elif isinstance(found, int) and found not in INTEGERS:
-        raise DataError(f"{path}: an integer of more than 64 bits: write a number that can be, such as 1.5e3")
+        raise DataError(f"{path}: an integer of more than 64 bits: write a smaller number, such as 1.5e3")

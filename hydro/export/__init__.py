@@ -1,1 +1,1 @@
-"""Vehicles and networks for other programs: one file per target, listed in `export.targets`."""
+"""Export of vehicles and networks to other programs: one file per target, listed in `export.targets`."""

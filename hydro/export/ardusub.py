@@ -1,9 +1,8 @@
-"""A vehicle for ArduSub's SITL: the JSON interface over UDP, as ArduPilot documents it.
+"""Vehicle for ArduSub's SITL, through ArduPilot's documented JSON interface over UDP.
 
-SITL sends a frame of servo outputs, and is answered with the state one time step later; it waits for the
-answer, so that it sets the pace.  A frame is `uint16 magic`, `uint16 frame_rate` [Hz], `uint32 frame_count`
-and `uint16 pwm[16]` [us], or 32 of them under another magic, little-endian.  Anything else is dropped and
-counted.
+SITL sends a frame of servo outputs and waits for the answer: the state one time step later.  So SITL sets the
+pace.  A frame is `uint16 magic`, `uint16 frame_rate` [Hz], `uint32 frame_count` and `uint16 pwm[16]` [us],
+little-endian; another magic announces 32 outputs.  All other packets are dropped and counted.
 """
 
 from __future__ import annotations
@@ -25,26 +24,28 @@ from hydro.core.simulation.live import Live, Reading
 from hydro.core.thrust_curves.table import commands_of_pulses
 from hydro.core.vehicle.description import Vehicle
 
-HOST, PORT = "127.0.0.1", 9002
+HOST, PORT = "127.0.0.1", 9002  # defaults of ArduPilot's JSON interface
 MAGIC = {18458: 16, 29569: 32}
-"""Servo outputs of a frame by its magic."""
-HEAD = struct.Struct("<HHI")
+"""Number of servo outputs of a frame by its magic."""
+HEAD = struct.Struct("<HHI")  # magic, frame rate, frame count
 LONGEST_STEP = 0.05
-"""Of a frame [s]: a slower rate is not followed."""
+"""Longest step of a frame [s]; at slower frame rates, simulated time falls behind."""
 NO_OUTPUT = 0
-"""Pulse width of a channel that is switched off: a thruster at rest."""
+"""Pulse width of a channel that is switched off; the thruster stands still."""
 DATAGRAM = 2048
-"""Bytes read of a packet; a frame has 72 at most, and a longer packet is none."""
+"""Bytes read of a packet; a valid frame has 72 at most."""
 WAIT = 0.2
-"""Between two looks at whether to end [s]."""
+"""Interval of the test whether to end [s]."""
 SILENCE = 1.0
-"""Time without a frame from one client after which another may take its place [s]: SITL sends hundreds a
-second, and uses another port after a restart."""
+"""Time without a frame from one client after which another is accepted [s].
+
+SITL sends hundreds of frames a second, and uses another port after a restart.
+"""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What SITL asks for: servo outputs [us], the rate of its frames [Hz], and the number of this one."""
+    """Request of SITL: servo outputs [us], frame rate [Hz], and number of the frame."""
 
     rate: int
     number: int
@@ -52,7 +53,7 @@ class Frame:
 
 
 def frame(packet: bytes) -> Frame | None:
-    """The frame of a packet; None where it is none."""
+    """Parse a packet; return None if it is not a frame."""
     if len(packet) < HEAD.size:
         return None
     magic, rate, number = HEAD.unpack_from(packet)
@@ -63,8 +64,8 @@ def frame(packet: bytes) -> Frame | None:
 
 
 def answer(reading: Reading) -> bytes:
-    """The state of a vehicle as SITL reads it: SI units, body axes FRD, world NED."""
-    said = {
+    """Return the state of a vehicle as SITL reads it: SI units, body axes FRD, world NED."""
+    state = {
         "timestamp": reading.time,
         "imu": {"gyro": reading.nu[3:].tolist(), "accel_body": reading.specific_force.tolist()},
         "position": reading.eta[:3].tolist(),
@@ -72,14 +73,14 @@ def answer(reading: Reading) -> bytes:
         "attitude": reading.eta[3:].tolist(),
         "quaternion": reading.quaternion.tolist(),
     }
-    return f"\n{json.dumps(said, allow_nan=False)}\n".encode()
+    return f"\n{json.dumps(state, allow_nan=False)}\n".encode()
 
 
 def channels(text: str, thrusters: int) -> tuple[int, ...]:
-    """Servo outputs of the thrusters in the file's order: `1,2,-3`, counted from 1, below 0 if reversed.
+    """Parse servo outputs of the thrusters in the file's order: `1,2,-3`, from 1, negative if reversed.
 
     Raises:
-        UsageError: They are not as many as thrusters, or one is no output.
+        UsageError: Their number differs from that of the thrusters, or one is not a valid output.
     """
     try:
         found = tuple(int(one) for one in text.split(","))
@@ -89,23 +90,23 @@ def channels(text: str, thrusters: int) -> tuple[int, ...]:
     if len(found) != thrusters or not all(1 <= abs(one) <= most for one in found):
         raise UsageError(
             f"--channels {text!r}: give {thrusters} servo outputs, 1 to {most}, with commas between, "
-            "below 0 where a thruster is reversed"
+            "negative if a thruster is reversed"
         )
     return found
 
 
 @dataclass
 class Counts:
-    """What came.
+    """Counts of received packets.
 
     Attributes:
-        frames: That moved the vehicle.
-        malformed: Packets that were no frames.
-        repeated: Frames that came again, and were answered again.
-        lost: Numbers of frames that were left out.
-        restarts: Of SITL, after each of which the vehicle began anew.
-        others: Frames of other clients, which are dropped while one is served.
-        unanswered: Frames whose sender cannot be reached.
+        frames: Frames that moved the vehicle.
+        malformed: Packets that were not frames.
+        repeated: Repeated frames, which were answered again.
+        lost: Missing frame numbers.
+        restarts: Restarts of SITL, each of which resets the vehicle.
+        others: Dropped frames of other clients, while one is served.
+        unanswered: Frames with an unreachable sender.
     """
 
     frames: int = 0
@@ -117,7 +118,7 @@ class Counts:
     unanswered: int = 0
 
     def words(self) -> str:
-        """In one line."""
+        """Return the counts in one line."""
         rare = {"frames of other clients dropped": self.others, "not answered": self.unanswered}
         return ", ".join(
             [
@@ -130,12 +131,12 @@ class Counts:
 
 @dataclass
 class Sub:
-    """A vehicle that is told servo outputs.
+    """Vehicle that is driven by servo outputs.
 
     Attributes:
         vehicle: The vehicle file.
-        outputs: Servo outputs of its thrusters, as `channels` gives them.
-        depth: Where it begins, at rest and level [m].
+        outputs: Servo outputs of its thrusters, as returned by `channels`.
+        depth: Initial depth, at rest and level [m].
     """
 
     vehicle: Vehicle
@@ -145,7 +146,7 @@ class Sub:
     _last: int | None = None
 
     def __post_init__(self) -> None:
-        """Put it there, once it has moved: whoever asks first is not to wait for a compiler."""
+        """Compile by a first step, so that no client waits for it, then set the initial state."""
         self._live = Live(self.vehicle)
         self._live.step(np.zeros(len(self.vehicle.thruster)), LONGEST_STEP)
         self._live.read()
@@ -155,30 +156,30 @@ class Sub:
         self._live.reset([0.0, 0.0, self.depth, 0.0, 0.0, 0.0])
 
     def receive(self, packet: bytes) -> bytes | None:
-        """The answer to a packet; None where it is no frame.
+        """Return the answer to a packet; None if it is not a frame.
 
         Raises:
             DataError: The motion diverges.
         """
-        asked = frame(packet)
-        if asked is None or max(map(abs, self.outputs), default=0) > len(asked.pwm):
+        request = frame(packet)
+        if request is None or max(map(abs, self.outputs), default=0) > len(request.pwm):
             self.counts.malformed += 1
             return None
-        if self._last is not None and asked.number < self._last:
+        if self._last is not None and request.number < self._last:
             self.counts.restarts += 1
             self._begin()
             self._last = None
-        if asked.number == self._last:
+        if request.number == self._last:
             self.counts.repeated += 1
         else:
-            self.counts.lost += 0 if self._last is None else asked.number - self._last - 1
+            self.counts.lost += 0 if self._last is None else request.number - self._last - 1
             self.counts.frames += 1
-            self._live.step(self._commands(asked.pwm), min(1.0 / asked.rate, LONGEST_STEP))
-        self._last = asked.number
+            self._live.step(self._commands(request.pwm), min(1.0 / request.rate, LONGEST_STEP))
+        self._last = request.number
         return answer(self._live.read())
 
     def _commands(self, pwm: Sequence[int]) -> Array:
-        """Effective commands of servo outputs."""
+        """Return effective commands for servo outputs."""
         pulses = np.array([pwm[abs(one) - 1] for one in self.outputs], float)
         commands: Array = np.clip(commands_of_pulses(pulses.tolist()), -1.0, 1.0) * np.sign(self.outputs)
         commands[pulses == NO_OUTPUT] = 0.0
@@ -194,17 +195,18 @@ def serve(
     ready: Callable[[int], Any] = lambda port: None,
     ended: Callable[[float], bool] = lambda idle: False,
 ) -> None:
-    """Answer frames until it is to end.
+    """Answer frames until `ended` returns True.
 
     Args:
         sub: The vehicle.
-        host: Address to listen on; by default the machine's own alone.
-        port: UDP port; 0 is any free one.
-        ready: Called with the port, once it listens.
-        ended: Asked after every packet, and while there is none, with the time since the last frame [s].
+        host: Address to listen on; by default local clients only.
+        port: UDP port; 0 selects a free one.
+        ready: Called with the port once the socket is bound.
+        ended: Called with the time since the last frame [s], after every packet and regularly without
+            packets.
 
     Raises:
-        DataError: The address cannot be listened on, or the motion diverges.
+        DataError: The address cannot be used, or the motion diverges.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as endpoint:
         try:
@@ -222,17 +224,17 @@ def serve(
             except (
                 TimeoutError,
                 ConnectionError,
-            ):  # nothing came, or the client that was answered last has gone
+            ):  # no packet arrived, or the last client has closed its port
                 continue
             if frame(packet) is not None and sender != client:
                 if client is not None and time.monotonic() - last < SILENCE:
                     sub.counts.others += 1
                     continue
                 client = sender
-            if (said := sub.receive(packet)) is None:
+            if (state := sub.receive(packet)) is None:
                 continue
             last = time.monotonic()
             try:
-                endpoint.sendto(said, sender)
+                endpoint.sendto(state, sender)
             except OSError:  # such as a source port of 0
                 sub.counts.unanswered += 1

@@ -1,12 +1,12 @@
 """Target `casadi`: the equations of motion as CasADi functions, for controllers and optimisation.
 
-They are traced from the same kernels that `simulate` runs (`export.tracing`).  The state x holds position
-(3), quaternion body to NED (4), nu (6), the lag states of the thrusters that have one, the internal states of
-effects, the time where a current changes with it, and the past commands of thrusters that feel them late; u
-are commands in [-1, 1].
+They are traced from the kernels that `simulate` runs (`export.tracing`).  The state x contains position (3),
+quaternion body to NED (4), nu (6), the lag states of thrusters and the internal states of effects.  It also
+contains the time if a current depends on it, and past commands of thrusters with delay.  u are commands in
+[-1, 1].
 
-A delay is the step's: it begins with the commands of steps before, and changes to newer ones within, where
-they are felt.  In f, which knows no steps, u is what the thrusters feel; past commands stay as they are.
+The function `step` handles delays: it starts with past commands and switches to newer ones within the step.
+The function f has no steps, so its u are the delayed commands, and past commands stay constant.
 """
 
 from __future__ import annotations
@@ -30,24 +30,25 @@ from hydro.core.errors import UsageError
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import COLUMNS, DELAY, LAG_STEP, TIME_CONSTANT, state_derivative
-from hydro.export.equations import Model, beginning, effective, interpolated, normalised, rates, targets
+from hydro.export.equations import Model, effective, initial_states, interpolated, normalised, rates, targets
 from hydro.export.numbers import model_of
-from hydro.export.targets import Lack, Target, lacking, of_sensors, without_effects
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason, without_effects
 from hydro.export.tracing import Tracer
 
 BODY_STATES = ("x", "y", "z", "q_w", "q_x", "q_y", "q_z", "u", "v", "w", "p", "q", "r")
+"""Names of the rigid body's states."""
 STEP = 0.02
-"""Length of the step in an exported file [s]; `functions` makes one of any length."""
+"""Length of the step in an exported file [s]; `functions` accepts any length."""
 CLOSE = 1e-9
-"""Times that differ by less of a step are one moment."""
+"""Times closer than this share of a step are the same instant."""
 LEAST_SQUARE = 1e-12
-"""Squares below it are as good as 0."""
+"""Value below which a square root is replaced by a straight line."""
 SUBSTEPS = 10
-"""Runge-Kutta steps in it: 2 ms each, as in `simulate`."""
+"""Runge-Kutta steps per step: 2 ms each, as in `simulate`."""
 
 
 class Symbols:
-    """CasADi for the tracer."""
+    """CasADi algebra for the tracer."""
 
     def __init__(self) -> None:
         import casadi as ca
@@ -70,32 +71,32 @@ class Symbols:
         }
 
     def is_symbol(self, value: Any) -> bool:
-        """Whether a value is CasADi's."""
+        """Return whether a value is a CasADi symbol."""
         return isinstance(value, self._ca.SX)
 
     def select(self, test: Any, yes: Any, no: Any) -> Any:
-        """One of two values, the other one never in the result, even where it is not finite."""
+        """Return one of two values; the other never enters the result, even if it is not finite."""
         return self._ca.if_else(test, yes, no)
 
     def both(self, one: Any, other: Any) -> Any:
-        """Whether both hold."""
+        """Return the conjunction of two conditions."""
         return self._ca.logic_and(one, other)
 
     def negated(self, one: Any) -> Any:
-        """Whether it does not hold."""
+        """Return the negation of a condition."""
         return self._ca.logic_not(one)
 
     def _known_or(self, known: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:
-        """A function of numbers, and the same of symbols."""
+        """Return a function that uses `known` for numbers and `symbolic` for symbols."""
         return lambda *given: (symbolic if any(map(self.is_symbol, given)) else known)(*given)
 
     def _root(self, value: Any) -> Any:
-        """The square root, straight near 0, where it has no derivative and would end a solver."""
+        """Return the square root, linear near 0, where its infinite derivative would stop a solver."""
         root = self._ca.sqrt(self._ca.fmax(value, LEAST_SQUARE))
         return self._ca.if_else(value > LEAST_SQUARE, root, value / math.sqrt(LEAST_SQUARE))
 
     def _interpolated(self, at: Any, points: list[float], values: list[float]) -> Any:
-        """A value between points on straight lines; the ends hold beyond them."""
+        """Interpolate linearly between points; constant beyond the ends."""
         if not self.is_symbol(at):
             return float(self._ca.pw_lin(self._ca.DM(at), points, values))
         within = self._ca.fmin(self._ca.fmax(at, points[0]), points[-1])
@@ -104,16 +105,16 @@ class Symbols:
 
 @dataclass(frozen=True)
 class Functions:
-    """A vehicle in CasADi.
+    """CasADi functions of a vehicle.
 
     Attributes:
-        f: x_dot = f(x, u), u as thrusters feel it.
-        jacobian: A, B = jacobian(x, u), the derivatives of f by x and by u.
-        step: x = step(x, u) after `length`, the quaternion of length 1; delays are in it.
-        start: x = start(eta, nu): at rest thrusters, effects as if the motion had always been.
+        f: x_dot = f(x, u), with u after delays.
+        jacobian: A, B = jacobian(x, u), the derivatives of f with respect to x and u.
+        step: x = step(x, u) after `length`, with a normalised quaternion; it includes delays.
+        start: x = start(eta, nu): thrusters at rest, effects as if the motion had always been constant.
         states: Names of the states.
         commands: Names of the commands.
-        length: Of `step` [s].
+        length: Length of `step` [s].
     """
 
     f: Any
@@ -126,15 +127,15 @@ class Functions:
 
 
 def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) -> Functions:
-    """The equations of motion of a vehicle as CasADi functions.
+    """Build the equations of motion of a vehicle as CasADi functions.
 
     Args:
-        vehicle: The vehicle; errors of its velocity log are left out.
-        length: Of `step` [s].
-        substeps: Runge-Kutta steps in it.
+        vehicle: The vehicle; errors of its DVL are ignored.
+        length: Length of `step` [s].
+        substeps: Runge-Kutta steps per step.
 
     Raises:
-        DataError: An effect or a thruster of the vehicle is at fault.
+        DataError: An effect or a thruster of the vehicle is invalid.
         UsageError: CasADi is not installed.
     """
     if importlib.util.find_spec("casadi") is None:
@@ -149,41 +150,45 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
     timed = bool(any(model.flat[HEADER + CURRENT_TREND : HEADER + CURRENT_TREND + 2]))
     commands = tuple(thruster.name for thruster in vehicle.thruster)
     moving = (*BODY_STATES, *(f"lag_{commands[i]}" for i in lagging), *inner, *(["t"] if timed else []))
-    late = Late.of([row[DELAY] for row in model.thrusters], length)
-    names = (*moving, *(f"past_{commands[i]}_{k + 1}" for i, k in late.slots))
-    x, u, felt = ca.SX.sym("x", len(names)), ca.SX.sym("u", len(commands)), ca.SX.sym("felt", len(commands))
+    delay = CommandDelays.of([row[DELAY] for row in model.thrusters], length)
+    names = (*moving, *(f"past_{commands[i]}_{k + 1}" for i, k in delay.slots))
+    x, u, delayed = (
+        ca.SX.sym("x", len(names)),
+        ca.SX.sym("u", len(commands)),
+        ca.SX.sym("delayed", len(commands)),
+    )
     body = list(ca.vertsplit(x[:BODY])) + list(ca.vertsplit(x[BODY + len(lagging) : len(moving) - timed]))
-    asked, time = list(ca.vertsplit(u)) if commands else [], x[len(moving) - 1] if timed else 0.0
-    given = list(ca.vertsplit(felt)) if commands else []
+    undelayed, time = list(ca.vertsplit(u)) if commands else [], x[len(moving) - 1] if timed else 0.0
+    given = list(ca.vertsplit(delayed)) if commands else []
     goals = tracer.call(targets, model, given)
     rotors, lag_rates = list(goals), []
     for place, i in enumerate(lagging):
         rotors[i] = x[BODY + place]
         command = tracer.call(effective, model.thrusters[i], model.curves[i], given[i])
         lag_rates.append(tracer.call(state_derivative, model.thrusters[i], rotors[i], command))
-    moved = tracer.call(rates, model, body, time, rotors, asked)
-    still = [0.0] * len(late.slots)
+    moved = tracer.call(rates, model, body, time, rotors, undelayed)
+    still = [0.0] * len(delay.slots)
     x_dot = ca.vertcat(*moved[:BODY], *lag_rates, *moved[BODY:], *([1.0] if timed else []), *still)
-    within = ca.Function("within", [x, felt, u], [x_dot])
+    within = ca.Function("within", [x, delayed, u], [x_dot])
     x_dot = within(x, u, u)
     f = ca.Function("f", [x, u], [x_dot], ["x", "u"], ["x_dot"])
     jacobian = ca.Function(
         "jacobian", [x, u], [ca.jacobian(x_dot, x), ca.jacobian(x_dot, u)], ["x", "u"], ["A", "B"]
     )
-    step = _step(within, tracer, late, length, substeps)
-    start = _start(model, tracer, lagging, timed, late)
+    step = _step(within, tracer, delay, length, substeps)
+    start = _start(model, tracer, lagging, timed, delay)
     return Functions(f, jacobian, step, start, names, commands, length)
 
 
 @dataclass(frozen=True)
-class Late:
-    """Delays of commands, in steps of a length.
+class CommandDelays:
+    """Delays of commands in steps of one length.
 
     Attributes:
-        whole: Of each thruster, how many whole steps late it feels a command.
-        part: The rest of its delay [s], below `length`.
-        slots: Thruster and steps ago, less one, of every past command that is still to be felt.
-        length: Of a step [s].
+        whole: Whole steps of delay of each thruster.
+        part: Remainder of its delay [s], below `length`.
+        slots: Thruster and age, in steps less one, of every past command that still has to act.
+        length: Length of a step [s].
     """
 
     whole: tuple[int, ...]
@@ -192,8 +197,8 @@ class Late:
     length: float
 
     @classmethod
-    def of(cls, delays: list[float], length: float) -> Late:
-        """Of the thrusters' delays [s]."""
+    def of(cls, delays: list[float], length: float) -> CommandDelays:
+        """Build from the thrusters' delays [s]."""
         whole = [math.floor(delay / length + CLOSE) for delay in delays]
         rest = [max(0.0, delay - length * k) for delay, k in zip(delays, whole, strict=True)]
         part = [one if one > CLOSE * length else 0.0 for one in rest]
@@ -201,7 +206,7 @@ class Late:
         return cls(tuple(whole), tuple(part), tuple(slots), length)
 
     def parts(self, past: Any, u: Any) -> Iterator[tuple[float, Any]]:
-        """Parts of a step: their lengths [s], and the commands that are felt meanwhile."""
+        """Yield the parts of a step: their lengths [s], and the commands that act during each."""
         import casadi as ca
 
         known = {slot: past[place] for place, slot in enumerate(self.slots)}
@@ -211,34 +216,34 @@ class Late:
             yield end - begin, ca.vertcat(*(known[i, k] for i, k in enumerate(ago)))
 
     def after(self, past: Any, u: Any) -> list[Any]:
-        """Past commands when the step is over: each is a step older."""
+        """Return the past commands after the step, each one step older."""
         known = {slot: past[place] for place, slot in enumerate(self.slots)}
         return [u[i] if k == 0 else known[i, k - 1] for i, k in self.slots]
 
 
-def _step(within: Any, tracer: Tracer, late: Late, length: float, substeps: int) -> Any:
-    """The classical Runge-Kutta method over `length` [s], its parts between changes of what is felt."""
+def _step(within: Any, tracer: Tracer, delay: CommandDelays, length: float, substeps: int) -> Any:
+    """Build the classical Runge-Kutta step over `length` [s], split at changes of the delayed commands."""
     import casadi as ca
 
     x, u = ca.MX.sym("x", within.size1_in(0)), ca.MX.sym("u", within.size1_in(2))
-    state, moving = ca.SX.sym("x", within.size1_in(0)), within.size1_in(0) - len(late.slots)
+    state, moving = ca.SX.sym("x", within.size1_in(0)), within.size1_in(0) - len(delay.slots)
     whole = ca.vertcat(*tracer.call(normalised, list(ca.vertsplit(state))))
     unit, y = ca.Function("normalised", [state], [whole]), x
-    for lasting, felt in late.parts(x[moving:], u):
+    for lasting, delayed in delay.parts(x[moving:], u):
         steps = max(1, math.ceil(lasting * substeps / length - CLOSE))
         h = lasting / steps
         for _ in range(steps):
-            a = within(y, felt, u)
-            b = within(y + 0.5 * h * a, felt, u)
-            c = within(y + 0.5 * h * b, felt, u)
-            d = within(y + h * c, felt, u)
+            a = within(y, delayed, u)
+            b = within(y + 0.5 * h * a, delayed, u)
+            c = within(y + 0.5 * h * b, delayed, u)
+            d = within(y + h * c, delayed, u)
             y = unit(y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d))
-    moved = ca.vertcat(y[:moving], *late.after(x[moving:], u))
+    moved = ca.vertcat(y[:moving], *delay.after(x[moving:], u))
     return ca.Function("step", [x, u], [moved], ["x", "u"], ["x_next"])
 
 
-def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, late: Late) -> Any:
-    """The state of a pose and a velocity; all commands before were 0."""
+def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, delay: CommandDelays) -> Any:
+    """Build the function from pose and velocity to the state; all past commands are 0."""
     import casadi as ca
 
     from hydro.export.craft import quaternion
@@ -246,19 +251,19 @@ def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, late: 
     eta, nu = ca.SX.sym("eta", 6), ca.SX.sym("nu", 6)
     angles = tracer.call(quaternion, eta[3], eta[4], eta[5])
     body = [*ca.vertsplit(eta[:3]), *angles, *ca.vertsplit(nu)]
-    inner = tracer.call(beginning, model, body, 0.0)
-    x = ca.vertcat(*body, *([0.0] * len(lagging)), *inner, *([0.0] * (timed + len(late.slots))))
+    inner = tracer.call(initial_states, model, body, 0.0)
+    x = ca.vertcat(*body, *([0.0] * len(lagging)), *inner, *([0.0] * (timed + len(delay.slots))))
     return ca.Function("start", [eta, nu], [x], ["eta", "nu"], ["x"])
 
 
 def _states(vehicle: Vehicle, model: Model) -> list[Any]:
-    """The effect's table of every internal state."""
+    """Return the effect table of every internal state."""
     running = [table for table in vehicle.effect if CATALOGUE[table["name"]].kernel is not None]
     return [table for table, entry in zip(running, model.effects, strict=True) for _ in range(entry[3])]
 
 
-def held(vehicle: Vehicle) -> Vehicle:
-    """The vehicle as f has it: thrusters that feel commands at once."""
+def without_delays(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle of f: without delays."""
     still = without_effects(vehicle, delays)
     return msgspec.structs.replace(
         still, thruster=tuple(msgspec.structs.replace(one, delay=0.0) for one in still.thruster)
@@ -266,7 +271,7 @@ def held(vehicle: Vehicle) -> Vehicle:
 
 
 def delays(effect: Any) -> bool:
-    """Whether an effect delays commands."""
+    """Return whether an effect delays commands."""
     if effect.actuator is None:
         return False
     table = np.zeros((1, COLUMNS))
@@ -275,19 +280,19 @@ def delays(effect: Any) -> bool:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Errors of the velocity log; and delays, which the step holds and no differential equation can."""
-    found = lacking(vehicle, of_sensors)
+    """Return errors of the DVL, and delays: `step` includes them, the differential equation f cannot."""
+    found = lacking_effects(vehicle, sensor_reason)
     if (thruster_table(vehicle)[:, DELAY] > 0.0).any():
-        why = "held by step, in past commands; f and jacobian take what thrusters feel"
-        found.append(Lack("command delay", why, held(vehicle)))
+        why = "included in step, as past commands; f and jacobian take delayed commands"
+        found.append(Lack("command delay", why, without_delays(vehicle)))
     return found
 
 
 def to_casadi(vehicle: Vehicle) -> bytes:
-    """f, jacobian, step and start in one file, in this order.
+    """Write f, jacobian, step and start to one file, in this order.
 
     Raises:
-        DataError: An effect or a thruster of the vehicle is at fault.
+        DataError: An effect or a thruster of the vehicle is invalid.
         UsageError: CasADi is not installed.
     """
     found = functions(vehicle)

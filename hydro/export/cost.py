@@ -1,4 +1,4 @@
-"""What leaving something out of a vehicle costs: the error of predictions 5 s ahead."""
+"""Prediction error 5 s ahead due to properties of a vehicle that a target cannot represent."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from hydro.core.difference.ahead import ERROR, Errors
 from hydro.core.vehicle.description import Vehicle
 from hydro.export.targets import Lack, all_left_out
 
-ALL = "all of it"
+ALL = "all of it"  # name of the row without all unsupported properties
 
 
 def of_lacks(vehicle: Vehicle, lacks: Sequence[Lack], raw: pl.DataFrame | None = None) -> pl.DataFrame:
-    """What a target cannot hold of a vehicle, and what leaving it out costs.
+    """Compute the prediction errors due to the properties that a target cannot represent.
 
     Args:
         vehicle: The vehicle.
-        lacks: Of the target.
-        raw: A recording; by default the vehicle's own manoeuvres.
+        lacks: Lacks of the target.
+        raw: A recording; by default manoeuvres simulated with the vehicle.
 
     Returns:
-        `left out`, `why` and the error 5 s ahead, null where no motion depends on it; the vehicle as it is
-        first, and all that is left out together last.
+        `left out`, `why` and the error 5 s ahead, null if no motion depends on it.  The first row is the
+        complete vehicle, the last one leaves out everything together.
 
     Raises:
-        DataError: The vehicle cannot fly, or the recording does not fit it.
+        DataError: The vehicle cannot be simulated, or the recording does not fit it.
     """
     moving = [lack for lack in lacks if lack.without is not None]
     errors = Errors(vehicle, raw) if moving else None

@@ -1,4 +1,4 @@
-"""A vehicle as in Fossen's Python Vehicle Simulator, on plain lists: the class that an export writes out."""
+"""Vehicle class after Fossen's Python Vehicle Simulator, on plain lists; an export writes out its source."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from typing import Any
 
 from hydro.core.simulation.dynamics import BODY
-from hydro.export.equations import Commands, Model, Numbers, approached, beginning, runge_kutta, targets
+from hydro.export.equations import Commands, Model, Numbers, initial_states, lag_after, runge_kutta, targets
 
 
 def quaternion(phi: float, theta: float, psi: float) -> Numbers:
-    """Unit quaternion (w, x, y, z) of ZYX Euler angles [rad]; Fossen (2011), section 2.2.3."""
+    """Return the unit quaternion (w, x, y, z) of ZYX Euler angles [rad]; Fossen (2011), section 2.2.3."""
     c1, s1 = math.cos(0.5 * phi), math.sin(0.5 * phi)
     c2, s2 = math.cos(0.5 * theta), math.sin(0.5 * theta)
     c3, s3 = math.cos(0.5 * psi), math.sin(0.5 * psi)
@@ -23,7 +23,7 @@ def quaternion(phi: float, theta: float, psi: float) -> Numbers:
 
 
 def euler_angles(q: Numbers) -> Numbers:
-    """ZYX Euler angles [rad] of a unit quaternion (w, x, y, z)."""
+    """Return the ZYX Euler angles [rad] of a unit quaternion (w, x, y, z)."""
     w, x, y, z = q
     sine = max(-1.0, min(1.0, 2.0 * (w * y - x * z)))
     return [
@@ -33,8 +33,8 @@ def euler_angles(q: Numbers) -> Numbers:
     ]
 
 
-def like(given: Any, values: Numbers) -> Any:
-    """The values as an array where an array was given, else as a list."""
+def same_type(given: Any, values: Numbers) -> Any:
+    """Return the values as an array if `given` is one, otherwise as a list."""
     if not hasattr(given, "astype"):
         return values
     out = given.astype(float)
@@ -43,19 +43,19 @@ def like(given: Any, values: Numbers) -> Any:
 
 
 class Craft:
-    """A vehicle with the interface of Fossen's Python Vehicle Simulator.
+    """Vehicle with the interface of Fossen's Python Vehicle Simulator.
 
-    eta is x y z [m, NED] and phi theta psi [rad, ZYX]; nu is u v w [m/s] and p q r [rad/s] of the body origin
-    over ground, body axes forward, right, down.  `u_control` are commands in [-1, 1], one per thruster;
-    `u_actual` what lags behind them: thrusts [N], or normalised rotor speeds.
+    eta is x y z [m, NED] and phi theta psi [rad, ZYX].  nu is u v w [m/s] and p q r [rad/s] of the body
+    origin over ground, body axes forward, right, down.  `u_control` are commands in [-1, 1], one per
+    thruster; `u_actual` are their lag states: thrusts [N], or normalised rotor speeds.
 
     Attributes:
-        nu: Velocity at the start, (6,).
-        u_actual: Lag states at the start, all 0.
+        nu: Initial velocity, (6,).
+        u_actual: Initial lag states, all 0.
         dimU: Number of commands.
-        controls: Their names.
-        time: Time since `reset` [s], on which changing currents and delayed commands depend.
-        rate: Integration steps per second, at least [Hz].
+        controls: Names of the commands.
+        time: Time since `reset` [s]; varying currents and delayed commands depend on it.
+        rate: Least number of integration steps per second [Hz].
     """
 
     name = ""
@@ -72,29 +72,29 @@ class Craft:
         self.reset()
 
     def reset(self, time: float = 0.0) -> None:
-        """Forget the past: commands on their way, and the internal states of effects."""
+        """Delete delayed commands and the internal states of effects."""
         self.time = time
         self.states: Numbers | None = None
         self.commands = Commands()
 
     def stepInput(self, t: float) -> Any:
-        """Commands at a time [s]; put your own in its place."""
+        """Return the commands at a time [s]; replace it by your own."""
         return [0.0] * self.dimU
 
     def dynamics(self, eta: Any, nu: Any, u_actual: Any, u_control: Any, sampleTime: float) -> Any:
-        """The velocity and the lag states after `sampleTime` [s], as the simulator's main loop wants them."""
+        """Return velocity and lag states after `sampleTime` [s], as the simulator's main loop expects."""
         _, after, lagging = self.step(eta, nu, u_actual, u_control, sampleTime)
         return after, lagging
 
     def step(self, eta: Any, nu: Any, u_actual: Any, u_control: Any, sampleTime: float) -> Any:
-        """Pose, velocity and lag states after `sampleTime` [s], by Runge-Kutta steps.
+        """Return pose, velocity and lag states after `sampleTime` [s], by Runge-Kutta steps.
 
-        A step ends where a delayed command is felt.
+        A step ends when a delayed command takes effect.
         """
         y = [float(value) for value in eta[:3]] + quaternion(eta[3], eta[4], eta[5])
         y += [float(value) for value in nu]
         if self.states is None:
-            self.states = beginning(self.model, y, self.time)
+            self.states = initial_states(self.model, y, self.time)
         y += self.states
         given = [float(value) for value in u_control]
         self.commands.give(self.time, given)
@@ -104,19 +104,19 @@ class Craft:
             end = begin + (k + 1) * sampleTime / steps
             close = 1e-9 * sampleTime / steps
             while self.time < end - close:
-                until = self.commands.change(self.model, self.time + close, end - close)
+                until = self.commands.next_change(self.model, self.time + close, end - close)
                 until = end if until >= end - close else until
                 y, lags = self._advance(y, lags, given, until - self.time)
                 self.time = until
         self.states = y[BODY:]
         pose = y[:3] + euler_angles(y[3:7])
-        return like(eta, pose), like(nu, y[7:BODY]), like(u_actual, lags)
+        return same_type(eta, pose), same_type(nu, y[7:BODY]), same_type(u_actual, lags)
 
     def _advance(self, y: Numbers, lags: Numbers, given: Numbers, h: float) -> Any:
-        """State and lag states after a step in which no command changes."""
-        model, felt = self.model, self.commands.felt(self.model, self.time + 1e-9 * h)
-        goals, rows = targets(model, felt), range(len(lags))
-        middle = [approached(model.thrusters[i], lags[i], goals[i], 0.5 * h) for i in rows]
-        after = [approached(model.thrusters[i], middle[i], goals[i], 0.5 * h) for i in rows]
-        first = [approached(model.thrusters[i], lags[i], goals[i], 0.0) for i in rows]
+        """Return the state and the lag states after a step with constant delayed commands."""
+        model, delayed = self.model, self.commands.delayed(self.model, self.time + 1e-9 * h)
+        goals, rows = targets(model, delayed), range(len(lags))
+        middle = [lag_after(model.thrusters[i], lags[i], goals[i], 0.5 * h) for i in rows]
+        after = [lag_after(model.thrusters[i], middle[i], goals[i], 0.5 * h) for i in rows]
+        first = [lag_after(model.thrusters[i], lags[i], goals[i], 0.0) for i in rows]
         return runge_kutta(model, y, self.time, h, [first, middle, after], given), after

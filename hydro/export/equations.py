@@ -1,8 +1,8 @@
-"""The equations of motion on plain lists of numbers: what an export writes out, and what it traces.
+"""Equations of motion on plain lists of numbers, for export as source and for symbolic tracing.
 
-It is `simulation.dynamics` and `simulation.integrate` once more, without numba and numpy, around the very
-kernels of the catalogue.  `export.source` writes it into a file with all that it calls; `export.tracing` runs
-it on symbols.  In this process it is never run on numbers: kernels take arrays there.
+They repeat `simulation.dynamics` and `simulation.integrate` without numba and numpy, around the same kernels
+of the catalogue.  `export.source` writes them into a file with all functions that they call; `export.tracing`
+runs them on symbols.  They never run on numbers within hydro, whose kernels take arrays.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from hydro.core.vehicle.rigid_body import coriolis_kernel, restoring_kernel
 from hydro.core.vehicle.thrusters import DELAY, POWER, lag_decay, settled_state
 
 Numbers = Any
-"""A list of floats, or of symbols that stand for them: kernels, written for arrays, take it as well."""
+"""List of floats, or of symbols for them; kernels written for arrays accept it too."""
 
 
 def interpolated(at: float, points: Numbers, values: Numbers) -> float:
-    """A value between points on straight lines; the ends hold beyond them."""
+    """Interpolate linearly between points; constant beyond the ends."""
     if at <= points[0]:
         return float(values[0])
     for k in range(1, len(points)):
@@ -45,7 +45,7 @@ def interpolated(at: float, points: Numbers, values: Numbers) -> float:
 
 
 def effective(thruster: Numbers, curve: Any, command: Any) -> Any:
-    """The command that gives by a plain curve the thrust that a table gives; without a table itself."""
+    """Return the command that gives the thrust of a table with a simple curve; itself without a table."""
     if curve is None:
         return command
     commands, thrusts, ahead, astern = curve
@@ -57,14 +57,14 @@ def effective(thruster: Numbers, curve: Any, command: Any) -> Any:
 
 
 class Model:
-    """A vehicle in numbers.
+    """Vehicle as numbers and kernels.
 
     Attributes:
-        flat: The header and the constants of its program, which the kernels read.
+        flat: Header and constants of its program, which the kernels read.
         thrusters: Rows of the thruster table.
-        curves: Of each thruster, commands, thrusts [N] and full thrust ahead and astern; None where none
-            is a table.
-        effects: Of each effect with a force its kernel, the kernel that begins its states or None, its
+        curves: For each thruster commands, thrusts [N] and full thrust ahead and astern; None without a
+            table.
+        effects: For each effect with a force its kernel, the kernel that initialises its states or None, its
             parameters and the number of its states.
     """
 
@@ -76,7 +76,7 @@ class Model:
 
 
 def targets(model: Model, commands: Numbers) -> Numbers:
-    """Lag states that commands in [-1, 1] lead to: thrusts [N] before losses, or rotor speeds."""
+    """Return the lag states that commands in [-1, 1] lead to: thrusts [N] before losses, or rotor speeds."""
     found = []
     for i in range(len(model.thrusters)):
         command = effective(model.thrusters[i], model.curves[i], commands[i])
@@ -84,8 +84,8 @@ def targets(model: Model, commands: Numbers) -> Numbers:
     return found
 
 
-def observed(model: Model, y: Numbers, time: float, commands: Numbers) -> Numbers:
-    """The state of motion that the kernels read, of a state y: position, quaternion, nu, internal states."""
+def motion_state(model: Model, y: Numbers, time: float, commands: Numbers) -> Numbers:
+    """Return the state of motion that kernels read, given y: position, quaternion, nu, internal states."""
     s: Numbers = [0.0] * MOTION
     turned: Numbers = [0.0] * 9
     quaternion_kernel(y[3:7], turned)
@@ -102,9 +102,9 @@ def observed(model: Model, y: Numbers, time: float, commands: Numbers) -> Number
     return s
 
 
-def beginning(model: Model, y: Numbers, time: float) -> Numbers:
-    """Internal states of the effects, as if the body had always moved as it does in y."""
-    s, found = observed(model, y, time, []), []
+def initial_states(model: Model, y: Numbers, time: float) -> Numbers:
+    """Return the internal states of the effects, as if the velocity in y had always been constant."""
+    s, found = motion_state(model, y, time, []), []
     for _, start, parameters, count in model.effects:
         states = [0.0] * count
         if start is not None:
@@ -115,9 +115,9 @@ def beginning(model: Model, y: Numbers, time: float) -> Numbers:
 
 
 def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numbers) -> Numbers:
-    """Rates of the state y under lag states `rotors`; Fossen (2011), eq. 7.190 and section 2.2.2."""
+    """Return the time derivative of the state y for lag states `rotors`; Fossen (2011), eq. 7.190, 2.2.2."""
     c = model.flat[HEADER:]
-    s = observed(model, y, time, commands)
+    s = motion_state(model, y, time, commands)
     nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
     tau: Numbers = [0.0] * 6
     for i in range(len(model.thrusters)):
@@ -139,7 +139,7 @@ def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numb
         for j in range(6):
             nu_dot[i] += c[INVERSE_MASS_MATRIX + 6 * i + j] * (tau[j] - turning[j])
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
-    # The current, at rest in the world, turns in the body.
+    # The current is constant in the world, so it rotates in the body.
     x_c, y_c, z_c = u - nu_r[0], v - nu_r[1], w - nu_r[2]
     nu_dot[0] -= q * z_c - r * y_c
     nu_dot[1] -= r * x_c - p * z_c
@@ -156,13 +156,13 @@ def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numb
 
 
 def normalised(y: Numbers) -> Numbers:
-    """The state with a quaternion of length 1."""
+    """Return the state with a normalised quaternion."""
     norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
     return y[:3] + [y[i] / norm for i in range(3, 7)] + y[7:]
 
 
 def runge_kutta(model: Model, y: Numbers, time: float, h: float, lags: Numbers, commands: Numbers) -> Numbers:
-    """The state after a step h [s] of the classical method; `lags` at its beginning, middle and end."""
+    """Return the state after a classical Runge-Kutta step h [s]; `lags` at its start, middle and end."""
     size = range(len(y))
     a = rates(model, y, time, lags[0], commands)
     b = rates(model, [y[i] + 0.5 * h * a[i] for i in size], time + 0.5 * h, lags[1], commands)
@@ -171,27 +171,27 @@ def runge_kutta(model: Model, y: Numbers, time: float, h: float, lags: Numbers, 
     return normalised([y[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]) for i in size])
 
 
-def approached(thruster: Numbers, state: float, target: float, dt: float) -> float:
-    """A lag state after dt [s] on its way to a target."""
+def lag_after(thruster: Numbers, state: float, target: float, dt: float) -> float:
+    """Return a lag state after dt [s] of exponential approach to a target."""
     return float(target + (state - target) * lag_decay(thruster, dt))
 
 
 class Commands:
-    """Commands on their way to thrusters that feel them late.
+    """Commands with the delays of their thrusters.
 
     Attributes:
-        given: Times and commands, the oldest that is still felt first.
+        given: Times and commands, the oldest that still acts first.
     """
 
     def __init__(self) -> None:
         self.given: list[tuple[float, Numbers]] = []
 
     def give(self, time: float, commands: Numbers) -> None:
-        """Give commands from a time on [s]."""
+        """Add commands that are given from a time on [s]."""
         self.given.append((time, commands))
 
-    def felt(self, model: Model, now: float) -> Numbers:
-        """The commands that each thruster feels; 0 before the first."""
+    def delayed(self, model: Model, now: float) -> Numbers:
+        """Return the delayed command of each thruster; 0 before the first."""
         found = [0.0] * len(model.thrusters)
         for time, commands in self.given:
             for i in range(len(found)):
@@ -199,8 +199,8 @@ class Commands:
                     found[i] = commands[i]
         return found
 
-    def change(self, model: Model, now: float, end: float) -> float:
-        """When the next command is felt after `now`, `end` at the latest; older ones are forgotten."""
+    def next_change(self, model: Model, now: float, end: float) -> float:
+        """Return the time of the next delayed change after `now`, at most `end`; drop older commands."""
         latest = max([row[DELAY] for row in model.thrusters] + [0.0])
         while len(self.given) > 1 and self.given[1][0] + latest <= now:
             self.given.pop(0)

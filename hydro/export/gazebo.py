@@ -1,13 +1,13 @@
 """Target `gz`: a Gazebo world (SDF 1.11) with a vehicle in water.
 
-The link's frame is CO, axes forward, left, up.  What acts in Gazebo (gz-sim 8 and later, engine DART):
+The link's frame is CO with axes forward, left, up.  Forces in Gazebo (gz-sim 8 and later, engine DART):
 
 * `<fluid_added_mass>` about the link's origin, with its Coriolis terms;
-* the Hydrodynamics plug-in, coefficients of nu_j, |nu_k| nu_j and nu_k nu_j, and a constant current;
-* a Thruster plug-in for each thruster, told its thrust in newtons, which acts at once;
+* the Hydrodynamics plug-in: coefficients of nu_j, |nu_k| nu_j and nu_k nu_j, and a constant current;
+* a Thruster plug-in for each thruster; its command is the thrust in newtons, which acts at once;
 * the Buoyancy plug-in, which takes the volume and its centre from the collision shape.
 
-Which effects are among these coefficients their kernels say (`core.simulation.velocity_laws`).
+`core.simulation.velocity_laws` tests which effects can be expressed by these coefficients.
 """
 
 from __future__ import annotations
@@ -44,42 +44,33 @@ from hydro.core.vehicle.thrusters import (
     TIME_CONSTANT,
     raised,
 )
-from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
-FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"
+FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"  # letters in the names of Gazebo's coefficients
 LINK = "base_link"
 WORDS = (
     f" Written by hydro: frame {LINK} is the vehicle file's origin, forward, left, up. "
     "Thrusters take newtons. "
 )
-"""What stands at the top of the world."""
+"""Comment at the top of the world."""
 PROPELLER_MASS, PROPELLER_RADIUS = 1e-3, 0.02
-"""Of the links that carry the thrust [kg, m]: the vehicle's own mass gives it up."""
+"""Mass and radius of the links that carry the thrust [kg, m]; the main link is lighter by this mass."""
 PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
-"""How fast propellers are shown to spin; the thrust does not depend on it."""
-
-AT_ONCE: dict[str, Any] = {"time_constant": 0.0, "lag_step": None}
-LEFT_OUT: tuple[tuple[str, str, int, dict[str, Any]], ...] = (
-    ("thruster lag", "thrust follows its command at once", TIME_CONSTANT, AT_ONCE),
-    ("command delay", "commands are felt at once", DELAY, {"delay": 0.0}),
-    ("thruster inflow", "thrust knows no speed of the water", INFLOW, {}),
-    ("propeller torque", "the reaction of propellers is left out", REACTION, {}),
-)
-"""Of thrusters: what, why, its column of the thruster table, and a thruster's keys without it."""
+"""Parameters of the displayed propeller speed; the thrust does not depend on them."""
 
 
 def to_sdf(vehicle: Vehicle) -> bytes:
-    """The world.
+    """Write the world.
 
     Raises:
-        DataError: An effect, a thruster or a name is at fault, or the vehicle has no buoyancy.
+        DataError: An effect, a thruster or a name is invalid, or the vehicle has no buoyancy.
     """
     require_names(vehicle)
-    found, listed = _held(vehicle), entries(vehicle)
+    found, listed = _supported(vehicle), entries(vehicle)
     total = _law(found, entries(found))
     root = ET.Element("sdf", version="1.11")
     world = _add(root, "world", name=f"{vehicle.name} in water")
-    world.append(ET.Comment(WORDS))  # without names: comments are not escaped
+    world.append(ET.Comment(WORDS))  # contains no names, because comments are not escaped
     _add(world, "gravity", [0.0, 0.0, -vehicle.environment.gravity])
     for name, system in (
         ("physics", "Physics"),
@@ -106,42 +97,42 @@ def to_sdf(vehicle: Vehicle) -> bytes:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """What Gazebo has no place for."""
+    """Return the properties that Gazebo cannot represent."""
     c = constants(vehicle, entries(vehicle))
-    held = {entry.where for entry in entries(vehicle) if _holds(entry, c)}
-    names = {entry.effect.name for entry in entries(vehicle) if entry.where not in held}
+    supported = {entry.where for entry in entries(vehicle) if _supports(entry, c)}
+    names = {entry.effect.name for entry in entries(vehicle) if entry.where not in supported}
 
     def why(effect: Effect) -> str:
         if effect.actuator is not None:
             return ""
         reason = "no sum of products of velocities, nor a constant current or weight"
-        return of_sensors(effect) or (reason if effect.name in names else "")
+        return sensor_reason(effect) or (reason if effect.name in names else "")
 
-    return [*lacking(vehicle, why), *_of_thrusters(vehicle)]
+    return [*lacking_effects(vehicle, why), *_thruster_lacks(vehicle)]
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """What a user of the file must know besides."""
-    said = ["thrusters are told newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
-    found = _held(vehicle)
+    """Return further warnings for the user of the file."""
+    lines = ["thrusters take newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
+    found = _supported(vehicle)
     added, body = np.diag(inertia_matrix(found)), np.diag(mass_matrix(found))
     heavy = [name for name, a, b in zip(VELOCITIES, added, body, strict=True) if a >= b]
     if heavy:
-        said.append(
-            f"added mass is that of the vehicle or more in {', '.join(heavy)}: only the engine DART takes "
-            "fluid_added_mass; fed back by the plug-in, as other engines need it, it is unstable there"
+        lines.append(
+            f"added mass is at least that of the vehicle in {', '.join(heavy)}: use the engine DART, which "
+            "supports fluid_added_mass; the plug-in of other engines feeds it back, which is unstable"
         )
     if current(found).any():
-        said.append(
-            "current: Gazebo's added mass feels nu_dot and not nu_r_dot, so that M_A [omega x R^T v_c; 0] is "
+        lines.append(
+            "current: Gazebo's added mass uses nu_dot instead of nu_r_dot, so M_A [omega x R^T v_c; 0] is "
             "missing while the vehicle turns; releases before April 2026 (gz-sim 8.11, 9.5, 10.1 and older) "
-            "take its Coriolis forces of nu, too"
+            "also compute its Coriolis forces from nu"
         )
-    return said
+    return lines
 
 
-def _holds(entry: Entry, c: Array) -> bool:
-    """Whether Gazebo has a place for an effect that is none of thrusters."""
+def _supports(entry: Entry, c: Array) -> bool:
+    """Return whether Gazebo can represent an effect other than those of thrusters."""
     effect, parameters, _ = entry
     if effect.kind == "sensor":
         return False
@@ -152,23 +143,23 @@ def _holds(entry: Entry, c: Array) -> bool:
     return effect.kernel is None or law(entry, c) is not None
 
 
-def _held(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with the effects that Gazebo holds, those of thrusters among them."""
+def _supported(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with the effects that Gazebo represents, including those of thrusters."""
     listed = entries(vehicle)
     c = constants(vehicle, listed)
-    kept = [table for table, entry in zip(vehicle.effect, listed, strict=True) if _holds(entry, c)]
+    kept = [table for table, entry in zip(vehicle.effect, listed, strict=True) if _supports(entry, c)]
     return msgspec.structs.replace(vehicle, effect=tuple(kept))
 
 
 def _law(vehicle: Vehicle, listed: Sequence[Entry]) -> Law:
-    """All forces of the water but inertia, in sum."""
+    """Return the sum of all water forces except inertia."""
     c = constants(vehicle, listed)
     found = (law(entry, c) for entry in listed if entry.effect.kernel is not None)
     return reduce(lambda one, other: one + other, (one for one in found if one is not None), Law.none())
 
 
-def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
-    """What of the thrusters Gazebo has no place for."""
+def _thruster_lacks(vehicle: Vehicle) -> list[Lack]:
+    """Return the properties of thrusters that Gazebo cannot represent."""
     table, found = thruster_table(vehicle), list[Lack]()
     for what, why, columns, plain in (
         (
@@ -177,12 +168,12 @@ def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
             (TIME_CONSTANT,),
             {"time_constant": 0.0, "lag_step": None},
         ),
-        ("command delay", "commands are felt at once", (DELAY,), {"delay": 0.0}),
-        ("thruster inflow", "thrust knows no speed of the water", (INFLOW,), {}),
-        ("propeller torque", "the reaction of propellers is left out", (REACTION,), {}),
+        ("command delay", "commands act at once", (DELAY,), {"delay": 0.0}),
+        ("thruster inflow", "thrust does not depend on the speed of the water", (INFLOW,), {}),
+        ("propeller torque", "the reaction torque of propellers is left out", (REACTION,), {}),
     ):
         if (table[:, list(columns)] != 0.0).any():
-            effects = tuple(one for one in vehicle.effect if not _changes(one, vehicle, columns[0]))
+            effects = tuple(one for one in vehicle.effect if not _changes_column(one, vehicle, columns[0]))
             thrusters = tuple(
                 msgspec.structs.replace(one, **plain) if one.pushes else one for one in vehicle.thruster
             )
@@ -195,13 +186,13 @@ def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
             Thruster(name=one.name, curve="none") if one.wrench is not None else one
             for one in vehicle.thruster
         )
-        why = "an axis demand has no place where a propeller could stand"
+        why = "an axis demand has no position for a propeller"
         found.append(Lack(f"thruster {names}", why, msgspec.structs.replace(vehicle, thruster=still)))
     return found
 
 
-def _changes(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
-    """Whether an effect changes a column of the thruster table."""
+def _changes_column(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
+    """Return whether an effect changes a column of the thruster table."""
     (entry,) = entries(msgspec.structs.replace(vehicle, effect=(table,)))
     if entry.effect.actuator is None:
         return False
@@ -211,22 +202,22 @@ def _changes(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
 
 
 def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequence[Array]) -> None:
-    """Mass, inertia about the centre of gravity and added mass, less what the propellers carry."""
+    """Add mass, inertia about the centre of gravity and added mass, less those of the propellers."""
     body = vehicle.rigid_body
     mass, center = body.mass, np.array(body.center_of_gravity)
     rest = mass - PROPELLER_MASS * len(propellers)
     if rest <= 0.0:
         raise DataError(
-            f"rigid_body.mass: {mass:g} kg leave nothing beside {len(propellers)} propellers of 1 g"
+            f"rigid_body.mass: {mass:g} kg must exceed the mass of {len(propellers)} propellers of 1 g"
         )
     middle = (mass * center - PROPELLER_MASS * sum(propellers, np.zeros(3))) / rest
-    inertia = np.array(body.inertia) - _spread(rest, middle - center)
+    inertia = np.array(body.inertia) - _point_inertia(rest, middle - center)
     for place in propellers:
-        inertia -= _spread(PROPELLER_MASS, place - center) + _spin() * np.eye(3)
+        inertia -= _point_inertia(PROPELLER_MASS, place - center) + _propeller_inertia() * np.eye(3)
     inertial = _add(link, "inertial")
     _add(inertial, "pose", [*HALF_TURN * middle, 0.0, 0.0, 0.0])
     _add(inertial, "mass", rest)
-    _moments(inertial, inertia * np.outer(HALF_TURN, HALF_TURN))
+    _add_inertia(inertial, inertia * np.outer(HALF_TURN, HALF_TURN))
     turned = added * np.outer(FRD_FLU, FRD_FLU)
     if turned.any():
         water = _add(inertial, "fluid_added_mass")
@@ -235,19 +226,19 @@ def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequ
                 _add(water, AXES[i] + AXES[j], turned[i, j])
 
 
-def _spread(mass: float, at: Array) -> Array:
-    """Inertia of a point mass about the origin, (3, 3)."""
+def _point_inertia(mass: float, at: Array) -> Array:
+    """Return the inertia of a point mass about the origin, (3, 3)."""
     found: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
     return found
 
 
-def _spin() -> float:
-    """Moment of inertia of a propeller's link [kg m^2]."""
+def _propeller_inertia() -> float:
+    """Return the moment of inertia of a propeller's link [kg m^2]."""
     return PROPELLER_MASS * PROPELLER_RADIUS**2
 
 
-def _moments(inertial: ET.Element, inertia: Array) -> None:
-    """The six entries of an inertia matrix."""
+def _add_inertia(inertial: ET.Element, inertia: Array) -> None:
+    """Add the six entries of an inertia matrix."""
     matrix = _add(inertial, "inertia")
     for i in range(3):
         for j in range(i, 3):
@@ -255,13 +246,13 @@ def _moments(inertial: ET.Element, inertia: Array) -> None:
 
 
 def _hull(link: ET.Element, vehicle: Vehicle, total: Law) -> None:
-    """A box of the volume that floats the vehicle, about its centre of buoyancy, and the hull to be seen.
+    """Add a collision box with the volume of the buoyancy, about its centre, and a visual of the hull.
 
-    What effects add to weight and buoyancy is put into that volume and its centre.
+    The volume and its centre include weight and buoyancy of effects.
     """
     lift = vehicle.buoyancy.force - total.force
     if lift <= 0.0:
-        raise DataError("buoyancy: the vehicle with its effects has no buoyancy, and Gazebo no such thing")
+        raise DataError("buoyancy: the vehicle with its effects has no buoyancy, which Gazebo requires")
     center = (vehicle.buoyancy.force * np.array(vehicle.buoyancy.center) - total.moment) / lift
     volume = lift / (vehicle.environment.water_density * vehicle.environment.gravity)
     sides = np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
@@ -275,7 +266,7 @@ def _hull(link: ET.Element, vehicle: Vehicle, total: Law) -> None:
 
 
 def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Array) -> None:
-    """A propeller's link, its joint along the thrust, and its plug-in."""
+    """Add a propeller's link, its joint along the thrust, and its plug-in."""
     assert thruster.position is not None
     ahead, astern = row[MAX_THRUST] * (1.0 + row[GAIN]), row[MAX_REVERSE] * (1.0 + row[GAIN])
     astern *= 1.0 - row[ASYMMETRY]
@@ -283,7 +274,7 @@ def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Arra
     _add(link, "pose", [*HALF_TURN * np.array(thruster.position), 0.0, 0.0, 0.0])
     inertial = _add(link, "inertial")
     _add(inertial, "mass", PROPELLER_MASS)
-    _moments(inertial, _spin() * np.eye(3))
+    _add_inertia(inertial, _propeller_inertia() * np.eye(3))
     joint = _add(model, "joint", name=f"{thruster.name}_joint", type="revolute")
     _add(joint, "parent", LINK)
     _add(joint, "child", thruster.name)
@@ -302,7 +293,7 @@ def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Arra
 
 
 def _hydrodynamics(model: ET.Element, total: Law, flow: Array) -> None:
-    """The plug-in's coefficients; its signs are those of the derivatives, X_u < 0 for drag."""
+    """Add the plug-in's coefficients; their signs are those of the derivatives, X_u < 0 for drag."""
     plugin = _plugin(model, "hydrodynamics", "Hydrodynamics")
     _add(plugin, "link_name", LINK)
     _add(plugin, "disable_added_mass", "true")
@@ -326,7 +317,7 @@ def _plugin(parent: ET.Element, name: str, system: str) -> ET.Element:
 
 
 def _add(parent: ET.Element, tag: str, value: Any = None, **attributes: str) -> ET.Element:
-    """A new element with a text, a number or several."""
+    """Add an element with a text, a number or several numbers."""
     element = ET.SubElement(parent, tag, attributes)
     if isinstance(value, str):
         element.text = value

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import table_of
-from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 
 def to_mjcf(vehicle: Vehicle) -> bytes:
-    """The file, integrated by the Runge-Kutta method at 2 ms.
+    """Write the file, with Runge-Kutta integration at 2 ms.
 
     Raises:
         DataError: The vehicle cannot be simulated.
@@ -20,12 +20,12 @@ def to_mjcf(vehicle: Vehicle) -> bytes:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Errors of the velocity log alone."""
-    return lacking(vehicle, of_sensors)
+    """Return the errors of the DVL; the target has no other lacks."""
+    return lacking_effects(vehicle, sensor_reason)
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """What the controls are, where they are not the commands."""
+    """Return a warning if the controls are not the commands."""
     curved = [thruster.name for thruster in vehicle.thruster if table_of(thruster) is not None]
     if not curved:
         return []

@@ -1,4 +1,4 @@
-"""A vehicle as the numbers and kernels that `export.equations` runs."""
+"""Numbers and kernels of a vehicle for `export.equations`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from hydro.export.equations import Model, Numbers
 
 
 def model_of(vehicle: Vehicle, kernel: Callable[[Any, str], Any] = lambda function, name: function) -> Model:
-    """The vehicle in numbers, thrust tables at its nominal voltage.
+    """Build the model of a vehicle, with thrust tables at its nominal voltage.
 
     Args:
         vehicle: The vehicle.
-        kernel: What stands for a kernel, from it and the name of its effect.
+        kernel: Function that replaces a kernel, given the kernel and the name of its effect.
 
     Raises:
-        DataError: An effect that the catalogue does not admit, or a thruster at fault.
+        DataError: An effect is not in the catalogue, or a thruster is invalid.
     """
     listed = entries(vehicle)
     program = assemble(vehicle, listed)
@@ -38,7 +38,7 @@ def model_of(vehicle: Vehicle, kernel: Callable[[Any, str], Any] = lambda functi
 
 
 def curves_of(vehicle: Vehicle) -> Numbers:
-    """Thrust tables at the nominal voltage: commands, thrusts, full thrust ahead and astern; None without."""
+    """Return thrust tables at nominal voltage: commands, thrusts, full thrust ahead and astern; or None."""
     found: Numbers = []
     for thruster in vehicle.thruster:
         table = table_of(thruster)

@@ -1,4 +1,4 @@
-"""Target `onnx`: a residual network, or a policy, as an ONNX graph."""
+"""Target `onnx`: a residual network or a policy as an ONNX graph."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def to_onnx(trained: Model | Policy) -> bytes:
-    """The graph of a residual network (`learn.export`) or of a policy.
+    """Export a residual network (`learn.export`) or a policy as an ONNX graph.
 
     Raises:
-        DataError: The tensors of a network are not those that its architecture requires.
+        DataError: The tensors of a network do not fit its architecture.
         UsageError: The libraries are not installed.
     """
     from hydro.learn.export import to_onnx as write
@@ -24,21 +24,21 @@ def to_onnx(trained: Model | Policy) -> bytes:
 
 
 def of_policy(policy: Policy) -> bytes:
-    """The graph of a policy: `observations` (N, O) in SI units to `actions` (N, A), all float32.
+    """Export a policy as a graph from `observations` (N, O) in SI units to `actions` (N, A), all float32.
 
-    A policy that sees several observations at once takes them one after another, the newest first.
+    A policy with stacked observations takes them in one row, the newest first.
     """
     import torch
 
     from hydro.learn.export import graph
     from hydro.rl.environment.observation import NAMES
-    from hydro.rl.training.policy import Whole
+    from hydro.rl.training.policy import EncodedPolicy
 
     count = len(policy.encoding)
     described = {"actions": "shares of the authority on each axis, in [-1, 1]"}
     seen = count // len(NAMES)
     described["observations"] = " ".join(NAMES) if seen == 1 else f"{seen} x {' '.join(NAMES)}, newest first"
-    return graph(Whole(policy).eval(), {"observations": torch.zeros(2, count)}, "actions", described)
+    return graph(EncodedPolicy(policy).eval(), {"observations": torch.zeros(2, count)}, "actions", described)
 
 
 TARGET = Target(

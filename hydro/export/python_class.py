@@ -1,7 +1,7 @@
-"""Target `python`: one file without dependencies, a class as in Fossen's Python Vehicle Simulator.
+"""Target `python`: one file without dependencies, with a class as in Fossen's Python Vehicle Simulator.
 
-It is the source of `export.craft` with the kernels of the vehicle's effects and its numbers.  Lists and
-`math` do: a kernel is scalar, and indexing numpy arrays one by one would be slower.
+It contains the source of `export.craft`, the kernels of the vehicle's effects, and its numbers.  Lists and
+`math` suffice: a kernel is scalar, and reading numpy arrays entry by entry would be slower.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.export.craft import Craft
 from hydro.export.numbers import model_of
 from hydro.export.source import Bundle, in_docstring
-from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 HEAD = '''"""{name}: equations of motion, written by hydro {version} from its vehicle file.
 
@@ -32,10 +32,10 @@ After Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011). 
 def to_python(vehicle: Vehicle) -> bytes:
     """Return the file of a vehicle.
 
-    Its class is called as `class_name` says, with `Vehicle` before it where the file has that name already.
+    `class_name` gives the name of its class; `Vehicle` is prepended if the file already has that name.
 
     Raises:
-        DataError: An effect or a thruster of the vehicle is at fault.
+        DataError: An effect or a thruster of the vehicle is invalid.
     """
     bundle = Bundle()
     base = bundle.add(Craft)
@@ -62,22 +62,22 @@ def to_python(vehicle: Vehicle) -> bytes:
 
 
 class _Name(str):
-    """A name that stands in a source without quotes."""
+    """Name that is written into a source without quotes."""
 
     def __repr__(self) -> str:
         return str(self)
 
 
 def class_name(vehicle: str) -> str:
-    """Return a class's name for a vehicle's: `bluerov2-heavy` is `Bluerov2Heavy`."""
+    """Return the class name for a vehicle's name: `bluerov2-heavy` gives `Bluerov2Heavy`."""
     words = re.findall(r"[A-Za-z0-9]+", vehicle)
     name = "".join(word[:1].upper() + word[1:] for word in words)
     return name if name[:1].isalpha() and not keyword.iskeyword(name) else f"Vehicle{name}"
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Errors of the velocity log alone."""
-    return lacking(vehicle, of_sensors)
+    """Return the errors of the DVL; the target has no other lacks."""
+    return lacking_effects(vehicle, sensor_reason)
 
 
 TARGET = Target(

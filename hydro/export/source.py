@@ -1,7 +1,7 @@
-"""The source of functions with all that they call, as one module without imports of hydro.
+"""Source of functions with all that they call, as one module without imports of hydro.
 
-Kernels are taken from where they stand, with their docstrings: what is exported is what `simulate` runs, not
-a second writing of it.  Decorators, annotations and comments are left out.
+Kernels are copied from their modules, with their docstrings, so the export runs the same code as `simulate`.
+Decorators, annotations and comments are removed.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ Definition = ast.FunctionDef | ast.ClassDef
 
 @cache
 def definition(function: Callable[..., Any]) -> Definition:
-    """Syntax tree of a function, a kernel or a class, without decorators and annotations.
+    """Return the syntax tree of a function, kernel or class, without decorators and annotations.
 
-    `size` of a vector becomes its `len`, so that lists will do.
+    The attribute `size` of a vector becomes its `len`, so that the code accepts lists.
     """
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(plain(function)))).body
     assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
-    found: Definition = ast.fix_missing_locations(_Plain().visit(tree))
+    found: Definition = ast.fix_missing_locations(_RemoveTypes().visit(tree))
     return found
 
 
 def plain(function: Any) -> Any:
-    """The Python function behind a kernel."""
+    """Return the Python function of a kernel."""
     return getattr(function, "py_func", function)
 
 
-def surroundings(thing: Callable[..., Any]) -> dict[str, Any]:
-    """Names of the module in which a function or a class stands."""
+def module_names(thing: Callable[..., Any]) -> dict[str, Any]:
+    """Return the global names of the module of a function or class."""
     if inspect.isclass(thing):
         return vars(sys.modules[thing.__module__])
     around: dict[str, Any] = plain(thing).__globals__
@@ -48,20 +48,20 @@ def surroundings(thing: Callable[..., Any]) -> dict[str, Any]:
 
 
 def in_docstring(text: str) -> str:
-    """Return a text as it may stand between triple quotes, where it can neither end them nor the line."""
+    """Return a text escaped for use between triple quotes, on one line."""
     return "".join(
         f"\\{one}" if one in '\\"' else one if one.isprintable() else repr(one)[1:-1] for one in text
     )
 
 
 def is_ours(value: Any) -> bool:
-    """Whether a value is a function or class of hydro's."""
+    """Return whether a value is a function or class of hydro."""
     callable_ = inspect.isfunction(plain(value)) or inspect.isclass(value)
     return callable_ and (plain(value).__module__ or "").startswith("hydro.")
 
 
-class _Plain(ast.NodeTransformer):
-    """What needs no types and no numpy."""
+class _RemoveTypes(ast.NodeTransformer):
+    """Transformer that removes types and numpy attributes."""
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         node.decorator_list, node.returns = [], None
@@ -84,11 +84,11 @@ class _Plain(ast.NodeTransformer):
 
 
 class Bundle:
-    """A module under construction: definitions in the order in which they are needed.
+    """Module under construction, with definitions in the order of their use.
 
     Attributes:
-        constants: Numbers by their names.
-        definitions: Sources of functions and classes by their names.
+        constants: Numbers by name.
+        definitions: Sources of functions and classes by name.
     """
 
     def __init__(self) -> None:
@@ -97,11 +97,11 @@ class Bundle:
         self._named: dict[Any, str] = {}
 
     def add(self, thing: Any, name: str = "") -> str:
-        """Put in a function, kernel or class with all that it uses.
+        """Add a function, kernel or class with all that it uses.
 
         Args:
-            thing: What to put in.
-            name: What to call it; by default its own name.
+            thing: Function, kernel or class.
+            name: Name in the module; by default its own.
 
         Returns:
             Its name in the module.
@@ -109,20 +109,20 @@ class Bundle:
         known = plain(thing)
         if known not in self._named:
             self._named[known] = self._unused(name or known.__name__, known)
-            tree = ast.parse(ast.unparse(definition(thing))).body[0]  # a copy: renamed for this module alone
+            tree = ast.parse(ast.unparse(definition(thing))).body[0]  # a copy, because it will be renamed
             assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
-            _Renamed(self._names_in(tree, surroundings(thing))).visit(tree)
+            _Rename(self._names_in(tree, module_names(thing))).visit(tree)
             tree.name = self._named[known]
             self.definitions[tree.name] = ast.unparse(tree)
         return self._named[known]
 
     def text(self) -> str:
-        """The module, without a head."""
+        """Return the text of the module, without a head."""
         constants = "\n".join(f"{name} = {value!r}" for name, value in self.constants.items())
         return "\n\n\n".join(["import math", constants, *self.definitions.values()])
 
     def _names_in(self, tree: Definition, around: dict[str, Any]) -> dict[str, str]:
-        """What the global names of a definition become; attributes of modules as `module.name`."""
+        """Return new names for the global names of a definition; attributes of modules as `module.name`."""
         found = {}
         for name, value in _globals(tree, around):
             if value is math or value is Any or _is_hydro(value):
@@ -136,20 +136,20 @@ class Bundle:
         return found
 
     def _constant(self, name: str, value: Any) -> str:
-        """Put in a number and return its name."""
+        """Add a number, and return its name."""
         while self.constants.get(name, value) != value or name in self.definitions:
             name += "_"
         self.constants[name] = value
         return name
 
     def _unused(self, name: str, thing: Any) -> str:
-        """The name, with the module before it where another thing has it."""
+        """Return the name, prefixed with the module if another object has it."""
         taken = {*self._named.values(), *self.constants}
         return name if name not in taken else f"{thing.__module__.rpartition('.')[2]}_{name}"
 
 
 def _globals(tree: Definition, around: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Global names that a definition reads, and attributes of modules of hydro's."""
+    """Yield the global names that a definition reads, and attributes of hydro's modules."""
     names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
     own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
     own |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
@@ -168,8 +168,8 @@ def _is_hydro(module: Any) -> bool:
     return isinstance(module, ModuleType) and module.__name__.startswith("hydro.")
 
 
-class _Renamed(ast.NodeTransformer):
-    """Names as they are in the module."""
+class _Rename(ast.NodeTransformer):
+    """Transformer that replaces names by those in the module."""
 
     def __init__(self, names: dict[str, str]) -> None:
         self.names = names

@@ -1,6 +1,6 @@
-"""The targets of `hydro export`: what each takes, what it writes, and what it cannot hold.
+"""Targets of `hydro export`: input, output and lacks of each.
 
-A target is one file with a `TARGET`, named in `MODULES`; the command, its help and its tests read them here.
+A target is one file with a `TARGET`, listed in `MODULES`; the command, its help and its tests read them here.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
 
 MODULES = ("python_class", "casadi_function", "mujoco_model", "gazebo", "onnx_network")
-"""Files of targets in this package, in the order of the help."""
+"""Modules of the targets in this package, in the order of the help."""
 
 
 @dataclass(frozen=True)
 class Lack:
-    """Something of a vehicle that a target cannot hold.
+    """Property of a vehicle that a target cannot represent.
 
     Attributes:
         what: An effect, or a property of the file.
-        why: What the target has in its place, or why it has none.
-        without: The vehicle as the target has it in this respect; None where no motion depends on it.
+        why: The target's replacement, or the reason why it has none.
+        without: The vehicle without this property; None if no motion depends on it.
     """
 
     what: str
@@ -40,17 +40,17 @@ class Lack:
 
 @dataclass(frozen=True)
 class Target:
-    """A format that something is exported to.
+    """Target of an export.
 
     Attributes:
-        name: As `--to` takes it.
-        takes: What is exported: a vehicle file, or a trained network.
-        suffix: Of a file in this format, by which it is known where `--to` says nothing.
-        summary: In a few words.
-        write: The file, of a vehicle or a network.
-        lacks: What of a vehicle it cannot hold.
-        warnings: What its user must know besides, a line each.
-        text: Whether a person can read the file.
+        name: Value of `--to`.
+        takes: Input: a vehicle file, or a trained network.
+        suffix: Suffix of its files, which selects the target if `--to` is missing.
+        summary: Short description.
+        write: Function from a vehicle or network to the content of the file.
+        lacks: Function that returns the properties that it cannot represent.
+        warnings: Function that returns further warnings, one line each.
+        text: Whether the file is readable text.
     """
 
     name: str
@@ -64,21 +64,21 @@ class Target:
 
 
 def targets() -> dict[str, Target]:
-    """All targets by name."""
+    """Return all targets by name."""
     found = [import_module(f"hydro.export.{module}").TARGET for module in MODULES]
     return {target.name: target for target in found}
 
 
 def choose(to: str | None, takes: str, output: str) -> Target:
-    """The target that is asked for.
+    """Select a target.
 
     Args:
-        to: Its name; None: by the suffix of the output, or the only one that takes such a thing.
+        to: Name of the target; None selects by the suffix of the output, or the only target for this input.
         takes: `vehicle` or `model`.
-        output: Where it is written to.
+        output: Path of the output.
 
     Raises:
-        UsageError: No target has the name or the suffix, or it does not take such a thing.
+        UsageError: No target has the name or the suffix, or it does not take this input.
     """
     known = targets()
     fitting = {name: target for name, target in known.items() if target.takes == takes}
@@ -93,17 +93,17 @@ def choose(to: str | None, takes: str, output: str) -> Target:
     chosen = [target for target in fitting.values() if output.endswith(target.suffix)]
     if len(chosen) == 1 or len(fitting) == 1:
         return (chosen or list(fitting.values()))[0]
-    raise UsageError(f"--to: say which of {', '.join(fitting)} {what} is exported to")
+    raise UsageError(f"--to: choose one of {', '.join(fitting)} for {what}")
 
 
 def without_effects(vehicle: Vehicle, left_out: Callable[[Effect], bool]) -> Vehicle:
-    """The vehicle without some effects."""
+    """Return the vehicle without some effects."""
     kept = tuple(table for table in vehicle.effect if not left_out(CATALOGUE[table["name"]]))
     return msgspec.structs.replace(vehicle, effect=kept)
 
 
-def lacking(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
-    """Effects of a vehicle that a target cannot hold, each once; `why` says nothing of those it can."""
+def lacking_effects(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
+    """Return the effects that a target cannot represent, each once; `why` gives a reason, or ''."""
     found = []
     for name in dict.fromkeys(str(table["name"]) for table in vehicle.effect):
         effect = CATALOGUE[name]
@@ -113,15 +113,15 @@ def lacking(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
     return found
 
 
-def of_sensors(effect: Effect) -> str:
-    """Why no simulator holds an error of the velocity log."""
-    return "an error of the velocity log, not of the motion" if effect.kind == "sensor" else ""
+def sensor_reason(effect: Effect) -> str:
+    """Return why no simulator represents an error of the DVL; empty for other effects."""
+    return "an error of the DVL, not of the motion" if effect.kind == "sensor" else ""
 
 
 def all_left_out(vehicle: Vehicle, lacks: Sequence[Lack]) -> Vehicle:
-    """The vehicle as a target has it: without all that it cannot hold.
+    """Return the vehicle as a target represents it: without all its lacks.
 
-    Each lack changes effects or thrusters: those of every `without` are taken together.
+    Each lack changes effects or thrusters; the changes are combined.
     """
     effects, thrusters = list(vehicle.effect), list(vehicle.thruster)
     for lack in lacks:

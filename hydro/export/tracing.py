@@ -1,9 +1,8 @@
-"""Functions of numbers run on symbols: from the source of the kernels to expressions of a symbolic library.
+"""Tracing of numeric functions with symbols: from the source of kernels to symbolic expressions.
 
-A kernel is scalar code: sums, products, `math`, loops over known ranges and branches.  Everything that is
-known (parameters, constants, places) is computed as Python does; where a branch depends on a symbol, both
-sides are run and what they wrote is joined by a selection.  A side that returns takes the rest of the
-function with it.
+A kernel is scalar code: sums, products, `math`, loops over known ranges, and branches.  Known values
+(parameters, constants, indices) are computed as in Python.  If a branch depends on a symbol, both sides run,
+and a selection joins their results.  If a side returns, it includes the rest of the function.
 """
 
 from __future__ import annotations
@@ -15,54 +14,54 @@ from functools import cache
 from typing import Any, Protocol
 
 from hydro.core.errors import HydroError
-from hydro.export.source import Definition, definition, is_ours, plain, surroundings
+from hydro.export.source import Definition, definition, is_ours, module_names, plain
 
 Environment = dict[str, Any]
 
 
 class Algebra(Protocol):
-    """What a symbolic library offers.
+    """Interface of a symbolic library.
 
     Attributes:
-        functions: What stands in the place of Python's functions and of some of hydro's.
+        functions: Replacements of Python's functions and of some of hydro's.
     """
 
     functions: Mapping[Any, Callable[..., Any]]
 
     def is_symbol(self, value: Any) -> bool:
-        """Whether a value is not known."""
+        """Return whether a value is a symbol."""
 
     def select(self, test: Any, yes: Any, no: Any) -> Any:
-        """One of two values."""
+        """Return one of two values, selected by a symbolic condition."""
 
     def both(self, one: Any, other: Any) -> Any:
-        """Whether both hold."""
+        """Return the conjunction of two conditions."""
 
     def negated(self, one: Any) -> Any:
-        """Whether it does not hold."""
+        """Return the negation of a condition."""
 
 
 class _Returned:
-    """That a function has returned."""
+    """Marker of a `return` with its value."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
 
 
-_ON, _BREAK, _CONTINUE = object(), object(), object()
+_NORMAL, _BREAK, _CONTINUE = object(), object(), object()  # ends of a run of statements, besides `return`
 
 
 class Tracer:
-    """Runs functions on symbols."""
+    """Interpreter that runs functions on symbols."""
 
     def __init__(self, algebra: Algebra) -> None:
         self.algebra = algebra
 
     def call(self, function: Any, *given: Any) -> Any:
-        """What a function returns; lists that it writes to are written to.
+        """Return the result of a function; lists that it writes to are modified.
 
         Raises:
-            HydroError: The function is no scalar code.
+            HydroError: The function is not scalar code.
         """
         known = plain(function)
         if known in self.algebra.functions:
@@ -72,11 +71,11 @@ class Tracer:
         tree = _prepared(known)
         assert isinstance(tree, ast.FunctionDef)
         names = [argument.arg for argument in tree.args.args]
-        end = self._run(tree.body, dict(zip(names, given, strict=True)), surroundings(known))
+        end = self._run(tree.body, dict(zip(names, given, strict=True)), module_names(known))
         return end.value if isinstance(end, _Returned) else None
 
     def _run(self, statements: Sequence[ast.stmt], here: Environment, around: Mapping[str, Any]) -> Any:
-        """Run statements; how they end: on, by `return`, or out of a loop."""
+        """Run statements; return how they end: normally, by `return`, or out of a loop."""
         for place, statement in enumerate(statements):
             if isinstance(statement, ast.If):
                 test = self._value(statement.test, here, around)
@@ -84,11 +83,11 @@ class Tracer:
                 if not self.algebra.is_symbol(test):
                     return self._run([*(statement.body if test else statement.orelse), *rest], here, around)
                 sides = statement.body, statement.orelse
-                if any(_leaves(side) for side in sides):
+                if any(_may_leave(side) for side in sides):
                     return self._split(test, [[*side, *rest] for side in sides], here, around)
                 self._split(test, list(sides), here, around)
             elif isinstance(statement, ast.For):
-                if (end := self._loop(statement, here, around)) is not _ON:
+                if (end := self._loop(statement, here, around)) is not _NORMAL:
                     return end
             elif isinstance(statement, ast.Return):
                 return _Returned(
@@ -101,15 +100,15 @@ class Tracer:
                 for target in statement.targets:
                     self._assign(target, value, here, around)
             elif isinstance(statement, ast.AugAssign):
-                self._assign(statement.target, self._value(_summed(statement), here, around), here, around)
+                self._assign(statement.target, self._value(_sum_of(statement), here, around), here, around)
             elif isinstance(statement, ast.Expr):
                 self._value(statement.value, here, around)
             elif not isinstance(statement, ast.Pass):
                 raise HydroError(f"{ast.unparse(statement)!r:.80} cannot be run on symbols")
-        return _ON
+        return _NORMAL
 
     def _loop(self, loop: ast.For, here: Environment, around: Mapping[str, Any]) -> Any:
-        """Run a loop over what is known."""
+        """Run a loop over known values."""
         for value in self._value(loop.iter, here, around):
             self._assign(loop.target, value, here, around)
             end = self._run(loop.body, here, around)
@@ -117,12 +116,12 @@ class Tracer:
                 break
             if isinstance(end, _Returned):
                 return end
-        return _ON
+        return _NORMAL
 
     def _split(
         self, test: Any, sides: Sequence[Sequence[ast.stmt]], here: Environment, around: Mapping[str, Any]
     ) -> Any:
-        """Run both sides from the same beginning and join what they wrote and return."""
+        """Run both sides from the same state, and join their assignments and return values."""
         lists = list(_lists(here.values()))
         before, ends, after = [list(one) for one in lists], [], []
         for side in sides:
@@ -133,26 +132,26 @@ class Tracer:
                 one[:] = values
         (yes, yes_lists), (no, no_lists) = after
         for one, values, others in zip(lists, yes_lists, no_lists, strict=True):
-            one[:] = self._joined(test, values, others)
+            one[:] = self._select_entries(test, values, others)
         for name in yes.keys() & no.keys():
-            here[name] = self._joined(test, yes[name], no[name])
-        if ends == [_ON, _ON]:
-            return _ON
+            here[name] = self._select_entries(test, yes[name], no[name])
+        if ends == [_NORMAL, _NORMAL]:
+            return _NORMAL
         if _BREAK in ends or _CONTINUE in ends:
-            raise HydroError("a loop that ends by a symbol cannot be run on symbols")
+            raise HydroError("a loop that ends on a symbolic condition cannot be traced")
         values = [end.value if isinstance(end, _Returned) else None for end in ends]
-        return _Returned(self._joined(test, *values))
+        return _Returned(self._select_entries(test, *values))
 
-    def _joined(self, test: Any, yes: Any, no: Any) -> Any:
-        """One of two values, entry by entry."""
+    def _select_entries(self, test: Any, yes: Any, no: Any) -> Any:
+        """Select one of two values, entry by entry."""
         if yes is no:
             return yes
         if isinstance(yes, list | tuple) and isinstance(no, list | tuple) and len(yes) == len(no):
-            return type(yes)(self._joined(test, a, b) for a, b in zip(yes, no, strict=True))
+            return type(yes)(self._select_entries(test, a, b) for a, b in zip(yes, no, strict=True))
         return self.algebra.select(test, yes, no)
 
     def _assign(self, target: ast.expr, value: Any, here: Environment, around: Mapping[str, Any]) -> None:
-        """Write to a name, to several, or into a list."""
+        """Assign to a name, to several names, or to an entry of a list."""
         if isinstance(target, ast.Name):
             here[target.id] = value
         elif isinstance(target, ast.Tuple):
@@ -164,30 +163,30 @@ class Tracer:
             raise HydroError(f"{ast.unparse(target)!r:.80} cannot be written to")
 
     def _value(self, expression: ast.expr, here: Environment, around: Mapping[str, Any]) -> Any:
-        """Value of an expression."""
+        """Evaluate an expression."""
         tools = {"_call": self.call, "_select": self._select, "_both": self._both, "_not": self._negated}
         return eval(_compiled(expression), {**around, **tools, **here})
 
     def _select(self, test: Any, yes: Callable[[], Any], no: Callable[[], Any]) -> Any:
-        """`yes if test else no`; both where the test is a symbol."""
+        """Evaluate `yes if test else no`; both sides if the test is a symbol."""
         if self.algebra.is_symbol(test):
             return self.algebra.select(test, yes(), no())
         return yes() if test else no()
 
     def _both(self, one: Any, other: Callable[[], Any]) -> Any:
-        """`one and other`; both where the first is a symbol."""
+        """Evaluate `one and other`; both operands if the first is a symbol."""
         if self.algebra.is_symbol(one):
             return self.algebra.both(one, other())
         return other() if one else one
 
     def _negated(self, one: Any) -> Any:
-        """`not one`."""
+        """Evaluate `not one`."""
         return self.algebra.negated(one) if self.algebra.is_symbol(one) else not one
 
 
 @cache
-def _summed(statement: ast.AugAssign) -> ast.expr:
-    """`x + y` of a statement `x += y`."""
+def _sum_of(statement: ast.AugAssign) -> ast.expr:
+    """Return the expression `x + y` of a statement `x += y`."""
     load = copy.copy(statement.target)
     load.ctx = ast.Load()
     whole = ast.copy_location(ast.BinOp(load, statement.op, statement.value), statement)
@@ -196,20 +195,20 @@ def _summed(statement: ast.AugAssign) -> ast.expr:
 
 @cache
 def _prepared(function: Any) -> Definition:
-    """Syntax tree of a function whose calls, choices and conjunctions are calls of the tracer's."""
-    tree = _Traced().visit(copy.deepcopy(definition(function)))
+    """Return the syntax tree of a function in which calls and logic are calls of the tracer."""
+    tree = _TracerCalls().visit(copy.deepcopy(definition(function)))
     found: Definition = ast.fix_missing_locations(tree)
     return found
 
 
 @cache
 def _compiled(expression: ast.expr) -> Any:
-    """Code of an expression."""
+    """Compile an expression."""
     return compile(ast.Expression(expression), "<traced>", "eval")
 
 
-def _leaves(statements: Sequence[ast.stmt]) -> bool:
-    """Whether statements may return, or leave the loop that they stand in."""
+def _may_leave(statements: Sequence[ast.stmt]) -> bool:
+    """Return whether statements may return, or leave their loop."""
     return any(
         isinstance(node, ast.Return | ast.Break | ast.Continue)
         for one in statements
@@ -218,7 +217,7 @@ def _leaves(statements: Sequence[ast.stmt]) -> bool:
 
 
 def _lists(values: Any) -> Iterator[list[Any]]:
-    """Lists among values, those within lists too, each once."""
+    """Yield the lists among values, including nested ones, each once."""
     waiting, seen = list(values), set[int]()
     while waiting:
         value = waiting.pop()
@@ -228,8 +227,8 @@ def _lists(values: Any) -> Iterator[list[Any]]:
             waiting += [one for one in value if isinstance(one, list)]
 
 
-class _Traced(ast.NodeTransformer):
-    """Calls, `if` expressions, `and`, `or` and `not` as calls of the tracer."""
+class _TracerCalls(ast.NodeTransformer):
+    """Transformer of calls, `if` expressions, `and`, `or` and `not` to calls of the tracer."""
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         self.generic_visit(node)
@@ -237,27 +236,27 @@ class _Traced(ast.NodeTransformer):
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
         self.generic_visit(node)
-        return _tool("_select", node.test, _later(node.body), _later(node.orelse))
+        return _tracer_call("_select", node.test, _deferred(node.body), _deferred(node.orelse))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
         self.generic_visit(node)
         turned = isinstance(node.op, ast.Or)  # a or b is not (not a and not b)
-        values = [_tool("_not", one) if turned else one for one in node.values]
+        values = [_tracer_call("_not", one) if turned else one for one in node.values]
         whole = values[0]
         for one in values[1:]:
-            whole = _tool("_both", whole, _later(one))
-        return _tool("_not", whole) if turned else whole
+            whole = _tracer_call("_both", whole, _deferred(one))
+        return _tracer_call("_not", whole) if turned else whole
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
         self.generic_visit(node)
-        return _tool("_not", node.operand) if isinstance(node.op, ast.Not) else node
+        return _tracer_call("_not", node.operand) if isinstance(node.op, ast.Not) else node
 
 
-def _tool(name: str, *given: ast.expr) -> ast.expr:
+def _tracer_call(name: str, *given: ast.expr) -> ast.expr:
     return ast.Call(ast.Name(name, ast.Load()), list(given), [])
 
 
-def _later(value: ast.expr) -> ast.expr:
-    """A value that is computed when it is asked for."""
+def _deferred(value: ast.expr) -> ast.expr:
+    """Return a lambda that computes a value on demand."""
     nothing = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
     return ast.Lambda(nothing, value)

@@ -1,4 +1,4 @@
-"""Covariances of a hull's wrench: the processes that `learn.gaussian_process` weighs, axis by axis."""
+"""Covariance functions of a hull's wrench, whose variances `learn.gaussian_process` fits axis by axis."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from hydro.core.residual.mirrors import (
 
 GUESSES = np.log(
     [
-        *(1.0, 0.1, 1.0, 1.0),  # linear, and products of each power, as the mirrors have them
-        *(0.03, 0.1, 1.0),  # radial functions of each power, likewise
-        *(0.002, 0.006, 0.06),  # those of port and starboard
-        *(0.0001, 0.0003, 0.003),  # those without any mirror
-        *(0.01, 0.001, 0.001, 0.001),  # linear and products as no mirror has them
-        *(1e-4, 1e-4),  # errors of the label that grow as m^3, and that do not
+        *(1.0, 0.1, 1.0, 1.0),  # linear, and products of each power, as the symmetry allows
+        *(0.03, 0.1, 1.0),  # radial functions of each power, symmetric in three planes
+        *(0.002, 0.006, 0.06),  # radial functions with port-starboard symmetry
+        *(0.0001, 0.0003, 0.003),  # radial functions without symmetry
+        *(0.01, 0.001, 0.001, 0.001),  # linear and products that the symmetry excludes
+        *(1e-4, 1e-4),  # label noise that grows as m^3, and constant label noise
     ]
 )
-"""Logarithms of variances to begin with, in units of the label's mean square."""
+"""Logarithms of the initial variances, in units of the label's mean square; also the mode of their prior."""
 PRODUCTS_AT, OTHERS_AT = 2, 15
-"""Which of them are of products at p = 2, as the mirrors have them and as they have not."""
+"""Indices of the products at p = 2 in GUESSES: those that the symmetry allows, and those that it excludes."""
 
 
 class Motion(NamedTuple):
-    """Motions about the centre: z (N, 6), its size (N,), direction (N, 6), and products (N, 57)."""
+    """Motions about the centre: z (N, 6), its size m (N,), direction d (N, 6), and products (N, 57)."""
 
     z: Array
     size: Array
@@ -45,25 +45,25 @@ class Motion(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """The centre of the mirrors [m] (3,), and the scale of velocities (6,)."""
+    """Centre of the hull's symmetry (3,) [m], and scale of the velocities (6,)."""
 
     centre: Array
     scale: Array
 
     def motion(self, nu: Array) -> Motion:
-        """Motions of velocities (N, 6)."""
+        """Return the motions of velocities (N, 6)."""
         z = np.hstack([nu[:, :3] + np.cross(nu[:, 3:], self.centre), nu[:, 3:]]) * self.scale
         size = np.sqrt((z**2).sum(axis=1) + EPSILON**2)
         direction = z / size[:, None]
         return Motion(z, size, direction, products(direction))
 
     def about(self, tau: Array) -> Array:
-        """Wrenches (N, 6) about the centre, of those about CO."""
+        """Return wrenches (N, 6) about the centre, given those about CO."""
         return np.hstack([tau[:, :3], tau[:, 3:] - np.cross(self.centre, tau[:, :3])])
 
 
 def images_of(one: Motion, other: Motion) -> Array:
-    """R(g d, d'), (8, N, M)."""
+    """Return R(g d, d') for all images g, (8, N, M)."""
     far = (one.direction**2).sum(axis=1)[:, None] + (other.direction**2).sum(axis=1)
     apart = np.stack([far - 2.0 * (one.direction * g) @ other.direction.T for g in MIRRORS])
     r = np.sqrt(3.0 * np.maximum(apart, 0.0)) / WIDTH
@@ -71,20 +71,21 @@ def images_of(one: Motion, other: Motion) -> Array:
 
 
 def _sums(images: Array, axis: int) -> list[Array]:
-    """The sums S of `core.residual.mirrors`, (N, M) each."""
+    """Return the sums S of `core.residual.mirrors`, (N, M) each."""
     sign = MIRRORS[:, axis]
     return [np.tensordot(sign, images, 1) / 8.0, 0.5 * (images[0] + sign[PORT] * images[PORT]), images[0]]
 
 
 def mirrored(axis: int) -> NDArray[np.bool_]:
-    """Which of z and its products an axis has on a hull with three planes of symmetry, (63,)."""
+    """Return a mask of z and its products (63,) that an axis has on a hull with three planes of symmetry."""
     return np.asarray((parities() == MIRRORS[:, [axis]]).all(axis=0))
 
 
 def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
-    """Covariances of the processes, (N, M) each, in the order of GUESSES; then of the two that are no drag.
+    """Return the covariances of the processes (N, M) in the order of GUESSES, then of two that are no drag.
 
-    These are the d_i d_j at p = 2, as the mirrors have them and as they have not, parts of two before.
+    The last two are the covariances of d_i d_j at p = 2, as the symmetry allows and excludes them.  They are
+    parts of two earlier entries.
     """
     own = mirrored(axis)
     grown = [np.outer(one.size**p, other.size**p) for p in range(1, POWERS + 1)]
@@ -104,5 +105,5 @@ def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array
 
 
 def noise_of(motion: Motion, logs: Array) -> Array:
-    """Variance of the label's error (N,)."""
+    """Return the variance of the label's error (N,)."""
     return np.asarray(np.exp(logs[-2]) * motion.size ** (2 * POWERS) + np.exp(logs[-1]))

@@ -1,4 +1,4 @@
-"""What a trained model predicts, and how far from the labels that is."""
+"""Predictions of trained models, and their errors on labels."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hydro.io.model import Model
 from hydro.learn import networks, rows
 from hydro.learn.regimes import regimes, require_ways
 
-BLOCK = 150
-ROWS_PER_PASS = 16384
+BLOCK = 150  # rows per bootstrap block of tables without `block`, as in `distillation.split`
+ROWS_PER_PASS = 16384  # rows per evaluation of a network, to limit memory
 
 
 def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> Array:
@@ -27,16 +27,15 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
     Args:
         model: a trained model.
         states: (nu, nu_dot) in body axes, FRD, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
-        past: past velocities of a model that remembers, see `distillation.history.past`; by default the
-        vehicle has
-            moved at nu for long.
+        past: past velocities of a model with a window, see `distillation.history.past`; by default a constant
+            velocity nu.
 
     Returns:
-        tau_res (N, 6) [N and N m], body FRD; it stands on the left-hand side of the balance: the wrench on
+        tau_res (N, 6) [N and N m], body FRD.  It stands on the left-hand side of the balance: the wrench on
         the vehicle is -tau_res.
 
     Raises:
-        DataError: If the model's tensors or features are not those that its architecture requires.
+        DataError: If the tensors or features of the model do not fit its architecture.
     """
     given = np.asarray(states, dtype=np.float64).reshape(-1, 12)
     made = features(given, model.features)
@@ -46,18 +45,18 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
 
 
 def predict_rows(model: Model, table: pl.DataFrame, part: str = "test") -> tuple[pl.DataFrame, Array]:
-    """Predict the residual wrench of the rows of one side of the split.
+    """Predict the residual wrench of the rows of one part of the split.
 
     Args:
         model: a trained model.
-        table: labels, all rows of their sessions in order where the model remembers.
+        table: labels; all rows of their sessions in order if the model has a window.
         part: `test`, `train`, or `all` rows, guard rows included.
 
     Returns:
-        Those rows, and tau_res (N, 6) [N and N m] as `predict` gives it.
+        These rows, and tau_res (N, 6) [N and N m] as in `predict`.
 
     Raises:
-        DataError: If the rows are not there, a column is missing or not finite, or the model is broken.
+        DataError: If the part is empty, a column is missing or not finite, or the model is broken.
     """
     chosen, inputs = rows.inputs(table, part, model.architecture)
     return chosen, _predict(model, inputs)
@@ -83,22 +82,22 @@ def evaluate(
     dataset: str = "labels",
     by: Sequence[str] = (),
 ) -> pl.DataFrame:
-    """Measure the errors of models on labels: per axis, and the paper's single figures (Table II).
+    """Measure the errors of models on labels, per axis and as the single figures of the paper (Table II).
 
     Args:
-        models: trained models, of different names.
-        table: labels, with `part` unless all rows are wanted; its `block`, where there is one, says which
-            rows the bootstrap draws together.
+        models: trained models with different names.
+        table: labels, with `part` unless all rows are used; if it has `block`, the bootstrap draws whole
+            blocks.
         part: `test`, `train`, or `all` rows, guard rows included.
-        dataset: name of the data for the table.
-        by: ways to divide the rows, `speed`, `drift` or `reach`; see `regimes`.
+        dataset: name of the data in the table.
+        by: divisions of the rows into regimes, `speed`, `drift` or `reach`; see `regimes`.
 
     Returns:
-        A metrics table; see `evaluation.metrics.measure`. Column `variant` is empty for all rows together,
-        and names the regime for the rows of one.
+        A metrics table; see `evaluation.metrics.measure`.  Column `variant` names the regime; it is empty for
+        all rows together.
 
     Raises:
-        DataError: If the rows are not there, a column is missing or not finite, or a model is broken.
+        DataError: If the part is empty, a column is missing or not finite, or a model is broken.
         UsageError: If two models have one name, or `by` has an unknown entry.
     """
     repeated = [model.name for model in models if sum(other.name == model.name for other in models) > 1]

@@ -1,7 +1,7 @@
-"""Networks as ONNX, for programs without torch: of a residual model, states in, newtons out.
+"""Export of residual models as ONNX for programs without torch: from states to newtons.
 
-Features, scalers and units are within: the graph takes (nu, nu_dot) as a recording has them. A model that
-remembers takes its past as a second input, which the caller keeps (`distillation.history`).
+The graph contains features, scalers and units: its input (nu, nu_dot) is that of a recording.  A model with a
+window takes past velocities as a second input, which the caller keeps (`distillation.history`).
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ import torch
 from torch import Tensor, nn
 
 from hydro.core.distillation.features import CROSS
-from hydro.core.distillation.history import remembered
+from hydro.core.distillation.history import memory_size
 from hydro.core.errors import UsageError
 from hydro.io.model import Model
 from hydro.learn.networks import load
 
-OPSET = 18
-NEEDED = ("onnx", "onnxscript")
+OPSET = 18  # version of the ONNX operators
+NEEDED = ("onnx", "onnxscript")  # libraries of the extra `onnx`
 
 
 class Exported(nn.Module):
-    """The whole map from states to the wrench."""
+    """Complete map from states to the wrench."""
 
     def __init__(self, model: Model) -> None:
         super().__init__()
@@ -35,7 +35,7 @@ class Exported(nn.Module):
         self.physfeat = model.features == "physfeat"
 
     def forward(self, states: Tensor, past: Tensor | None = None) -> Tensor:
-        """Map (nu, nu_dot) (N, 12), and the past of a model that remembers, to tau_res (N, 6)."""
+        """Map (nu, nu_dot) (N, 12), and the past of a model with a window, to tau_res (N, 6)."""
         inputs = physfeat(states) if self.physfeat else states
         if past is not None:
             inputs = torch.cat([inputs, past], dim=1)
@@ -44,7 +44,7 @@ class Exported(nn.Module):
 
 
 def physfeat(states: Tensor) -> Tensor:
-    """The 45 features (N, 45) of `distillation.features` from (nu, nu_dot) (N, 12), in torch."""
+    """Compute the 45 features (N, 45) of `distillation.features` from (nu, nu_dot) (N, 12), in torch."""
     nu = states[:, :6]
     first, second = torch.triu_indices(6, 6, offset=1).unbind()
     even, odd = torch.from_numpy(CROSS.T.copy()).unbind()
@@ -54,19 +54,19 @@ def physfeat(states: Tensor) -> Tensor:
 
 
 def to_onnx(model: Model) -> bytes:
-    """The model as an ONNX file.
+    """Export a model as an ONNX file.
 
-    Its inputs are `states` (N, 12), nu and nu_dot [m/s, rad/s, m/s^2, rad/s^2], body FRD, and for a model
-    that remembers `past` (N, 6 (window - 1)), the velocities of the control steps before, newest first; its
-    output is `tau_res` (N, 6) [N, N m], on the left-hand side: the wrench on the vehicle is -tau_res. All are
-    float32. Its metadata say so too.
+    Inputs: `states` (N, 12), nu and nu_dot [m/s, rad/s, m/s^2, rad/s^2], body FRD.  A model with a window
+    also has `past` (N, 6 (window - 1)), the velocities of the previous control steps, newest first.
+    Output: `tau_res` (N, 6) [N, N m], on the left-hand side of the balance: the wrench on the vehicle is
+    -tau_res.  All are float32.  The metadata of the file repeat this.
 
     Raises:
-        DataError: If the model's tensors are not those that its architecture requires.
+        DataError: If the tensors of the model do not fit its architecture.
         UsageError: If the libraries are not installed.
     """
     window = model.architecture.get("window", 1)
-    arguments = [torch.zeros(2, 12)] + ([torch.zeros(2, remembered(window))] if window > 1 else [])
+    arguments = [torch.zeros(2, 12)] + ([torch.zeros(2, memory_size(window))] if window > 1 else [])
     described = {
         "model": model.name,
         "states": "u v w p q r [m/s, rad/s], then their rates; body FRD",
@@ -83,13 +83,13 @@ def to_onnx(model: Model) -> bytes:
 def graph(
     module: nn.Module, inputs: Mapping[str, Tensor], output: str, described: Mapping[str, str]
 ) -> bytes:
-    """A module as an ONNX file.
+    """Export a module as an ONNX file.
 
     Args:
-        module: What to write.
-        inputs: Examples of its inputs by their names, two rows each; any number of rows will do.
-        output: Name of its output.
-        described: What the file's metadata say.
+        module: Module to export.
+        inputs: Example inputs by name, two rows each; the graph accepts any number of rows.
+        output: Name of the output.
+        described: Metadata of the file.
 
     Raises:
         UsageError: If the libraries are not installed.
@@ -120,7 +120,7 @@ def graph(
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the exporter's progress and advice off the terminal."""
+    """Suppress the exporter's progress and advice."""
     level = logging.getLogger("torch.onnx").level
     with (
         warnings.catch_warnings(),

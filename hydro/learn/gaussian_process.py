@@ -1,15 +1,18 @@
-"""A Gaussian process of a hull's wrench from labels: for minutes of data, of which networks make little.
+"""Gaussian process of a hull's wrench, fitted to labels; for minutes of data, too few for networks.
 
-Each axis is a sum of independent processes: a linear one, products of velocities and radial functions of the
-direction of motion, that grow as the first to third power of the speed (`core.residual.mirrors`), once as the
-mirrors of the hull have them and once as they have not. How large each is, and with them how drag grows with
-the speed and how far the hull is from symmetric, is chosen by the error of folds of the data left out; so are
-the arms that make velocities of rates, and the centre of the mirrors where that of gravity is not known. A
-second process is steered by the drag that the first predicts: the forces, the moments, or both, where folds
-left out gain by it.
+Each axis is a sum of independent processes (`core.residual.mirrors`): a linear one, products of velocities,
+and radial functions of the direction of motion.  The last two grow as the first to third power of the speed.
+Each process exists in two forms: as the symmetry of the hull allows, and as it excludes.
 
-The mean of the process is then kept on some of the rows, by the projected process (Rasmussen and Williams
-2006, section 8.3.4), as weights of `learn.networks.gaussian_process`.
+Cross-validation over folds of the data selects the variances of the processes.  Thus the data decide how
+drag grows with the speed, and how asymmetric the hull is.  Cross-validation also selects the arms that scale
+angular velocities, and the centre of symmetry if the centre of gravity is unknown.
+
+The drag predicted by the first stage modulates a second stage, for forces and moments separately, if that
+reduces the cross-validation error.
+
+The mean of the process is then projected on some of the rows (projected process, Rasmussen and Williams 2006,
+section 8.3.4).  Its weights are those of `learn.networks.gaussian_process`.
 """
 
 from __future__ import annotations
@@ -37,26 +40,26 @@ from hydro.learn.covariances import (
     parts_of,
 )
 
-ROWS_WEIGHED = 900  # on which the processes are weighed
-ROWS_EXPLORED = 450  # on which centre and arms are looked for
-ROWS_LEARNT = 4500  # that teach the mean
-FOLDS = 60
-USUAL = 0.9  # share of the rows that are slower than 1 in units of the process
-ARM = 0.5  # m, to begin with
-STEPS = 25  # of the search for the variances of an axis
-STIFFNESS = 5e-3  # what a variance e times its guess must win of the logarithm of the error
-LEAST = 1e-6  # of the label's square: a fold cannot do better
-JITTER = 1e-9
-STEERING = 1.0  # variance of what turns drag by its own direction
-BOUNDS = (-16.0, 7.0)  # of the logarithms of variances
+ROWS_VARIANCES = 900  # rows for the fit of the variances; its cost grows with their cube
+ROWS_CENTRE = 450  # rows for the search of centre and arms
+ROWS_MEAN = 4500  # rows for the final mean
+FOLDS = 60  # greatest number of folds of the cross-validation
+UNIT_QUANTILE = 0.9  # quantile of the motions' sizes that becomes the unit of z
+ARM = 0.5  # initial arm that scales angular velocities [m]
+STEPS = 25  # iterations of the search for the variances of an axis
+STIFFNESS = 5e-3  # penalty on log error per squared log ratio of a variance to its initial value
+LEAST = 1e-6  # added to a fold's mean squared error, in units of the label's mean square
+JITTER = 1e-9  # added to the diagonal of the normal matrix, as a share of its mean
+MODULATION = 1.0  # prior variance of the modulation of the second stage by the direction of drag
+BOUNDS = (-16.0, 7.0)  # bounds of the logarithms of variances
 
 
 class Fit(NamedTuple):
-    """What was found.
+    """Result of the fit.
 
     Attributes:
-        tensors: Of the network.
-        left_out_rmse: Root mean square error over rows of folds left out and all axes, in N and N m mixed.
+        tensors: Tensors of the network.
+        left_out_rmse: Root mean square cross-validation error over rows and axes, in N and N m mixed.
     """
 
     tensors: dict[str, NDArray[np.float32]]
@@ -73,61 +76,61 @@ def fit(
     centre: Sequence[float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
-    """Find the process and its mean.
+    """Fit the process and its mean.
 
     Args:
         nu: Velocities (N, 6) [m/s, rad/s].
         tau: Labels (N, 6) [N, N m].
-        blocks: Block of each row, two or more; rows of a block stand together.
-        points: Rows to keep the mean on, at most N.
-        seed: Of the choice of rows.
-        centre: Of gravity [m], FRD from CO; by default it is looked for.
-        progress: Called with the steps done, and how many there are.
+        blocks: Block of each row, at least two different ones; rows of a block are consecutive.
+        points: Rows on which the mean is projected, at most N.
+        seed: Seed of the choice of rows.
+        centre: Centre of gravity [m], FRD from CO; by default the centre is fitted.
+        progress: Called with the number of finished steps and of all steps.
     """
     draw = np.random.default_rng(seed)
     fold = _folds(blocks)
-    told = progress or (lambda done, of: None)
-    some = _some(draw, len(nu), ROWS_EXPLORED)
-    hull = _explored(nu[some], tau[some], fold[some], centre)
-    told(1, 2 + AXES)
-    some = _some(draw, len(nu), ROWS_WEIGHED)
+    report = progress or (lambda done, of: None)
+    some = _every_nth(draw, len(nu), ROWS_CENTRE)
+    hull = _fit_centre_and_arms(nu[some], tau[some], fold[some], centre)
+    report(1, 2 + AXES)
+    some = _every_nth(draw, len(nu), ROWS_VARIANCES)
     motion, labels = hull.motion(nu[some]), hull.about(tau[some])
     unit = np.sqrt((labels**2).mean(axis=0))
     unit[unit == 0.0] = 1.0
     scaled, images, found = labels / unit, images_of(motion, motion), []
     for axis in range(AXES):
         parts = parts_of(motion, motion, images, axis)
-        found.append(_weighed(parts, motion, scaled[:, axis], fold[some]))
-        told(2 + axis, 2 + AXES)
-    missed, steered = _both_stages(motion, images, scaled, unit, fold[some], found)
-    many = _some(draw, len(nu), ROWS_LEARNT)
+        found.append(_fit_variances(parts, motion, scaled[:, axis], fold[some]))
+        report(2 + axis, 2 + AXES)
+    residual, modulated = _both_stages(motion, images, scaled, unit, fold[some], found)
+    many = _every_nth(draw, len(nu), ROWS_MEAN)
     kept = hull.motion(nu[draw.permutation(len(nu))[:points]])
     known = hull.about(tau[many]) / unit
-    tensors = _mean(hull.motion(nu[many]), known, kept, found, unit, steered)
+    tensors = _project_mean(hull.motion(nu[many]), known, kept, found, unit, modulated)
     tensors |= {"centre": hull.centre, "scale": hull.scale, "top": np.array([hull.motion(nu).size.max()])}
-    told(2 + AXES, 2 + AXES)
+    report(2 + AXES, 2 + AXES)
     stored = {name: value.astype(np.float32) for name, value in tensors.items()}
-    return Fit(stored, float(np.sqrt(((unit * missed) ** 2).mean())))
+    return Fit(stored, float(np.sqrt(((unit * residual) ** 2).mean())))
 
 
 def _folds(blocks: Sequence[str]) -> Rows:
-    """Number of the fold of each row: blocks, or neighbouring blocks together where there are many."""
+    """Return the fold of each row: a block, or several neighbouring blocks if there are many."""
     names = np.asarray(blocks)
     block = np.concatenate([[0], np.cumsum(names[1:] != names[:-1])])
     return np.asarray(block // -(-(int(block[-1]) + 1) // FOLDS), dtype=np.int64)
 
 
-def _some(draw: np.random.Generator, count: int, most: int) -> Rows:
-    """Every so many-th of some rows, at most so many."""
+def _every_nth(draw: np.random.Generator, count: int, most: int) -> Rows:
+    """Return every k-th of `count` rows with a random start, at most `most`."""
     step = -(-count // most)
     return np.arange(int(draw.integers(step)), count, step)
 
 
-def _explored(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None) -> Hull:
-    """Arms, then the centre if it is not given, that leave the least error of folds left out.
+def _fit_centre_and_arms(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None) -> Hull:
+    """Find the arms, and the centre if it is not given, with the least cross-validation error.
 
-    The search is along the axes. Drag is steered by moments about the centre of gravity, which is looked for
-    with both stages.
+    The search moves along one coordinate at a time.  The second stage is modulated by moments about the
+    centre, so the search for the centre uses both stages.
     """
     place = np.concatenate([np.zeros(3) if centre is None else centre, np.log(np.full(3, ARM))])
     searches = [((3, 4, 5), np.log(2.0), 2, 1), ((2, 0, 1), 0.1 * ARM, 3, 2)]
@@ -145,19 +148,19 @@ def _explored(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None)
 
 
 def _hull(nu: Array, place: Array) -> Hull:
-    """The hull of a centre and the logarithms of arms about x, y, z, in units of the usual motion."""
+    """Return the hull of a centre and of the log arms about x, y, z, in units of usual motion."""
     scale = np.concatenate([np.ones(3), np.exp(place[3:])])
-    usual = float(np.quantile(Hull(place[:3], scale).motion(nu).size, USUAL))
+    usual = float(np.quantile(Hull(place[:3], scale).motion(nu).size, UNIT_QUANTILE))
     return Hull(place[:3], scale / usual)
 
 
 def _cost(hull: Hull, nu: Array, tau: Array, fold: Rows, stages: int) -> float:
-    """Mean over axes of the logarithm of the error of folds left out, with the variances of GUESSES."""
+    """Return the mean over axes of the log cross-validation error, with the variances of GUESSES."""
     motion, labels = hull.motion(nu), hull.about(tau)
     unit = np.maximum(np.sqrt((tau**2).mean(axis=0)), TINY)
     given = (motion, images_of(motion, motion), labels / unit, unit, fold)
-    missed, _ = _both_stages(*given, [GUESSES] * AXES, stages)
-    return _error(missed, fold)
+    residual, _ = _both_stages(*given, [GUESSES] * AXES, stages)
+    return _error(residual, fold)
 
 
 def _both_stages(
@@ -169,42 +172,43 @@ def _both_stages(
     found: Sequence[Array],
     stages: int = 2,
 ) -> tuple[Array, list[bool]]:
-    """What is missed of folds left out (N, 6), and the axes of which the second stage misses less.
+    """Return the cross-validation residuals (N, 6), and the axes for which the second stage is better.
 
-    The forces together, or the moments: they are steered by one another.
+    The second stage is used for all forces or none, and for all moments or none, because they modulate each
+    other.
 
-    Labels (N, 6) are in their units (6,); variances by their logarithms, an array for each axis.
+    Labels (N, 6) are in units of `unit` (6,).  `found` holds the logarithms of the variances of each axis.
     """
     parts = [parts_of(motion, motion, images, axis) for axis in range(AXES)]
     first = [
-        _left_out(_process(parts[axis], motion, logs), labels[:, axis], fold)
+        _cross_validate(_process(parts[axis], motion, logs), labels[:, axis], fold)
         for axis, logs in enumerate(found)
     ]
-    missed = np.stack([one.missed for one in first], axis=1)
-    steered = [False] * AXES
+    residual = np.stack([one.residual for one in first], axis=1)
+    modulated = [False] * AXES
     if stages == 1:
-        return missed, steered
+        return residual, modulated
     drags = ([one.fitted for one in first], [one.drag for one in first])
-    seen, unseen = (_directed(unit * np.stack(drag, axis=1)) / unit[:, None] for drag in drags)
-    again = np.empty_like(missed)
+    seen, unseen = (_modulation(unit * np.stack(drag, axis=1)) / unit[:, None] for drag in drags)
+    again = np.empty_like(residual)
     for axis, logs in enumerate(found):
         columns = seen[:, axis]
         process = _process(parts[axis], motion, logs, columns)
         other = unseen[:, axis] - columns
-        again[:, axis] = _left_out(process, labels[:, axis], fold, (columns, other)).missed
+        again[:, axis] = _cross_validate(process, labels[:, axis], fold, (columns, other)).residual
     for half in (range(3), range(3, AXES)):
-        if _error(again[:, half], fold) < _error(missed[:, half], fold):
-            missed[:, half] = again[:, half]
-            steered[half.start : half.stop] = [True] * 3
-    return missed, steered
+        if _error(again[:, half], fold) < _error(residual[:, half], fold):
+            residual[:, half] = again[:, half]
+            modulated[half.start : half.stop] = [True] * 3
+    return residual, modulated
 
 
 class Process(NamedTuple):
-    """Of one axis.
+    """Gaussian process of one axis.
 
     Attributes:
-        whole: Covariance with that of the label's error, (N, N).
-        even: Covariance of what is no drag, d_i d_j at p = 2.
+        whole: Covariance including the label's error (N, N).
+        even: Covariance of the part other than drag, d_i d_j at p = 2.
         noise: Variance of the label's error (N,).
     """
 
@@ -213,78 +217,79 @@ class Process(NamedTuple):
     noise: Array
 
 
-class LeftOut(NamedTuple):
-    """What the mean says of rows whose fold was left out, (N,) each.
+class CrossValidation(NamedTuple):
+    """Predictions for rows whose fold was left out, (N,) each.
 
     Attributes:
-        missed: What it misses of the label.
-        drag: The drag that it predicts.
-        fitted: The drag that it has where nothing was left out.
+        residual: Label minus prediction.
+        drag: Predicted drag.
+        fitted: Drag fitted with all folds.
     """
 
-    missed: Array
+    residual: Array
     drag: Array
     fitted: Array
 
 
-def _process(parts: Sequence[Array], motion: Motion, logs: Array, steering: Array | None = None) -> Process:
-    """The process with these logarithms of variances, steered by the columns (N, 3) if given."""
+def _process(parts: Sequence[Array], motion: Motion, logs: Array, modulation: Array | None = None) -> Process:
+    """Build the process for logarithms of variances, modulated by the columns (N, 3) if given."""
     *parts, even, other = parts
     variances, noise = np.exp(logs), noise_of(motion, logs)
     whole = np.asarray(sum(v * part for v, part in zip(variances, parts, strict=False))) + np.diag(noise)
-    if steering is not None:
-        whole += STEERING * steering @ steering.T
+    if modulation is not None:
+        whole += MODULATION * modulation @ modulation.T
     return Process(whole, variances[PRODUCTS_AT] * even + variances[OTHERS_AT] * other, noise)
 
 
-def _left_out(
-    process: Process, label: Array, fold: Rows, steering: tuple[Array, Array] | None = None
-) -> LeftOut:
-    """What the mean of a process says of every fold without its labels (N,).
+def _cross_validate(
+    process: Process, label: Array, fold: Rows, modulation: tuple[Array, Array] | None = None
+) -> CrossValidation:
+    """Predict every fold from the labels of all others.
 
     Args:
-        process: Of an axis.
-        label: In units of the process.
-        fold: Of each row.
-        steering: Its columns (N, 3), and how much else they are in a row whose fold the drag has not seen.
+        process: Process of the axis.
+        label: Labels (N,) in units of the process.
+        fold: Fold of each row (N,).
+        modulation: Columns (N, 3) with the fitted drag, and their change (N, 3) with the drag predicted
+            without the row's fold.
     """
     inverse = np.linalg.inv(process.whole)
     known = inverse @ label
-    missed, even = np.empty_like(label), np.empty_like(label)
+    residual, even = np.empty_like(label), np.empty_like(label)
     for number in np.unique(fold):
         rows = np.flatnonzero(fold == number)
-        missed[rows] = np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows])
-        without = known - inverse[:, rows] @ missed[rows]
+        residual[rows] = np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows])
+        without = known - inverse[:, rows] @ residual[rows]
         even[rows] = process.even[rows] @ without
-        if steering is not None:
-            missed[rows] -= STEERING * steering[1][rows] @ (steering[0].T @ without)
+        if modulation is not None:
+            residual[rows] -= MODULATION * modulation[1][rows] @ (modulation[0].T @ without)
     fitted = label - process.noise * known - process.even @ known
-    return LeftOut(missed, label - missed - even, fitted)
+    return CrossValidation(residual, label - residual - even, fitted)
 
 
-def _error(missed: Array, fold: Rows) -> float:
-    """Mean over axes of the logarithm of the mean over folds of the root mean square missed (N, axes)."""
+def _error(residual: Array, fold: Rows) -> float:
+    """Return the mean over axes of the log of the mean over folds of the r.m.s. residual (N, axes)."""
     number = np.unique(fold, return_inverse=True)[1]
-    squares = np.stack([np.bincount(number, column**2) for column in missed.T]) / np.bincount(number)
+    squares = np.stack([np.bincount(number, column**2) for column in residual.T]) / np.bincount(number)
     return float(np.log(np.sqrt(squares + LEAST).mean(axis=1)).mean())
 
 
-def _directed(drag: Array) -> Array:
-    """F_i |F_j| / |F| of drag (N, 6), over the forces or over the moments, (N, 6, 3)."""
+def _modulation(drag: Array) -> Array:
+    """Return F_i |F_j| / |F| of drag F (N, 6), over the forces or over the moments, (N, 6, 3)."""
     halves = drag.reshape(-1, 2, 3)
     size = np.maximum(np.sqrt((halves**2).sum(axis=2)), TINY)
     made = halves[:, :, :, None] * np.abs(halves)[:, :, None, :] / size[:, :, None, None]
     return np.asarray(made.reshape(-1, AXES, 3))
 
 
-def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Array:
-    """Logarithms of the variances that leave the least error of folds left out."""
+def _fit_variances(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Array:
+    """Find the logarithms of the variances with the least cross-validation error."""
     covariances = [torch.from_numpy(part) for part in parts[:-2]]
     guesses, truth = torch.from_numpy(GUESSES), torch.from_numpy(label)
     growth = torch.from_numpy(motion.size ** (2 * POWERS))
     where = [torch.from_numpy(np.flatnonzero(fold == number)) for number in np.unique(fold)]
 
-    def missed(logs: torch.Tensor) -> list[torch.Tensor]:
+    def residual(logs: torch.Tensor) -> list[torch.Tensor]:
         variances = torch.exp(logs)
         K = sum((v * part for v, part in zip(variances, covariances, strict=False)), torch.zeros(()))
         inverse = torch.linalg.inv(K + torch.diag(variances[-2] * growth + variances[-1]))
@@ -293,7 +298,7 @@ def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Ar
 
     def cost(values: Array) -> tuple[float, Array]:
         logs = torch.tensor(values, requires_grad=True)
-        error = torch.stack([torch.sqrt(one.square().mean() + LEAST) for one in missed(logs)]).mean()
+        error = torch.stack([torch.sqrt(one.square().mean() + LEAST) for one in residual(logs)]).mean()
         total = torch.log(error) + STIFFNESS * (logs - guesses).square().sum()
         torch.autograd.backward(total)
         assert logs.grad is not None
@@ -305,14 +310,22 @@ def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Ar
     return np.asarray(found.x)
 
 
-def _mean(
-    motion: Motion, labels: Array, kept: Motion, found: Sequence[Array], unit: Array, steered: Sequence[bool]
+def _project_mean(
+    motion: Motion,
+    labels: Array,
+    kept: Motion,
+    found: Sequence[Array],
+    unit: Array,
+    modulated: Sequence[bool],
 ) -> dict[str, Array]:
-    """The mean of both stages on points, as tensors of the network; labels (N, 6) are in their units (6,)."""
+    """Project the mean of both stages on points; return tensors of the network.
+
+    Labels (N, 6) are in units of `unit` (6,).
+    """
     linear = np.zeros((STAGES, AXES, AXES))
     library = np.zeros((STAGES, POWERS, PRODUCTS, AXES))
     radial = np.zeros((len(kept.size), STAGES, SUMS, POWERS, AXES))
-    steering, drag = np.zeros((AXES, 3)), np.empty_like(labels)
+    modulation, drag = np.zeros((AXES, 3)), np.empty_like(labels)
     across, within, covariances = images_of(motion, kept), images_of(kept, kept), []
     for axis, logs in enumerate(found):
         parts, square = parts_of(motion, kept, across, axis), parts_of(kept, kept, within, axis)
@@ -323,19 +336,19 @@ def _mean(
     for stage in range(STAGES):
         for axis, logs in enumerate(found):
             columns, prior, even = covariances[axis]
-            if stage and steered[axis]:
-                columns = np.hstack([columns, _directed(unit * drag)[:, axis] / unit[axis]])
-                prior = block_diag(prior, np.eye(3) / STEERING)
-            alpha = _solved(columns, prior, labels[:, axis], noise_of(motion, logs))
+            if stage and modulated[axis]:
+                columns = np.hstack([columns, _modulation(unit * drag)[:, axis] / unit[axis]])
+                prior = block_diag(prior, np.eye(3) / MODULATION)
+            alpha = _solve_weights(columns, prior, labels[:, axis], noise_of(motion, logs))
             on_points = alpha[: len(kept.size)]
             if not stage:
                 drag[:, axis] = columns @ alpha - even @ on_points
-            elif steered[axis]:
-                steering[axis] = alpha[len(kept.size) :]
-            folded = _folded(kept, unit[axis] * on_points, np.exp(logs), axis)
+            elif modulated[axis]:
+                modulation[axis] = alpha[len(kept.size) :]
+            folded = _weights_of_terms(kept, unit[axis] * on_points, np.exp(logs), axis)
             linear[stage, axis], library[stage, :, :, axis], radial[:, stage, :, :, axis] = folded
     return {
-        "steering": steering,
+        "steering": modulation,
         "linear": linear,
         "library": library,
         "points": kept.direction,
@@ -343,16 +356,16 @@ def _mean(
     }
 
 
-def _solved(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
-    """Weights of columns (N, K), of this inverse variance, that explain labels (N,) with errors."""
+def _solve_weights(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
+    """Return the weights of columns (N, K) with inverse prior covariance that fit noisy labels (N,)."""
     sure = columns.T / noise
     normal = sure @ columns + prior
     normal += JITTER * np.trace(normal) / len(normal) * np.eye(len(normal))
     return np.asarray(np.linalg.solve(normal, sure @ label))
 
 
-def _folded(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
-    """Weights alpha (K,) of the rows kept as those of z (6,), products (3, 57), and points (K, 3, 3)."""
+def _weights_of_terms(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
+    """Convert weights alpha (K,) of rows to weights of z (6,), products (3, 57) and points (K, 3, 3)."""
     own, rest = mirrored(axis), variances[OTHERS_AT - 2 :]
     grown = kept.size ** np.arange(1, POWERS + 1)[:, None] * alpha
     linear = np.where(own[:AXES], variances[0], rest[0]) * (kept.z.T @ alpha)

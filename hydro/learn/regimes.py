@@ -1,7 +1,7 @@
-"""Rows by how the vehicle moved: by speed, by drift angle, and by how far that is from the training data.
+"""Regimes of motion: rows by speed, by drift angle, and by distance from the training data.
 
-One figure over all rows hides where a network fails, and it fails where it saw little: fast, sideways, beyond
-its training data.
+A single figure over all rows hides where a network fails.  It fails where training data are few: at high
+speed, in sideways motion, and beyond the training data.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from hydro.core.columns import Array, Mask
 from hydro.core.errors import UsageError
 from hydro.io.model import Model
 
-SPEEDS = (0.0, 0.25, 0.5, 1.0, 1.5, np.inf)  # m/s
-DRIFTS = (0.0, 15.0, 45.0, 90.0, 135.0, 180.0)  # degrees
-REACHES = (0.0, 1.0, 2.0, 3.0, np.inf)  # standard deviations of the training data
-SLOWEST = 0.05  # m/s, below which a drift angle means nothing
-FEWEST = 20  # rows of a regime worth a figure
+SPEEDS = (0.0, 0.25, 0.5, 1.0, 1.5, np.inf)  # edges of the regimes [m/s]
+DRIFTS = (0.0, 15.0, 45.0, 90.0, 135.0, 180.0)  # edges of the regimes [degrees]
+REACHES = (0.0, 1.0, 2.0, 3.0, np.inf)  # edges in standard deviations of the training data
+SLOWEST = 0.05  # speed below which a drift angle is meaningless [m/s]
+FEWEST = 20  # least number of rows of a reported regime
 
-BY = ("speed", "drift", "reach")
+BY = ("speed", "drift", "reach")  # divisions of rows into regimes
 
 
 def require_ways(ways: Sequence[str]) -> None:
-    """Refuse ways to divide rows that are none.
+    """Check the names of divisions.
 
     Raises:
-        UsageError: One is not of `BY`.
+        UsageError: A name is not in `BY`.
     """
     for way in ways:
         if way not in BY:
@@ -36,14 +36,14 @@ def require_ways(ways: Sequence[str]) -> None:
 
 
 def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Mask]]:
-    """Rows of each regime that holds some.
+    """Yield the rows of each regime with enough rows.
 
     Args:
-        model: whose scalers hold mean and spread of its training data.
+        model: model whose scalers hold mean and spread of its training data.
         nu: velocities (N, 6) [m/s, rad/s].
         by: `speed` |v|; `drift`, the angle between v and the bow, 0 ahead, 180 degrees astern; or `reach`,
-            how many standard deviations of the training data the furthest of the six velocities is from its
-            mean: above 3 the network extrapolates.
+            the greatest deviation of the six velocities from their training means, in standard deviations.
+            Above 3 the network extrapolates.
 
     Yields:
         A name such as `speed 0.25-0.5 m/s`, and a mask (N,).

@@ -1,4 +1,4 @@
-"""Rows of a labels or split table as the arrays that training and evaluation work on."""
+"""Arrays for training and evaluation from rows of a labels or split table."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError, UsageError
 from hydro.core.recording.segments import sample_time, segments
 
-VALIDATION_SHARE = 0.1
+VALIDATION_SHARE = 0.1  # expected share of training blocks for validation
 
 
 def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
-    """Return the rows of one side of the split: `train` or `test`; `all` takes every row.
+    """Return the rows of one part of the split: `train` or `test`; `all` returns every row.
 
     Raises:
-        DataError: If the table has not been split or has no such row.
+        DataError: If the table has not been split or the part is empty.
     """
     if part == "all":
         return table
@@ -37,10 +37,10 @@ def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
 
 
 def for_minutes(table: pl.DataFrame, minutes: float) -> pl.DataFrame:
-    """Take training data of so many minutes alone: what would less recording have taught?
+    """Limit the training data to a number of minutes, to measure the value of more recording.
 
-    Whole blocks of the training part, in the order of a hash of their ids, are taken until they last as long;
-    the others become guard rows. More minutes keep the blocks of fewer.
+    Whole blocks of the training part are taken in the order of a hash of their ids until they last that long;
+    the others become guard rows.  More minutes keep all blocks of fewer minutes.
 
     Raises:
         DataError: If the table has not been split or has no training row.
@@ -69,18 +69,18 @@ def states(rows: pl.DataFrame) -> Array:
 
 
 def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> tuple[pl.DataFrame, Array]:
-    """Return the rows of one side of the split and what a network of this description is given for them.
+    """Return the rows of one part of the split and the inputs of a network for them.
 
-    A window of past velocities may reach into rows of another part, guard rows at first, but never across a
-    gap, the start of a session, or rows without a label: velocities are looked at there, labels are not.
+    A window of past velocities may reach into rows of other parts, guard rows first.  It uses their
+    velocities, not their labels.  It does not cross gaps, starts of sessions or rows without a label.
 
     Args:
-        table: labels, all rows of their sessions in order where the network remembers.
+        table: labels; all rows of their sessions in order if the network has a window.
         part: as for `of_part`.
         architecture: description of the network.
 
     Raises:
-        DataError: If there is no such row, a column is missing or not finite, or the sample time does not fit
+        DataError: If the part is empty, a column is missing or not finite, or the sample time does not fit
             the network's period.
     """
     table = labelled(table)
@@ -106,11 +106,11 @@ def wrenches(rows: pl.DataFrame) -> Array:
 
 
 def validation(rows: pl.DataFrame) -> NDArray[np.bool_]:
-    """Choose the validation rows among those of the training part, by whole blocks, as a mask (N,).
+    """Choose the validation rows within the training part, by whole blocks, as a mask (N,).
 
-    A block is chosen where a hash of its id, read as a fraction, is below 0.1; where none is, the block of
-    the smallest hash is taken. So the choice depends on the blocks' content alone. Validation only says when
-    to stop and when to slow down: no guard rows are kept towards the blocks that are fitted.
+    A block is chosen if the hash of its id, read as a fraction, is below 0.1; if none is, the block with the
+    smallest hash.  The choice depends only on the content of the blocks.  Validation only controls early
+    stopping, so no guard rows separate it from the fitted blocks.
 
     Raises:
         DataError: If there are fewer than two blocks.

@@ -1,22 +1,24 @@
-"""Training of a residual network after the paper's protocol (IV-C), with a learning rate that is annealed.
+"""Training of a residual network after the paper's protocol (IV-C), with learning-rate annealing.
 
-Inputs and outputs are standardised on the rows that are fitted; Adam with weight decay 1e-5 minimises the
-mean square of the standardised error; gradients are clipped to norm 5; training ends 30 epochs after the
-best, or with its last. A tenth of the training part's blocks validates (`rows.validation`): the test part
-takes no part in any decision.
+Inputs and outputs are standardised with the fitted rows.  Adam with weight decay 1e-5 minimises the mean
+squared standardised error, and gradients are clipped to norm 5.  Training stops 30 epochs after the best one
+at the latest.  A tenth of the training part's blocks is for validation (`rows.validation`); the test part
+influences no decision.
 
-Three things differ from the paper. The learning rate rises over the first twentieth of the updates and then
-falls to nothing as a half cosine, where the paper's waits for plateaus from 1e-3 on; batches are of 512 rows
-at most; and the weight decay is decoupled from the gradient (AdamW). As a part of the gradient it is all that
-moves weights where the error's own has become small, and bends the wrench enough to be seen in a replay.
-docs/adr/0010 has what each is worth.
+Three details differ from the paper (docs/adr/0010 has their effects):
 
-From a noisy log networks are trained blind to accelerations (`trusted_accelerations`), and with a weight
-decay that keeps them from learning the noise of their labels: 25,000 updates then do no harm.
+* The learning rate rises over the first twentieth of the updates and then falls to zero as a half cosine.
+  The paper's starts at 1e-3 and falls at plateaus.
+* Batches have at most 512 rows.
+* The weight decay is decoupled from the gradient (AdamW).  As a part of the gradient it dominates once the
+  gradient of the error is small, and then biases the wrench visibly in a replay.
 
-The same rows, seed and device give the same weights to the last bit: deterministic algorithms, own shuffling,
-no clock, and one thread (threads share out the sums over a batch, so that another number rounds otherwise):
-on two cores train two networks. A limit of time would break this promise, so there is only one of epochs.
+With labels from a noisy log, networks train without accelerations (`trusted_accelerations`), and with a
+stronger weight decay.  It keeps them from fitting label noise, so 25,000 updates do not overfit.
+
+Equal rows, seed and device give equal weights, bit for bit: the code uses deterministic algorithms, its own
+shuffling, no clock, and one thread.  More threads would divide the sums over a batch and round differently;
+use two cores to train two networks.  For the same reason there is a limit of epochs and none of time.
 """
 
 from __future__ import annotations
@@ -43,32 +45,32 @@ from hydro.learn import gaussian_process, networks, rows
 from hydro.learn.networks import architecture, build, parameter_count
 from hydro.learn.networks.residual import AXES, Residual
 
-UPDATES = 25_000  # of the weights, where the number of epochs is not given
-MOST_EPOCHS = 60  # then
-LEARNING_RATE = 4e-3
-WARM_UP = 0.05  # share of the updates
-WEIGHT_DECAY = 1e-5
-WEIGHT_DECAY_NOISY = 0.2  # from a noisy log
-GRADIENT_NORM = 5.0
-PATIENCE = 30
+UPDATES = 25_000  # default number of weight updates
+MOST_EPOCHS = 60  # greatest default number of epochs
+LEARNING_RATE = 4e-3  # greatest learning rate
+WARM_UP = 0.05  # share of the updates over which the learning rate rises
+WEIGHT_DECAY = 1e-5  # paper IV-C
+WEIGHT_DECAY_NOISY = 0.2  # for labels from a noisy log
+GRADIENT_NORM = 5.0  # clipping norm of gradients (paper IV-C)
+PATIENCE = 30  # epochs without improvement before training stops (paper IV-C)
 
-BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch is always a fair number of steps
-BATCH_LIMITS = (64, 512)
-ROWS_PER_PASS = 16384
-UNSEEN = 1e12  # scale of an input that the network is not to see: whatever it is, it counts as nothing
-TRUSTED = 0.01  # share of an acceleration that noise may be for it still to be seen
+BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch has enough updates
+BATCH_LIMITS = (64, 512)  # least and greatest rows of a batch
+ROWS_PER_PASS = 16384  # rows per evaluation of a network, to limit memory
+HIDDEN_SCALE = 1e12  # scale that makes an input negligible
+TRUSTED = 0.01  # greatest noise of an acceleration that is an input, as a share of its spread
 
 
 class Epoch(NamedTuple):
-    """What is reported after an epoch.
+    """Progress report of an epoch.
 
     Attributes:
-        number: of the epoch, from 1.
-        limit: number of epochs that training lasts at most.
-        loss: mean square standardised error over the rows fitted, while they were.
-        validation_rmse: the paper's single figure on the validation rows, the root mean square of the error
-            over all rows and six axes as they are [N and N m mixed].
-        learning_rate: that the epoch ended with.
+        number: number of the epoch, from 1.
+        limit: greatest number of epochs.
+        loss: mean squared standardised error over the fitted rows during the epoch.
+        validation_rmse: single figure of the paper on the validation rows: the root mean square error over
+            all rows and six axes [N and N m mixed].
+        learning_rate: learning rate at the end of the epoch.
         best: whether its weights are the best so far.
     """
 
@@ -87,8 +89,8 @@ class _Rows(NamedTuple):
     targets: Tensor
 
 
-class _Course(NamedTuple):
-    """Epochs at most, rows of a batch, weight decay, and the seed of the order of the rows."""
+class _Plan(NamedTuple):
+    """Schedule: greatest number of epochs, batch size, weight decay, and seed of the row order."""
 
     epochs: int
     batch: int
@@ -110,39 +112,39 @@ def train(
     """Train the network `model` on the training part of a split table.
 
     Args:
-        table: labels with `block` and `part`, see `distillation.split`; guard and test rows are left alone.
+        table: labels with `block` and `part`, see `distillation.split`; guard and test rows are not used.
         model: name of an architecture, see `learn.networks`.
-        seed: of the first weights and of the order of the rows.
-        epochs: passes over the rows at most, over which the learning rate falls; early stopping may end
-            sooner. By default as many as make 25,000 updates of the weights, 60 at most. The model `gp` knows
-            none, and no device either.
-        device: `cpu`, or `cuda` where there is one.
-        accelerations: whether nu_dot is an input of the network; not from a noisy log, see
-            `trusted_accelerations`, for which the weight decay is strong besides.
-        centre: centre of gravity (3,) [m], FRD from CO, for `gp`; by default it is found from the labels.
-        progress: called after every epoch, or step of `gp`, whose errors are NaN.
+        seed: seed of the initial weights and of the row order.
+        epochs: greatest number of epochs, over which the learning rate falls; early stopping may end sooner.
+            By default as many as give 25,000 updates, at most 60.  The model `gp` uses neither epochs nor
+            device.
+        device: `cpu`, or `cuda` if available.
+        accelerations: whether nu_dot is an input; use False for labels from a noisy log, see
+            `trusted_accelerations`.  False also selects the strong weight decay.
+        centre: centre of gravity (3,) [m], FRD from CO, for `gp`; by default it is fitted.
+        progress: called after every epoch; for `gp` after every step, with NaN errors.
 
     Returns:
-        The weights of the epoch that did best on the validation rows; `training` holds a summary.
+        The model with the weights of the best epoch on the validation rows; `training` holds a summary.
 
     Raises:
         DataError: If the table has not been split, has too few training rows, lacks a column, or has one that
             is not finite.
-        UsageError: If the model or the device is not there, the epochs are not positive, or the seed is none.
+        UsageError: If the model or the device does not exist, or the epochs or the seed are invalid.
     """
     if epochs is not None and epochs < 1:
         raise UsageError(f"epochs must be at least 1, not {epochs}")
     seeds.check(seed)
     description = architecture(model)
     if description["model"] == "gp":
-        return _process(table, description, seed, centre, progress)
+        return _train_gaussian_process(table, description, seed, centre, progress)
     target_device = _device(device)
     training, inputs = rows.inputs(table, "train", description)
     validating = rows.validation(training)
     targets = rows.wrenches(training)
     scalers = _scalers(inputs[~validating], targets[~validating])
     if not accelerations:
-        _hide(scalers, networks.inputs(description))
+        _hide_accelerations(scalers, networks.inputs(description))
     fitted = _standardised(inputs[~validating], targets[~validating], scalers, target_device)
     watched = _standardised(inputs[validating], targets[validating], scalers, target_device)
     batch = int(np.clip(len(fitted.inputs) // BATCHES_PER_EPOCH, *BATCH_LIMITS))
@@ -151,7 +153,7 @@ def train(
     with _reproducible(seed):
         network = build(description).to(target_device)
         network.standardise(scalers)
-        summary = _fit(network, fitted, watched, _Course(epochs, batch, decay, seed), progress)
+        summary = _run_epochs(network, fitted, watched, _Plan(epochs, batch, decay, seed), progress)
     summary |= {
         "rows": {"fitted": len(fitted.inputs), "validation": len(watched.inputs)},
         "parameters": parameter_count(network),
@@ -160,21 +162,21 @@ def train(
     return _model(model, description, network, scalers, summary)
 
 
-def _process(
+def _train_gaussian_process(
     table: pl.DataFrame,
     description: dict[str, Any],
     seed: int,
     centre: Sequence[float] | None,
     progress: Callable[[Epoch], None] | None,
 ) -> Model:
-    """The model of `learn.gaussian_process`, which is found without epochs and validates on every block."""
+    """Fit the model of `learn.gaussian_process`, which has no epochs and validates on every block."""
     training, inputs = rows.inputs(table, "train", description)
-    rows.validation(training)  # refuses data of one block
+    rows.validation(training)  # raises for data of one block
     targets = rows.wrenches(training)
     scalers = _scalers(inputs, targets)
     description["points"] = min(description["points"], len(inputs))
 
-    def told(done: int, of: int) -> None:
+    def report(done: int, of: int) -> None:
         if progress is not None:
             progress(Epoch(done, of, math.nan, math.nan, math.nan, False))
 
@@ -187,7 +189,7 @@ def _process(
             points=description["points"],
             seed=seed,
             centre=centre,
-            progress=told,
+            progress=report,
         )
         network = build(description)
         network.standardise(scalers)
@@ -201,22 +203,22 @@ def _process(
     return _model(description["model"], description, network, scalers, summary)
 
 
-def _fit(
+def _run_epochs(
     network: Residual,
     fitted: _Rows,
     watched: _Rows,
-    course: _Course,
+    plan: _Plan,
     progress: Callable[[Epoch], None] | None,
 ) -> dict[str, Any]:
-    """Run the epochs, leave the best weights in the network and return the summary."""
-    epochs, batch, decay, seed = course
+    """Run the epochs, load the best weights into the network, and return the summary."""
+    epochs, batch, decay, seed = plan
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=decay)
     updates = epochs * math.ceil(len(fitted.inputs) / batch)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda done: annealed(done / updates))
     order = torch.Generator().manual_seed(seed)
     best, best_error, weights = 0, np.inf, _copy(network)
     for number in range(1, epochs + 1):
-        loss = _pass(network, fitted, optimiser, schedule, batch=batch, order=order)
+        loss = _run_epoch(network, fitted, optimiser, schedule, batch=batch, order=order)
         error, rmse = _errors(network, watched)
         if not np.isfinite(loss + error):
             raise DataError(
@@ -234,13 +236,13 @@ def _fit(
 
 
 def annealed(done: float) -> float:
-    """The learning rate after a share of the updates, as a share of its largest."""
+    """Return the learning rate after a share of the updates, relative to its maximum."""
     if done < WARM_UP:
         return (done + 1e-3) / (WARM_UP + 1e-3)
     return 0.5 * (1.0 + math.cos(math.pi * (done - WARM_UP) / (1.0 - WARM_UP)))
 
 
-def _pass(
+def _run_epoch(
     network: Residual,
     fitted: _Rows,
     optimiser: torch.optim.Optimizer,
@@ -249,7 +251,7 @@ def _pass(
     batch: int,
     order: torch.Generator,
 ) -> float:
-    """Go once over all rows in a new order; return the mean loss over the rows."""
+    """Run one epoch in a new row order; return the mean loss over the rows."""
     network.train()
     count = len(fitted.inputs)
     total = torch.zeros((), device=fitted.inputs.device)
@@ -269,7 +271,7 @@ def _pass(
 
 @torch.no_grad()
 def _errors(network: Residual, watched: _Rows) -> tuple[float, float]:
-    """Return the mean square standardised error, and the root mean square error as it is."""
+    """Return the mean squared standardised error, and the root mean square error in physical units."""
     network.eval()
     squares = torch.zeros(watched.targets.shape[1], dtype=torch.float64, device=watched.targets.device)
     for start in range(0, len(watched.inputs), ROWS_PER_PASS):
@@ -280,7 +282,7 @@ def _errors(network: Residual, watched: _Rows) -> tuple[float, float]:
 
 
 def _scalers(inputs: NDArray[np.float64], targets: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Means and scales of every column; a column that never changes keeps its scale."""
+    """Return mean and scale of every column; a constant column has scale 1."""
     scalers = {}
     for side, columns in (("input", inputs), ("output", targets)):
         deviation = columns.std(axis=0)
@@ -290,12 +292,11 @@ def _scalers(inputs: NDArray[np.float64], targets: NDArray[np.float64]) -> dict[
 
 
 def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = None) -> bool:
-    """Whether nu_dot of these labels is free enough of noise to be an input of a network.
+    """Return whether nu_dot of these labels has so little noise that it can be an input of a network.
 
-    The label holds -M nu_dot. What noise leaves in nu_dot is therefore in the input and, times -M, in the
-    label: a network with nu_dot as input learns to predict that noise, and distorts its wrench as much where
-    there is none. Noise below a hundredth of the acceleration's spread, on every axis that moves, does no
-    harm.
+    The label contains -M nu_dot.  Noise of nu_dot is therefore in the input and, times -M, in the label.  A
+    network with nu_dot as input would learn to predict that noise, and its wrench would be wrong without
+    noise.  Noise below a hundredth of the acceleration's spread, on every axis that moves, does no harm.
 
     Args:
         table: labels, with the velocities as they were logged.
@@ -306,11 +307,11 @@ def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = N
     return bool((left <= TRUSTED * spread)[spread > 0.0].all())
 
 
-def _hide(scalers: dict[str, NDArray[np.float64]], names: Sequence[str]) -> None:
-    """Scale the accelerations among the inputs to nothing, in training as in use."""
+def _hide_accelerations(scalers: dict[str, NDArray[np.float64]], names: Sequence[str]) -> None:
+    """Make the accelerations among the inputs negligible, in training and in use."""
     hidden = [name.endswith("_dot") for name in names]
     scalers["input_mean"][hidden] = 0.0
-    scalers["input_scale"][hidden] = UNSEEN
+    scalers["input_scale"][hidden] = HIDDEN_SCALE
 
 
 def _standardised(
@@ -354,7 +355,7 @@ def _model(
 
 
 def _device(name: str) -> torch.device:
-    """Return the device, `cuda` only where there is one."""
+    """Return the torch device; raise if `cuda` is not available."""
     if name not in ("cpu", "cuda"):
         raise UsageError(f"device must be cpu or cuda, not '{name}'")
     if name == "cuda" and not torch.cuda.is_available():
@@ -364,9 +365,9 @@ def _device(name: str) -> torch.device:
 
 @contextmanager
 def _reproducible(seed: int) -> Iterator[None]:
-    """Seed torch and make its sums repeatable, and put everything back afterwards."""
+    """Seed torch and make its sums deterministic; restore all settings afterwards."""
     usual_threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
-    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # without it cuBLAS does not repeat itself
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # makes cuBLAS deterministic
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         torch.set_num_threads(1)

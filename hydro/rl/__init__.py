@@ -1,7 +1,7 @@
-"""Reinforcement learning on the student: environments, and policies trained in them.
+"""Reinforcement learning on the MuJoCo model (the student): environments, and policies trained in them.
 
-Importing this registers the environments with Gymnasium; `gymnasium.make` loads what they need, and imports
-what stands before a colon.
+Importing this package registers the environments with Gymnasium.  `gymnasium.make` imports the package that
+stands before the colon of an ID, and loads the heavy modules only when it makes an environment.
 
     import gymnasium
 
@@ -31,7 +31,7 @@ IDS = {
     "Docking-v0": "docking",
     "PillarRow-v0": "pillar_row",
 }
-"""Environments, behind `hydro/`, and their tasks in `rl.tasks.registry`."""
+"""Gymnasium IDs behind the namespace `hydro/`, and the tasks that they fly (names of `rl.tasks.registry`)."""
 
 for _id, _task in IDS.items():
     gymnasium.register(
@@ -44,7 +44,7 @@ for _id, _task in IDS.items():
 
 
 def __getattr__(name: str) -> Any:
-    """Load what was asked for: registering alone loads nothing heavy."""
+    """Load an attribute on first access, so that registering the environments loads nothing heavy."""
     if name not in __all__:
         raise AttributeError(f"module {__name__} has no attribute {name!r}")
     from hydro.rl.environment import environments

@@ -59,8 +59,8 @@ def compiled(module: ModuleType, place: Path) -> tuple[float, int, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         kernel_cache._fault_in_existing.cache_clear()
-        kernel_cache._tell_damage.cache_clear()
-        kernel_cache._tell_cold.cache_clear()
+        kernel_cache._warn_of_damage.cache_clear()
+        kernel_cache._announce_compilation.cache_clear()
         dispatcher = numba.njit(module.twice)
         dispatcher._cache = KernelCache(module.twice, place)
         value = dispatcher(3.0)
@@ -78,12 +78,12 @@ def test_the_first_compilation_is_told_once(module: ModuleType) -> None:
     for _ in range(2):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            kernel_cache._tell_cold.cache_clear()
+            kernel_cache._announce_compilation.cache_clear()
             dispatcher = numba.njit(module.twice)
             dispatcher._cache = KernelCache(module.twice, place)
             dispatcher(3.0)
         told.append([str(one.message) for one in caught])
-    assert told == [[kernel_cache.COLD], []]
+    assert told == [[kernel_cache.COMPILING], []]
 
 
 def found(name: str = NAME) -> tuple[Path | None, list[str]]:
@@ -97,12 +97,12 @@ def found(name: str = NAME) -> tuple[Path | None, list[str]]:
 
 def test_a_failure_to_write_is_told_once_and_ends_all_writing() -> None:
     with pytest.warns(HydroWarning, match="cannot be kept") as told:
-        kernel_cache._fails("here", OSError(errno.ENOSPC, "no space"))
+        kernel_cache._stop_saving("here", OSError(errno.ENOSPC, "no space"))
     assert len(told) == 1
     assert not kernel_cache._Saving.works
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        kernel_cache._fails("there", OSError(errno.ENOSPC, "no space"))
+        kernel_cache._stop_saving("there", OSError(errno.ENOSPC, "no space"))
 
 
 def test_a_kernel_is_kept_where_nobody_else_can_write(module: ModuleType) -> None:

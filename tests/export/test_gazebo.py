@@ -111,7 +111,7 @@ def test_axis_demands_are_left_out(datasets):
 
 def test_added_mass_above_the_mass_is_warned_of(datasets):
     lines = warnings(vehicle(datasets, "remus100"))
-    assert any("V, W, Q, R: only the engine DART" in line for line in lines)
+    assert any("V, W, Q, R: use the engine DART" in line for line in lines)
     light = vehicle(datasets, "auv151").without("added_mass")
     assert not any("DART" in line for line in warnings(light))
 

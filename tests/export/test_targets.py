@@ -37,7 +37,7 @@ def test_a_target_is_known_by_its_name_its_suffix_or_as_the_only_one():
         choose("simulink", "vehicle", "-")
     with pytest.raises(UsageError, match=r"a network or a policy .*; a vehicle file goes to python, "):
         choose("onnx", "vehicle", "-")
-    with pytest.raises(UsageError, match="--to: say which of python, "):
+    with pytest.raises(UsageError, match="--to: choose one of python, "):
         choose(None, "vehicle", "rov.toml")
     with pytest.raises(UsageError, match=r"--to python: takes a vehicle file .*goes to onnx"):
         choose("python", "model", "-")
@@ -87,7 +87,7 @@ def test_the_command_writes_and_says_what_is_left_out(datasets, tmp_path, capfd)
     said = capfd.readouterr().err
     assert code == 0, said
     assert "sensor_bias" in said
-    assert "velocity log" in said
+    assert "error of the DVL" in said
     assert "class Remus100(Craft)" in out.read_text()
     assert main(["export", str(datasets / "vehicles" / "auv151.toml"), "-o", str(out)]) == 0
     assert "python holds all that the file says" in capfd.readouterr().err

@@ -96,7 +96,7 @@ def test_a_table_is_one_on_symbols():
 
 
 def test_what_is_no_scalar_code_is_refused(tracer):
-    with pytest.raises(HydroError, match="a loop that ends by a symbol"):
+    with pytest.raises(HydroError, match="a loop that ends on a symbolic condition"):
         tracer.call(forever, ca.SX.sym("x"))
     with pytest.raises(HydroError, match="cannot be run on symbols"):
         tracer.call(unknown, ca.SX.sym("x"))

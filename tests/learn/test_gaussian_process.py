@@ -42,8 +42,8 @@ def recorded(count: int, seed: int = 0, starboard: bool = False) -> pl.DataFrame
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    monkeypatch.setattr(gaussian_process, "ROWS_WEIGHED", 200)
-    monkeypatch.setattr(gaussian_process, "ROWS_EXPLORED", 100)
+    monkeypatch.setattr(gaussian_process, "ROWS_VARIANCES", 200)
+    monkeypatch.setattr(gaussian_process, "ROWS_CENTRE", 100)
     monkeypatch.setattr(gaussian_process, "STEPS", 8)
 
 

@@ -113,7 +113,7 @@ def test_only_the_temporal_model_sees_the_past():
 
 def test_the_temporal_model_needs_its_sample_time():
     split = remembering(400)
-    with pytest.raises(DataError, match=r"no multiple of the sample time of 0\.03 s"):
+    with pytest.raises(DataError, match=r"not a multiple of the sample time of 0\.03 s"):
         train(split.with_columns(t=pl.col("t") * 1.5), model="temporal", epochs=1)
     with pytest.raises(DataError, match="column session is missing"):
         train(split.drop("session"), model="temporal", epochs=1)

@@ -118,7 +118,7 @@ def test_other_choices_are_another_training(tmp_path, auv151):
 def test_a_run_of_another_version_is_told_by_the_choices_it_lacks(auv151):
     run = run_artefact(QUICK, auv151[1], None)
     older = replace(run, frame=run.frame.filter(pl.col("name") != "settings.sonar.crowding"))
-    with pytest.raises(DataError, match=r"not a training of this version, for its settings\.sonar\.crowding"):
+    with pytest.raises(DataError, match=r"not a training of this version: setting settings\.sonar\.crowding"):
         config_of(older)
 
 

@@ -1,1 +1,1 @@
-"""From recordings to the tables that residual networks learn from."""
+"""Preparation of training tables for residual networks from recordings."""

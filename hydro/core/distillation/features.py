@@ -1,16 +1,17 @@
-"""Inputs of the residual networks, made from the twelve numbers (nu, nu_dot); paper (4) and section III-C.
+"""Features of residual networks, computed from (nu, nu_dot); paper (4) and section III-C.
 
-The set `physfeat` holds 45 features, so that 45-128-256-128-6 has the 72,582 parameters of the paper's "73K":
+The set `physfeat` has 45 features, so the network 45-128-256-128-6 has 72,582 parameters, the paper's "73K":
 
-* nu (6) and nu_dot (6): linear damping and the inertia that the label's constant M leaves out;
+* nu (6) and nu_dot (6): linear damping, and inertia that the label's constant M does not contain;
 * nu_i |nu_i| (6): quadratic drag;
-* nu_i nu_j, i < j (15): every Coriolis and centripetal term is such a product, the Munk moments included;
-* |nu_i| nu_j (12), even in the first and odd in the second velocity as a dissipative force must be.
+* nu_i nu_j, i < j (15): all Coriolis and centripetal terms, including the Munk moments;
+* |nu_i| nu_j (12): even in the first and odd in the second velocity, as a dissipative force must be.
 
-Of the 30 pairs of the last kind these twelve are taken: each translation damped by the other two (form drag
-grows with the whole speed |V|, so that |w| u counts as much as |u| u on a bluff hull; |u| v and |u| w are
-lift as well); yaw damped by surge, sway and heave and pitch by surge and heave (fins and the cross-flow
-integrals, Fossen 6.4.3); and roll by heave, at right angles to the broad side of a hull wider than high.
+The last kind has 30 pairs, of which twelve are used.  Each translation is damped by the other two: form drag
+grows with the total speed |V|, so |w| u matters as much as |u| u on a bluff hull; |u| v and |u| w are also
+lift.  Yaw is damped by surge, sway and heave, and pitch by surge and heave (fins and the cross-flow
+integrals, Fossen 6.4.3).  Roll is damped by heave, which is normal to the broad side of a hull that is wider
+than high.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError
 
 INPUTS = (*(f"{name}_s" for name in VELOCITY), *(f"{name}_dot" for name in VELOCITY))
+"""Columns of a labels table that hold (nu, nu_dot)."""
 OUTPUTS = tuple(f"{name}_res" for name in WRENCH)
+"""Columns of a labels table that are the targets of networks, X_res to N_res [N, N m]."""
 
-CROSS = np.array(  # (i, j) of |nu_i| nu_j
+CROSS = np.array(  # pairs (i, j) of the features |nu_i| nu_j
     [(1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2), (2, 3), (0, 4), (2, 4), (0, 5), (1, 5), (2, 5)]
 )
 _CROSS_FIRST, _CROSS_SECOND = CROSS[:, 0].copy(), CROSS[:, 1].copy()
@@ -40,6 +43,7 @@ _PHYSFEAT = (
     *(f"|{VELOCITY[i]}|{VELOCITY[j]}" for i, j in CROSS),
 )
 NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
+"""Names of the features by set."""
 
 
 @kernel
@@ -65,10 +69,10 @@ def _physfeat_columns(states: Array, out: Array) -> None:
 
 
 def names(feature_set: str) -> tuple[str, ...]:
-    """Names of a set's features in their order, such as u, u_dot, u|u|, uv, |v|u; u is the smoothed velocity.
+    """Return the names of a set's features in order, e.g. u, u_dot, u|u|, uv, |v|u; u is smoothed velocity.
 
     Raises:
-        DataError: No set has this name.
+        DataError: The set is unknown.
     """
     if feature_set not in NAMES:
         raise DataError(f"feature set {feature_set!r} is not known; choose one of {', '.join(NAMES)}")
@@ -76,7 +80,7 @@ def names(feature_set: str) -> tuple[str, ...]:
 
 
 def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
-    """Features of many states.
+    """Compute the features of many states.
 
     Args:
         states: (nu, nu_dot) in body axes, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
@@ -86,7 +90,7 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
         Features, shape (N, len(names(feature_set))).
 
     Raises:
-        DataError: No set has this name.
+        DataError: The set is unknown.
     """
     x = np.ascontiguousarray(states, dtype=np.float64).reshape(-1, len(INPUTS))
     if len(names(feature_set)) == len(INPUTS):
@@ -97,13 +101,13 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
 
 
 def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
-    """Features of a labels or split table beside its `session`, `t`, targets, and `block` and `part` if any.
+    """Compute the features of a labels or split table.
 
-    Features are float32 columns named by `names`; targets are tau_res [N, N m].  Rows without a label are
-    left out.
+    The result also has `session`, `t`, the targets tau_res [N, N m], and `block` and `part` if present.
+    Features are float32 columns named by `names`.  Rows without a label are dropped.
 
     Raises:
-        DataError: No set has this name, or the table lacks a column.
+        DataError: The set is unknown, or the table lacks a column.
     """
     missing = [name for name in ("session", "t", *INPUTS, *OUTPUTS) if name not in labels.columns]
     if missing:

@@ -1,6 +1,6 @@
-"""Past velocities as inputs of a network: nu one period ago, two periods ago, and so on, newest first.
+"""Past velocities as network inputs: nu one period ago, two periods ago, and so on, newest first.
 
-Before a recording or a flight began, the vehicle is taken to have moved as it did at its first moment.
+Before the start of a recording or flight, the velocity is assumed constant at its first value.
 """
 
 from __future__ import annotations
@@ -13,41 +13,41 @@ from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
 AXES = 6
-PERIOD_TOLERANCE = 0.01  # of a sample time, within which a period must be whole
+PERIOD_TOLERANCE = 0.01  # greatest deviation of a period from whole sample times [sample times]
 
 
-def remembered(window: int) -> int:
-    """How many numbers are kept of the past for a window of so many velocities, the present one included."""
+def memory_size(window: int) -> int:
+    """Return the number of past values for a window of velocities that includes the present one."""
     return AXES * (window - 1)
 
 
 def names(window: int) -> tuple[str, ...]:
-    """Names of the past velocities, such as u-1 for surge one period ago, in their order."""
+    """Return the names of the past velocities in order, such as u-1 for surge one period ago."""
     return tuple(f"{axis}-{back}" for back in range(1, window) for axis in VELOCITY)
 
 
 def stride(period: float, dt: float) -> int:
-    """Rows of a recording with sample time `dt` [s] that make up a period [s].
+    """Return the number of rows per period [s] of a recording with sample time `dt` [s].
 
     Raises:
-        DataError: The period is no multiple of the sample time.
+        DataError: The period is not a multiple of the sample time.
     """
     rows = round(period / dt)
     if rows < 1 or abs(rows * dt - period) > PERIOD_TOLERANCE * dt:
         raise DataError(
-            f"the model has past velocities {period:g} s apart, which is no multiple of the sample time of "
-            f"{dt:g} s: resample the log"
+            f"the model has past velocities {period:g} s apart, which is not a multiple of the sample time "
+            f"of {dt:g} s: resample the log"
         )
     return rows
 
 
 def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
-    """Past velocities at every row of a recording.
+    """Return the past velocities at every row of a recording.
 
     Args:
         nu: Velocities (N, 6) [m/s, rad/s].
-        bounds: First and past-the-last row of each unbroken segment (S, 2); no past reaches across.
-        window: Velocities in all, the present one included.
+        bounds: First and past-the-last row of each unbroken segment (S, 2); the past does not cross segments.
+        window: Number of velocities, including the present one.
         stride: Rows between them.
 
     Returns:
@@ -63,14 +63,14 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
 
 @kernel
 def begin(nu: Array, memory: Array) -> None:
-    """Fill the memory (6 (window - 1),) of a flight that begins with the velocity nu (6,)."""
+    """Fill the memory (6 (window - 1),) with the velocity nu (6,) at the start of a flight."""
     for k in range(memory.size):
         memory[k] = nu[k % AXES]
 
 
 @kernel
 def remember(nu: Array, memory: Array) -> None:
-    """Move the memory (6 (window - 1),) on by one period: nu (6,) becomes the newest past."""
+    """Shift the memory (6 (window - 1),) by one period; nu (6,) becomes the newest entry."""
     for k in range(memory.size - 1, AXES - 1, -1):
         memory[k] = memory[k - AXES]
     for k in range(min(AXES, memory.size)):

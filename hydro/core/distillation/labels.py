@@ -1,20 +1,19 @@
-"""The residual wrench that a vehicle's known physics leaves unexplained; paper (3), (10), (11).
+"""Labels: the residual wrench that a vehicle's known physics does not explain; paper (3), (10), (11).
 
     tau_res = tau_prop - M nu_dot - g(eta)  ~  C(nu) nu + D(nu) nu,      M = M_RB + M_A
 
-tau_res stands on the left-hand side of the balance and opposes motion: the wrench it exerts ON the vehicle is
--tau_res.
+tau_res is on the left-hand side of the balance and opposes motion: the wrench on the vehicle is -tau_res.
 
-With `subtract="effects"` all that the vehicle's effects exert is taken away besides: damping and other
-wrenches, the Coriolis terms C_A of the added mass, and the current through nu_r and nu_r_dot.  Of a vehicle
-whose effects are the whole truth C_RB(nu) nu remains: the rigid body is no effect, and a simulation with a
-residual model gives up its own C_RB in either case (paper 5).
+With `subtract="effects"` all wrenches of the vehicle's effects are subtracted too: damping and others, the
+Coriolis terms C_A of the added mass, and the current through nu_r and nu_r_dot.  If the effects are complete,
+C_RB(nu) nu remains, because the rigid body is not an effect.  A simulation with a residual model omits its
+own C_RB in either case (paper 5).
 
-Effects of the thrusters always enter tau_prop, and those of the velocity log are always undone first.
+Effects of thrusters always enter tau_prop, and those of the DVL are always corrected first.
 
-All terms of a row belong to its time t_k: pose and velocity as logged, the smoothed acceleration,
-and the thrust that the commands before t_k have built up (a command without lag is felt from the next row).
-A simulator that computes fluid forces at t_k and holds them until t_k+1 lags half a step behind such labels.
+All terms of a row refer to its time t_k: pose and velocity as logged, the smoothed acceleration, and the
+thrust due to the commands before t_k (a command without lag acts from the next row).  A simulator that
+computes fluid forces at t_k and holds them until t_k+1 lags half a step behind such labels.
 """
 
 from __future__ import annotations
@@ -63,9 +62,9 @@ from hydro.core.vehicle.thrusters import INFLOW, thrusts
 Subtract = Literal["inertia", "effects"]
 
 UNCERTAIN = DEVIATIONS[0]
-"""Column that labels of a recording with nulls have, and no others."""
-FOLLOWING = 3.0  # times the likeliest ratio q dt^3 / R: a regression averages noise of labels, but no bias
-BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole column is ever copied to float64
+"""Column that only labels of a recording with nulls have."""
+RATIO_FACTOR = 3.0  # factor on the likeliest ratio q dt^3 / R: regression averages label noise, but not bias
+BATCH = 32_768  # rows per batch: they fit the processor's cache, and no whole column is copied to float64
 
 
 def labels(
@@ -78,19 +77,19 @@ def labels(
     subtract: Subtract = "inertia",
     limits: Bounds | None = None,
 ) -> pl.DataFrame:
-    """Smoothed motion, thrusts and residual wrench of every row of a recording.
+    """Compute smoothed motion, thrusts and the residual wrench of every row of a recording.
 
-    Where pose or velocity has nulls, of the rows that the samples determine: see `labels_of_samples`.
+    If pose or velocity has nulls, see `labels_of_samples`: only rows that the samples determine have labels.
 
     Args:
-        vehicle: Its rigid body, buoyancy, thrusters and effects.
+        vehicle: Rigid body, buoyancy, thrusters and effects.
         raw: Raw table: `session`, `t` [s], pose (NED), velocity of CO in body axes (FRD), `cmd_1` ...
-            `cmd_n`; it may have the supply `voltage` [V].
+            `cmd_n`; optionally the supply `voltage` [V].
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
-        design: The filter, where it is at hand; by default `filter_design(raw, noise)`.
-        subtract: Which of the effects are taken from tau_res: `inertia`, through M alone, or all `effects`.
-        limits: Of a recording with nulls, the standard deviations up to which a row has a label.
+        design: Filter design; by default `filter_design(raw, noise)`.
+        subtract: Effects subtracted from tau_res: `inertia`, through M alone, or all `effects`.
+        limits: For a recording with nulls, the greatest standard deviations of a row with a label.
 
     Returns:
         The raw columns unchanged, and as float32: smoothed velocity `u_s` ... `r_s`, acceleration `u_dot` ...
@@ -98,20 +97,20 @@ def labels(
         about CO in body axes [N, N m].
 
     Raises:
-        DataError: Time does not rise at one rate or leaves a row alone between gaps, the commands do not fit
-            the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue; or a
-            recording with nulls is to be smoothed in another way than `rts`.
+        DataError: The sample time is not constant, a row is isolated between gaps, the commands do not fit
+            the thrusters, a value is not finite, or an effect is not in the catalogue.  Also if a recording
+            with nulls is to be smoothed by another method than `rts`.
     """
     if has_nulls(raw):
         if acceleration != "rts" or design is not None:
             raise DataError(
-                "a recording with nulls needs its smoother, so --acceleration rts; for another "
-                "import the log with `hydro import --fill`, which draws lines between samples"
+                "a recording with nulls requires --acceleration rts; for another method import the log with "
+                "`hydro import --fill`, which interpolates between samples"
             )
         return labels_of_samples(vehicle, raw, noise=noise, subtract=subtract, limits=limits)
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     bounds = segments(raw)
-    _require_neighbours(raw, bounds)
+    _require_no_isolated_rows(raw, bounds)
     chosen = design or filter_design(raw, noise)
     designed, log, table = gains(chosen), velocity_log(vehicle), thruster_table(vehicle)
     known = constants(vehicle, table)
@@ -143,7 +142,7 @@ def labels(
 
 
 def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
-    """Names of the effects that labels take from tau_res, in the order of the vehicle file."""
+    """Return the names of the effects subtracted from tau_res, in the order of the vehicle file."""
     kinds = ("wrench", "inertia", "flow")
     return [
         effect.name
@@ -153,21 +152,21 @@ def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
 
 
 def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> Design:
-    """The filter that `labels` uses for a raw (or labels) table, found from its velocities alone.
+    """Return the filter design that `labels` uses for a raw or labels table, estimated from its velocities.
 
-    It follows the log more closely than the likeliest filter, the one that is nearest to the motion row by
-    row: what learns from labels sees thousands of rows, which noise leaves alone on average, but what the
-    smoother takes off the peaks of an acceleration is missing from all of them.
+    It follows the log more closely than the likeliest filter, which is nearest to the motion row by row.  A
+    regression on labels averages thousands of rows: noise cancels, but the bias of smoothed acceleration
+    peaks does not.
 
     Args:
         raw: Table with `session`, `t` and `u` ... `r`.
         noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; by default estimated.
 
     Raises:
-        DataError: Time does not rise at one rate, or `noise` is not six numbers of at least 0.
+        DataError: The sample time is not constant, or `noise` is not six numbers of at least 0.
     """
     likeliest = estimate(columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
-    return likeliest.following(FOLLOWING)
+    return likeliest.following(RATIO_FACTOR)
 
 
 def filter_design_of_sessions(
@@ -175,17 +174,16 @@ def filter_design_of_sessions(
     velocity: Callable[[str], pl.DataFrame],
     noise: Sequence[float] | None = None,
 ) -> Design:
-    """The same filter for sessions that are not in one table, of which one at a time is read.
+    """Return the same filter design for sessions that are read one at a time.
 
     Args:
-        clocks: When the rows of each session were taken, in the order of the sessions.
-        velocity: Gives a session with `u` ... `r`; called only for those in which there is a window that the
-            noise is estimated from.
+        clocks: Times of the rows of each session, in the order of the sessions.
+        velocity: Function that returns a session with `u` ... `r`; called only for sessions with a window for
+            the noise estimate.
         noise: As for `filter_design`.
 
     Raises:
-        DataError: A session is sampled at another rate than most, or `noise` is not six numbers of at least
-            0.
+        DataError: A session has another sample time than most, or `noise` is not six numbers of at least 0.
     """
     dt, ends = common_sample_time(clocks), np.cumsum([clock.rows for clock in clocks.values()])
     starts = ends - [clock.rows for clock in clocks.values()]
@@ -198,29 +196,29 @@ def filter_design_of_sessions(
             pieces += [nu[first:last] for first, last in own]
     edges = np.concatenate([[0], np.cumsum(chosen[:, 1] - chosen[:, 0])])
     within = np.stack([edges[:-1], edges[1:]], axis=1)
-    return estimate_in(np.concatenate(pieces), within, dt, noise).following(FOLLOWING)
+    return estimate_in(np.concatenate(pieces), within, dt, noise).following(RATIO_FACTOR)
 
 
 def labelled(labels: pl.DataFrame) -> pl.DataFrame:
-    """The rows of a labels or split table that have a label: all but those that samples do not determine."""
+    """Return the rows of a labels or split table that have a label."""
     return labels.filter(pl.col(f"{WRENCH[0]}_res").is_not_null()) if UNCERTAIN in labels.columns else labels
 
 
 def smoother_reach(labels: pl.DataFrame) -> int:
-    """Rows on either side that the smoothed motion of a row of a labels table depends on.
+    """Return the number of rows on either side that influence the smoothed motion of a row.
 
     Raises:
-        DataError: Time does not rise at one rate, or no row has a label.
+        DataError: The sample time is not constant, or no row has a label.
     """
     return reach_of_samples(labels) if UNCERTAIN in labels.columns else reach(filter_design(labels))
 
 
 def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) -> Array:
-    """Standard deviation that noise of the log leaves in nu_dot of a labels table, (6,) [m/s^2, rad/s^2].
+    """Return the standard deviation of nu_dot in a labels table due to sensor noise (6,) [m/s^2, rad/s^2].
 
     Args:
         labels: Labels or split table.
-        noise: Of each logged velocity, six numbers [m/s, rad/s]; by default estimated.
+        noise: Standard deviation of each logged velocity, six numbers [m/s, rad/s]; by default estimated.
     """
     if UNCERTAIN not in labels.columns:
         return acceleration_noise(filter_design(labels, noise))
@@ -228,18 +226,18 @@ def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) 
     return np.asarray(np.sqrt(np.mean(spread**2, axis=0)))
 
 
-def _require_neighbours(raw: pl.DataFrame, bounds: Rows) -> None:
-    """A single row has no acceleration."""
-    alone = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
-    if alone.size:
+def _require_no_isolated_rows(raw: pl.DataFrame, bounds: Rows) -> None:
+    """Raise if a row is isolated between gaps, because it has no acceleration."""
+    isolated = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
+    if isolated.size:
         raise DataError(
-            f"{alone.size} rows stand alone between gaps in t and have no acceleration "
-            f"(first: row {alone[0]}, session {raw['session'][int(alone[0])]}); remove them"
+            f"{isolated.size} rows stand alone between gaps in t and have no acceleration "
+            f"(first: row {isolated[0]}, session {raw['session'][int(isolated[0])]}); remove them"
         )
 
 
 def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
-    """A value that is missing or not finite spreads over its whole segment: name the first row it reached."""
+    """Raise if labels are not finite; a bad value spreads over its segment, so name the first bad row."""
     broken = ~np.isfinite(out[-6:]).all(axis=0)
     if broken.any():
         row = int(np.argmax(broken))
@@ -250,7 +248,7 @@ def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
 
 
 def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
-    """Runs of whole segments [first, last) of at least BATCH rows, or what is left."""
+    """Yield runs of whole segments [first, last) of at least BATCH rows; the last run may be shorter."""
     first = 0
     for last in range(1, len(bounds) + 1):
         if last == len(bounds) or bounds[last - 1, 1] - bounds[first, 0] >= BATCH:
@@ -259,9 +257,9 @@ def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
 
 
 def _velocities(frame: pl.DataFrame, bounds: Rows, log: Array) -> Array:
-    """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
+    """Return the velocity of CO (N, 6), with the DVL's errors corrected."""
     nu = columns(frame, VELOCITY)
-    if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
+    if log.any() and np.isfinite(nu).all():  # values that are not finite are reported after all labels exist
         t = frame["t"].to_numpy()
         for begin, end in bounds:
             nu[begin:end] = sensor.corrected(log, t[begin:end], nu[begin:end])

@@ -1,11 +1,12 @@
-"""Labels of a recording with nulls: what its samples determine, with standard deviations, and nothing else.
+"""Labels of a recording with nulls, only for rows that its samples determine, with standard deviations.
 
-Pose, velocity and acceleration come from `recording.kinematic_smoother`; a row has a label where attitude,
-velocity and acceleration are all determined to a bound.  The standard deviation of tau_res is that of
-M nu_dot: what is uncertain in thrust, attitude, M and the vehicle's effects is not in it.
+Pose, velocity and acceleration come from `recording.kinematic_smoother`.  A row has a label if attitude,
+velocity and acceleration are all determined within a bound.  The standard deviation of tau_res is that of M
+nu_dot; it ignores the uncertainty of thrust, attitude, M and the vehicle's effects.
 
-Beyond the bounds a label tells more of noise than of the vehicle: 0.05 m/s is a tenth of the speed of a small
-vehicle, 0.25 m/s^2 half of what its thrusters give, and 0.05 rad turn a twentieth of its weight.
+Beyond the bounds a label contains more noise than information.  0.05 m/s is a tenth of the speed of a small
+vehicle, 0.25 m/s^2 is half of the acceleration by its thrusters, and 0.05 rad rotates a twentieth of its
+weight.
 """
 
 from __future__ import annotations
@@ -54,13 +55,14 @@ DEVIATIONS = (
     *(f"{name}_dot_sd" for name in VELOCITY),
     *(f"{name}_res_sd" for name in WRENCH),
 )
-"""Columns that labels of a recording with nulls have besides."""
+"""Additional columns of labels of a recording with nulls."""
 ATTITUDE_BOUND = 0.05
 """Greatest standard deviation of the attitude of a row with a label [rad]."""
 POSITION_BOUND = 0.1
-"""And of its position [m], where an effect that is subtracted depends on it."""
-DISPLACED = 1.0  # m, by which such an effect shows
+"""Greatest standard deviation of its position [m], if a subtracted effect depends on position."""
+DISPLACEMENT = 1.0  # displacement that reveals such an effect [m]
 ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
+"""Words for the columns of attitude."""
 
 
 class Bounds(NamedTuple):
@@ -71,7 +73,7 @@ class Bounds(NamedTuple):
 
 
 def has_nulls(raw: pl.DataFrame) -> bool:
-    """Whether a sensor gave nothing in some row of a raw table."""
+    """Return whether a raw table has nulls in pose or velocity."""
     return any(raw[name].null_count() for name in MOTION if name in raw.columns)
 
 
@@ -83,21 +85,21 @@ def labels_of_samples(
     subtract: Literal["inertia", "effects"] = "inertia",
     limits: Bounds | None = None,
 ) -> pl.DataFrame:
-    """Labels of the rows of a recording that its samples determine.
+    """Compute the labels of the rows of a recording that its samples determine.
 
     Args:
-        vehicle: Its rigid body, buoyancy, thrusters and effects.
+        vehicle: Rigid body, buoyancy, thrusters and effects.
         raw: Raw table; pose and velocity may be null.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         subtract: As for `labels.labels`.
         limits: Bounds of the standard deviations; by default those of `Bounds`.
 
     Returns:
-        As `labels.labels`, null in rows without a label; and in each row the standard deviations DEVIATIONS,
-        null in segments in which an angle was never measured.
+        As `labels.labels`, null in rows without a label; in addition the standard deviations DEVIATIONS of
+        each row, null in segments in which an angle was never measured.
 
     Raises:
-        DataError: Time does not rise at one rate, the commands do not fit the thrusters, a value is not
+        DataError: The sample time is not constant, the commands do not fit the thrusters, a value is not
             finite, or `noise` is not six numbers of at least 0.
     """
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
@@ -109,14 +111,14 @@ def labels_of_samples(
     known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
     nu_r = through_water(current(vehicle), pose, motion[:, :, 0], raw["t"]) if inflow else None
     after_gap = resumes(raw, bounds)
-    driven = recorded_commands(vehicle, raw)
-    thrust = thrusts(table, driven, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
-    forces, placed = np.empty((0, 6)), False
+    commanded = recorded_commands(vehicle, raw)
+    thrust = thrusts(table, commanded, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
+    forces, needs_position = np.empty((0, 6)), False
     if subtract == "effects":
-        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"], driven)
+        forces, needs_position = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"], commanded)
     out: Array32 = np.empty((24 + len(commands), raw.height), np.float32)
     label_kernel(Terms(motion, pose[:, 3:], thrust, forces), known, out)
-    out[:, ~_determined(found, limits or Bounds(), placed)] = np.nan
+    out[:, ~_determined(found, limits or Bounds(), needs_position)] = np.nan
     wrench = np.sqrt(np.einsum("ij,njk,ik->ni", known.mass, found.covariance, known.mass))
     spread = np.hstack([found.motion_sd[:, :, 0], found.motion_sd[:, :, 1], wrench]).astype(np.float32)
     added = [*zip(names(len(commands)), out, strict=True), *zip(DEVIATIONS, spread.T, strict=True)]
@@ -124,32 +126,32 @@ def labels_of_samples(
 
 
 def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
-    """How many rows of a labels table have no label and what they lack; empty where all have one.
+    """Return how many rows of a labels table have no label, and why, in words; empty if all have one.
 
     Args:
-        labels: What `labels_of_samples` made with the same bounds.
+        labels: Table from `labels_of_samples` with the same bounds.
         limits: Bounds of the standard deviations; by default those of `Bounds`.
     """
     part = labels.filter(pl.col(f"{WRENCH[0]}_res").is_null())
     if part.is_empty():
         return ""
-    causes, left, told = _causes(part, limits or Bounds()), np.ones(part.height, bool), list[str]()
+    causes, left, reasons = _causes(part, limits or Bounds()), np.ones(part.height, bool), list[str]()
     while left.any():
         words, rows = max(causes.items(), key=lambda cause: int((cause[1] & left).sum()))
-        told.append(f"{words} ({int((rows & left).sum()):,})")
+        reasons.append(f"{words} ({int((rows & left).sum()):,})")
         left &= ~rows
-    others = len(told) - 3
+    others = len(reasons) - 3
     more = f" and {others} more cause{'s' if others > 1 else ''}" if others > 0 else ""
-    return f"{part.height:,} of {labels.height:,} rows have no label: {', '.join(told[:3])}{more}"
+    return f"{part.height:,} of {labels.height:,} rows have no label: {', '.join(reasons[:3])}{more}"
 
 
 def reach_of_samples(labels: pl.DataFrame) -> int:
-    """Rows on either side that the smoothed motion of a row depends on, by the standard deviations.
+    """Return the number of rows on either side that influence the smoothed motion of a row.
 
-    A smoother of white jerk or its derivative passes 1 / (1 + (f / f_0)^2n) of what is measured, so that the
-    ratio of the standard deviations of velocity and acceleration is its time constant, within a root of 2.
-    The weight of a sample falls to a thousandth of the largest within 10 such ratios where velocity is
-    measured, 20 where position is.
+    It is estimated from the standard deviations.  A smoother for white jerk or its derivative passes 1 / (1 +
+    (f / f_0)^2n) of a measurement.  Its time constant is therefore the ratio of the standard deviations of
+    velocity and acceleration, within a factor of the square root of 2.  The weight of a sample falls to a
+    thousandth of the largest within 10 such time constants if velocity is measured, 20 if position is.
 
     Raises:
         DataError: No row has a label.
@@ -166,7 +168,7 @@ def reach_of_samples(labels: pl.DataFrame) -> int:
 
 
 def _causes(part: pl.DataFrame, limits: Bounds) -> dict[str, Mask]:
-    """Of rows without a label: what is not determined in which of them."""
+    """Return a mask of the rows without a label for each cause, by its description."""
     never = part[DEVIATIONS[0]].is_null().to_numpy()
     causes = dict[str, Mask]()
     if never.any():
@@ -187,9 +189,9 @@ def _causes(part: pl.DataFrame, limits: Bounds) -> dict[str, Mask]:
 
 
 def _samples(raw: pl.DataFrame, commands: Sequence[str]) -> Array:
-    """Pose and velocity (N, 12), NaN where they are null."""
+    """Return pose and velocity (N, 12), NaN instead of null; raise if a value is not finite."""
     for name in (*MOTION, *commands):
-        if not raw[name].is_finite().all():  # null is left out
+        if not raw[name].is_finite().all():  # ignores null
             row = int(np.argmin(raw[name].is_finite().fill_null(True).to_numpy()))
             raise DataError(
                 f"{name} is not finite in row {row}, session {raw['session'][row]}; see `hydro check`"
@@ -198,7 +200,7 @@ def _samples(raw: pl.DataFrame, commands: Sequence[str]) -> Array:
 
 
 def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | None) -> Array:
-    """Standard deviation of each channel, (12,), from its samples; of the velocities where it is given."""
+    """Return the standard deviation of each channel (12,), estimated, or given for the velocities."""
     shown = np.array([np.isfinite(samples[a:b, 3:6]).any(axis=0).all() for a, b in bounds], dtype=bool)
     sigma = UNSEEN.copy()
     if shown.any():
@@ -231,18 +233,18 @@ def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | Non
 def _forces(
     vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, t: ArrayLike, commands: Array
 ) -> tuple[Array, bool]:
-    """Wrench of the effects (N, 6), and whether it depends on where the vehicle is."""
+    """Return the wrench of the effects (N, 6), and whether it depends on position."""
     forces = effect_forces(vehicle, pose, nu, bounds, t, commands)
     displaced = pose.copy()
-    displaced[:, :3] += DISPLACED
+    displaced[:, :3] += DISPLACEMENT
     return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, t, commands), forces)
 
 
-def _determined(found: Smoothed, limits: Bounds, placed: bool) -> Mask:
-    """Rows (N,) whose attitude, velocity, acceleration and, if need be, position are known to the bounds."""
+def _determined(found: Smoothed, limits: Bounds, needs_position: bool) -> Mask:
+    """Return a mask of rows (N,) with known attitude, velocity, acceleration and, if needed, position."""
     known = (found.pose_sd[:, 3:] <= ATTITUDE_BOUND).all(axis=1)
     known &= (found.motion_sd[:, :, 0] <= limits.velocity).all(axis=1)
     known &= (found.motion_sd[:, :, 1] <= limits.acceleration).all(axis=1)
-    if placed:
+    if needs_position:
         known &= (found.pose_sd[:, :3] <= POSITION_BOUND).all(axis=1)
     return np.asarray(known)

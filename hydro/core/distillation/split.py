@@ -1,15 +1,15 @@
-"""Training and test blocks by the hash of their content; paper IV-C, without its dependence on order.
+"""Split into training and test blocks by the hash of their content; paper IV-C, but independent of order.
 
-Every unbroken segment of a session is cut into contiguous blocks of 150 rows; the last takes the remainder
-(150 to 299 rows) and a shorter segment is one block.  A block's id is
+Every unbroken segment of a session is cut into contiguous blocks of 150 rows.  The last block takes the
+remainder (150 to 299 rows); a shorter segment is one block.  A block's id is
 
     SHA-256(raw values of its rows, row after row, as little-endian float64; then the salt in UTF-8)
 
 where a row's values are t, x, y, z, phi, theta, psi, u, v, w, p, q, r, cmd_1 ... cmd_n;
 -0 counts as 0, and null as NaN.
 
-The name of the session is not in it, so the same data give the same split anywhere.  A block is test data
-where its id, read as a fraction of 2^256, is below the test share.
+The id does not contain the session's name, so equal data give equal splits.  A block is test data if its id,
+read as a fraction of 2^256, is below the test share.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
 from hydro.core.threads import spread
 
-CONTENT = ("t", *MOTION)
-CHUNK = 32_768  # rows hashed at once
-TRAIN, TEST, GUARD = 0, 1, 2
+CONTENT = ("t", *MOTION)  # columns in the hash of a block, followed by the commands
+CHUNK = 32_768  # rows hashed per task
+TRAIN, TEST, GUARD = 0, 1, 2  # indices into PARTS
 PARTS = pl.Series(["train", "test", "guard"])
 
 
@@ -40,25 +40,25 @@ def split(
     """Divide a labels table into training and test blocks.
 
     Args:
-        labels: Labels table (or raw, or any with the raw columns).
-        block: Rows of a block.
-        test: Share of the blocks that are test data, 0 to 1, on average.
-        salt: Another salt, another split.
-        guard: Rows beside a block of the other side that neither uses; by default the reach of the smoother
-            that `labels` designs for these velocities.
+        labels: Labels table, or another table with the raw columns.
+        block: Rows per block.
+        test: Expected share of blocks that are test data, 0 to 1.
+        salt: Text added to the hashes; another salt gives another split.
+        guard: Rows next to a block of the other part that neither part uses; by default the reach of the
+            smoother that `labels` designs for these velocities.
 
     Returns:
-        The rows that have a label, with `block` (64 hexadecimal digits) and `part` (train, test, guard); and
-        the table of all blocks: `block`, `part` (train, test), sorted, each id once.
+        The rows with a label, with `block` (64 hexadecimal digits) and `part` (train, test, guard); and the
+        table of all blocks: `block`, `part` (train, test), sorted, each id once.
 
     Raises:
-        DataError: An argument is out of range, or time does not rise at one rate.
+        DataError: An argument is out of range, or the sample time is not constant.
     """
     if not 0.0 <= test <= 1.0:
         raise DataError(f"the test share must lie within 0 and 1, not {test:g}")
     bounds, ids = _blocks(labels, block, salt)
     is_test = np.array([int(digest, 16) / 16**64 < test for digest in ids], dtype=bool)
-    return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
+    return _divide(labels, bounds, ids, is_test, guard), _table(ids, is_test)
 
 
 def split_from(
@@ -69,17 +69,17 @@ def split_from(
     salt: str = "",
     guard: int | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Divide a labels table as a table of blocks says.
+    """Divide a labels table as given by a table of blocks.
 
     Args:
         labels: Labels table.
         blocks: `block` and `part` of (at least) every block of the table.
-        block: Rows of a block, as when the table of blocks was made.
-        salt: Salt, likewise.
+        block: Rows per block of the table of blocks.
+        salt: Salt of the table of blocks.
         guard: Guard rows; see `split`.
 
     Returns:
-        As `split`; the table of blocks has those of these labels only.
+        As `split`; the table of blocks is limited to these labels.
 
     Raises:
         DataError: A block of the labels is not in the table of blocks.
@@ -94,7 +94,7 @@ def split_from(
             "block length or salt"
         )
     is_test = np.array([parts[digest] == "test" for digest in ids], dtype=bool)
-    return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
+    return _divide(labels, bounds, ids, is_test, guard), _table(ids, is_test)
 
 
 def block_bounds(bounds: Rows, block: int) -> Rows:
@@ -113,7 +113,7 @@ def block_bounds(bounds: Rows, block: int) -> Rows:
 
 
 def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str]]:
-    """Bounds and ids of all blocks."""
+    """Return bounds and ids of all blocks."""
     bounds = block_bounds(segments(labels), block)
     suffix = salt.encode()
 
@@ -130,18 +130,18 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str
 
 
 def _content(labels: pl.DataFrame) -> Array:
-    """The raw values, row after row, as little-endian float64 with one zero."""
+    """Return the raw values, row after row, as little-endian float64, with -0 as 0."""
     commands = sum(name.startswith(COMMAND) for name in labels.columns)
     names = (*CONTENT, *command_columns(commands))
     content = np.empty((labels.height, len(names)), "<f8")
     for i, name in enumerate(names):
         content[:, i] = labels[name].to_numpy()
     content += 0.0
-    content[np.isnan(content)] = np.nan  # of all the bits that mean no number, the same
+    content[np.isnan(content)] = np.nan  # one bit pattern for all NaNs
     return content
 
 
-def _divided(
+def _divide(
     labels: pl.DataFrame, bounds: Rows, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
 ) -> pl.DataFrame:
     rows = smoother_reach(labels) if guard is None else guard
@@ -163,7 +163,7 @@ def _table(ids: list[str], is_test: NDArray[np.bool_]) -> pl.DataFrame:
 
 @jit
 def _guard_kernel(part: NDArray[np.uint8], rows: int) -> None:
-    """Mark as guard what lies within `rows` of a row of the other side, in one segment."""
+    """Mark rows within `rows` of a row of the other part as guard, in one segment."""
     side = part.copy()
     for step in (1, -1):
         begin = 0 if step == 1 else side.size - 1

@@ -1,4 +1,4 @@
-"""The residual wrench of a row from its motion, thrust and attitude; paper (3), (10), (11)."""
+"""Residual wrench of a row from its motion, thrust and attitude; paper (3), (10), (11)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hydro.core.vehicle.thrusters import UNIT_WRENCH
 
 
 def names(thrusters: int) -> list[str]:
-    """Names of the columns that labels add."""
+    """Return the names of the columns that labels add."""
     return [
         *(f"{name}_s" for name in VELOCITY),
         *(f"{name}_dot" for name in VELOCITY),
@@ -29,7 +29,7 @@ def names(thrusters: int) -> list[str]:
 
 
 def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
-    """Columns as one C-contiguous float64 array, shape (N, k)."""
+    """Return columns as one C-contiguous float64 array, shape (N, k)."""
     out = np.empty((frame.height, len(names)))
     for i, name in enumerate(names):
         out[:, i] = frame[name].to_numpy()
@@ -37,7 +37,7 @@ def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
 
 
 class Constants(NamedTuple):
-    """Of a vehicle: B^T (n, 6), M (6, 6), and the four numbers of weight and buoyancy."""
+    """Constants of a vehicle: B^T (n, 6), M (6, 6), and the four numbers of weight and buoyancy."""
 
     configuration: Array
     mass: Array
@@ -45,9 +45,9 @@ class Constants(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Of N rows: (nu, nu_dot) (N, 6, 2), phi theta psi (N, 3), thrusts (N, n), and forces of the effects.
+    """Terms of N rows: (nu, nu_dot) (N, 6, 2), phi theta psi (N, 3), thrusts (N, n), forces of the effects.
 
-    The forces (N, 6) are accounted for in tau_res; or (0, 6), none.
+    The forces (N, 6) are subtracted in tau_res; their shape is (0, 6) if no effects are subtracted.
     """
 
     motion: Array
@@ -57,7 +57,7 @@ class Terms(NamedTuple):
 
 
 def constants(vehicle: Vehicle, table: Array) -> Constants:
-    """What labels need of a vehicle and its thruster table."""
+    """Return the constants of labels for a vehicle and its thruster table."""
     mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
     return Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
 

@@ -65,7 +65,7 @@ class Network:
         """
         description = model.architecture
         feature_set = description.get("features", "")
-        memory = history.remembered(description.get("window", 1))
+        memory = history.memory_size(description.get("window", 1))
         inputs = len(names(feature_set)) + memory
         scalers = {key: np.asarray(model.scalers[key], dtype=np.float64).ravel() for key in _SCALERS}
         if (found := [values.size for values in scalers.values()]) != [inputs, inputs, _AXES, _AXES]:

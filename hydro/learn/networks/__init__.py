@@ -1,12 +1,11 @@
-"""Residual networks: features in, the residual wrench tau_res out, both in physical units.
+"""Residual networks: from features to the residual wrench tau_res, both in physical units.
 
-Every network is described by a plain dict, which the model artefact stores, and is made from it by `build`. A
-network carries the means and scales of its inputs and outputs as buffers, so that standardising (paper IV-C)
-is its own affair and nobody else's: callers hand over features as `hydro.core.distillation.features` makes
-them and receive newtons and newton metres.
+A plain dict describes every network; the model artefact stores it, and `build` makes the network from it.
+The means and scales of inputs and outputs are buffers of the network, which standardises internally (paper
+IV-C).  Callers pass features from `hydro.core.distillation.features` and receive newtons and newton metres.
 
-The paper gives counts of weights beside its models (Table I), though not all widths; where it gives none,
-those here come as near as their shape allows:
+The paper gives the number of weights of its models (Table I), but not all widths.  Widths that it omits are
+chosen here to match the number as closely as possible:
 
 | name       | network                                  | weights | the paper |
 |------------|------------------------------------------|---------|-----------|
@@ -19,10 +18,10 @@ those here come as near as their shape allows:
 | temporal   | 54-128-256-128-6 on 8 velocities         | 73,734  | -         |
 | gp         | a Gaussian process, kept on 512 points   | 60,520  | -         |
 
-The paper's widths of its baseline do not give the count that it states.
+The paper's widths of its baseline MLP do not give the number that it states.
 
-To add a model: write a `Residual` in a file of its own, enter it in `NETWORKS`, describe its default in
-`ARCHITECTURES`, and say in `core.residual.lowering` how the simulation runs it.
+To add a model: write a `Residual` in its own file, add it to `NETWORKS`, describe its default in
+`ARCHITECTURES`, and define its simulation in `core.residual.lowering`.
 """
 
 from __future__ import annotations
@@ -83,10 +82,10 @@ ARCHITECTURES: dict[str, dict[str, Any]] = {
 
 
 def architecture(name: str) -> dict[str, Any]:
-    """Return the default description of the model `name`, free to be changed.
+    """Return a copy of the default description of the model `name`.
 
     Raises:
-        UsageError: If there is no such model; the message lists those there are.
+        UsageError: If the model is unknown; the message lists the known ones.
     """
     if name not in ARCHITECTURES:
         raise UsageError(f"no model is called '{name}': choose one of {', '.join(ARCHITECTURES)}")
@@ -94,17 +93,17 @@ def architecture(name: str) -> dict[str, Any]:
 
 
 def inputs(architecture: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of what goes into the network of a description: its features, then past velocities, if any."""
+    """Return the names of a network's inputs: its features, then past velocities, if any."""
     return names(architecture["features"]) + history.names(architecture.get("window", 1))
 
 
 def build(architecture: Mapping[str, Any]) -> Residual:
     """Build the untrained network of a description such as `architecture('physfeat')`.
 
-    Weights come from torch's global generator: seed it first.
+    Initial weights come from torch's global generator; seed it first.
 
     Raises:
-        DataError: If the description names an unknown model or does not fit its constructor.
+        DataError: If the model is unknown or the description does not fit its constructor.
     """
     options = dict(architecture)
     name = options.pop("model", None)
@@ -113,25 +112,25 @@ def build(architecture: Mapping[str, Any]) -> Residual:
     try:
         return NETWORKS[name](**options)
     except (TypeError, ValueError, RuntimeError, IndexError) as error:
-        said = " ".join(str(error).split())
-        raise DataError(f"model architecture: the description of '{name}' does not fit: {said}") from None
+        reason = " ".join(str(error).split())
+        raise DataError(f"model architecture: the description of '{name}' does not fit: {reason}") from None
 
 
 def load(model: Model) -> Residual:
     """Build the network of a model artefact, with its weights and scalers, ready to predict.
 
     Raises:
-        DataError: If the tensors are not those that the architecture requires.
+        DataError: If the tensors do not fit the architecture.
     """
-    with torch.device("meta"):  # shapes alone: a broken footer may ask for more memory than there is
+    with torch.device("meta"):  # shapes without memory: a broken footer may describe a huge network
         shapes = build(model.architecture)
     wanted = {name: tuple(tensor.shape) for name, tensor in shapes.state_dict().items()}
     found = {name: tensor.shape for name, tensor in model.tensors.items()}
     for name in sorted(wanted.keys() | found.keys()):
-        shape, asked = found.get(name, "missing"), wanted.get(name, "none")
-        if shape != asked:
+        shape, required = found.get(name, "missing"), wanted.get(name, "none")
+        if shape != required:
             raise DataError(
-                f"model {model.name}: tensor {name} is {shape}, the architecture requires {asked}: "
+                f"model {model.name}: tensor {name} is {shape}, the architecture requires {required}: "
                 "train the model again"
             )
     network = build(model.architecture)
@@ -141,5 +140,5 @@ def load(model: Model) -> Residual:
 
 
 def parameter_count(network: nn.Module) -> int:
-    """Count the trainable numbers of a network."""
+    """Count the trainable parameters of a network."""
     return sum(parameter.numel() for parameter in network.parameters())

@@ -1,7 +1,7 @@
-"""The mean of a Gaussian process of a hull's wrench, in the mirrors of the hull: for minutes of data.
+"""Mean of a Gaussian process of a hull's wrench with mirror symmetry; for minutes of data.
 
-What it is and what its weights mean stands in `core.residual.mirrors`; how they are found from labels,
-without any descent, in `learn.gaussian_process`. Accelerations are no input.
+`core.residual.mirrors` defines the function and its weights; `learn.gaussian_process` fits the weights to
+labels without gradient descent.  Accelerations are not an input.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hydro.learn.networks.residual import AXES, Residual
 
 
 class GaussianProcess(Residual):
-    """Sums over points of the sphere of motions, and over products of velocities.
+    """Sums of radial functions on the sphere of motion directions, and of products of velocities.
 
     Tensors `centre` (3,) [m], `scale` (6,), `top` (1,), `steering` (6, 3), and by stage `linear` (2, 6, 6),
     `library` (2, 3, 57, 6), `points` (k, 6), and `weights` (k, 2, 3, 3, 6), whose wrenches are in N and N m.
@@ -36,7 +36,9 @@ class GaussianProcess(Residual):
 
     def __init__(self, *, features: str, points: int) -> None:
         if features != "raw" or points < 1:
-            raise ValueError(f"{points} points of features {features}: there must be some, of features raw")
+            raise ValueError(
+                f"{points} points of features {features}: give at least one point, and features raw"
+            )
         super().__init__(inputs=len(names(features)), features=features)
         self.centre = nn.Parameter(torch.zeros(3))
         self.scale = nn.Parameter(torch.ones(AXES))
@@ -49,13 +51,13 @@ class GaussianProcess(Residual):
         self.register_buffer("mirrors", torch.from_numpy(MIRRORS), persistent=False)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """The wrench of `forward` in units of its scales, from standardised features."""
+        """Return the standardised wrench of `forward`, from standardised features."""
         wrench = self.forward(self.input_mean + self.input_scale * inputs)
         return (wrench - self.output_mean) / self.output_scale
 
     def forward(self, features: Tensor) -> Tensor:
         """Map features (N, 12) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
-        nu = features[:, :AXES].double()  # weights of points side by side nearly cancel
+        nu = features[:, :AXES].double()  # weights of neighbouring points nearly cancel
         centre = self.centre.double()[None]
         v = nu[:, :3] + torch.linalg.cross(nu[:, 3:], centre)
         z = torch.cat([v, nu[:, 3:]], dim=1) * self.scale.double()
@@ -73,12 +75,12 @@ class GaussianProcess(Residual):
                 tau = tau + m ** (power + 1) * (products @ library[stage, power] + radial)
             stages.append(tau)
         drag = stages[0] - m.square() * (products[:, SIGNED:] @ library[0, 1, SIGNED:])
-        tau = beyond.square() * (stages[1] + _steered(drag, self.steering.double()))
+        tau = beyond.square() * (stages[1] + _modulate(drag, self.steering.double()))
         moment = tau[:, 3:] + torch.linalg.cross(centre, tau[:, :3])
         return torch.cat([tau[:, :3], moment], dim=1).to(features.dtype)
 
     def _images(self, d: Tensor) -> Tensor:
-        """R(g d, d_k) of directions (N, 6), (8, N, k)."""
+        """Return R(g d, d_k) of directions (N, 6) for all images g and points, (8, N, k)."""
         points, mirrors = self.points.double(), self.mirrors.double()
         far = d.square().sum(dim=1, keepdim=True) + points.square().sum(dim=1)
         apart = torch.stack([far - 2.0 * (d * signs) @ points.T for signs in mirrors])
@@ -86,7 +88,7 @@ class GaussianProcess(Residual):
         return (1.0 + r) * torch.exp(-r)
 
     def _radial(self, images: Tensor, weights: Tensor) -> Tensor:
-        """The sum over points and sums S with weights (k, 3, 6), (N, 6)."""
+        """Return the sum over points and sums S with weights (k, 3, 6), (N, 6)."""
         mirrors = self.mirrors.double()
         eight = torch.stack([image @ weights[:, 0] for image in images])
         two, one = images[PORT] @ weights[:, 1], images[0] @ (0.5 * weights[:, 1] + weights[:, 2])
@@ -94,19 +96,19 @@ class GaussianProcess(Residual):
 
 
 def _size(z: Tensor) -> Tensor:
-    """The size m of motions (N, 6), (N, 1)."""
+    """Return the size m of motions (N, 6), (N, 1)."""
     return (z.square().sum(dim=1, keepdim=True) + EPSILON**2).sqrt()
 
 
 def _products(d: Tensor) -> Tensor:
-    """The products (N, 57) of directions (N, 6)."""
+    """Return the products (N, 57) of directions (N, 6)."""
     first, second = torch.triu_indices(AXES, AXES).unbind()
     signed = (d.abs()[:, :, None] * d[:, None, :]).flatten(1)
     return torch.cat([signed, d[:, first] * d[:, second]], dim=1)
 
 
-def _steered(drag: Tensor, steering: Tensor) -> Tensor:
-    """The sum over j of T_ij F_i |F_j| / |F| (N, 6), of drag F (N, 6) and T (6, 3)."""
+def _modulate(drag: Tensor, steering: Tensor) -> Tensor:
+    """Return the sum over j of T_ij F_i |F_j| / |F| (N, 6), of drag F (N, 6) and T (6, 3)."""
     halves = []
     for half in (slice(0, 3), slice(3, 6)):
         part = drag[:, half]

@@ -1,4 +1,4 @@
-"""The feedforward network: the paper's Baseline MLP and, on its features, PhysicsFeature-MLP (III-C)."""
+"""Feedforward network: the paper's Baseline MLP and, with its features, PhysicsFeature-MLP (III-C)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hydro.learn.networks.residual import AXES, Residual, chain, function
 
 
 class MLP(Residual):
-    """Affine maps with an activation after every one but the last.
+    """Multilayer perceptron: affine maps with an activation after every one except the last.
 
     Tensors `layers.<i>.weight` (out, in) and `layers.<i>.bias` (out,).
     """
@@ -23,7 +23,7 @@ class MLP(Residual):
         self.layers = chain(layers)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Alternate affine maps and the activation."""
+        """Apply affine maps and the activation in turn."""
         *hidden_layers, last = self.layers
         hidden = inputs
         for layer in hidden_layers:

@@ -1,4 +1,4 @@
-"""Mixture of experts: feedforward networks for regimes of motion, and a gate between them (paper III-C)."""
+"""Mixture of experts: feedforward networks that a gate weighs by the motion (paper III-C)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hydro.learn.networks.residual import AXES, Residual, chain, function
 
 
 class Experts(nn.Module):
-    """One affine map per expert: tensors `weight` (E, out, in) and `bias` (E, out), drawn as in nn.Linear."""
+    """Affine maps, one per expert: `weight` (E, out, in) and `bias` (E, out), initialised as in nn.Linear."""
 
     def __init__(self, experts: int, wide: int, next_wide: int) -> None:
         super().__init__()
@@ -26,7 +26,7 @@ class Experts(nn.Module):
 
 
 class MixtureOfExperts(Residual):
-    """The wrench is the experts' mean, weighted by the softmax of the gate.
+    """Mean of the experts' wrenches, weighted by the softmax of the gate.
 
     Tensors `experts.<i>.*` (see `Experts`) and `gate.<i>.*`.
     """
@@ -46,7 +46,7 @@ class MixtureOfExperts(Residual):
         self.count = experts
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Ask every expert, and weigh what they say."""
+        """Evaluate every expert, and return the weighted mean."""
         *hidden_layers, last = self.experts
         x = inputs.unsqueeze(0).expand(self.count, -1, -1)
         for layer in hidden_layers:
@@ -56,7 +56,7 @@ class MixtureOfExperts(Residual):
         return wrench
 
     def shares(self, inputs: Tensor) -> Tensor:
-        """The gate's weights of the experts (N, E), which add up to 1, from standardised features."""
+        """Return the gate's weights of the experts (N, E), which sum to 1, from standardised features."""
         *hidden_layers, last = self.gate
         x = inputs
         for layer in hidden_layers:

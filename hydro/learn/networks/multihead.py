@@ -1,4 +1,4 @@
-"""MultiHead: a common trunk and one small head per axis of the wrench (paper III-C)."""
+"""MultiHead network: a common trunk and one small head per axis of the wrench (paper III-C)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from hydro.learn.networks.residual import AXES, Residual, chain, function
 
 
 class MultiHead(Residual):
-    """A trunk as wide as the Baseline MLP; each head has one hidden layer of its own.
+    """Trunk as wide as the Baseline MLP, and heads with one hidden layer each.
 
-    Tensors `trunk.<i>.*`; `hidden.weight` (6 head, in) and `hidden.bias`, the hidden layers of the heads of
-    X, Y, Z, K, M, N one after the other; `out` (6, head) and `out_bias` (6,), their last layers.
+    Tensors: `trunk.<i>.*`; `hidden.weight` (6 head, in) and `hidden.bias`, the hidden layers of the heads of
+    X, Y, Z, K, M, N in this order; `out` (6, head) and `out_bias` (6,), their output layers.
     """
 
     def __init__(self, *, features: str, trunk: Sequence[int], head: int, activation: str) -> None:
@@ -27,7 +27,7 @@ class MultiHead(Residual):
         self.out_bias = nn.Parameter(torch.empty(AXES).uniform_(-reach, reach))
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Run the trunk, then all heads at once."""
+        """Evaluate the trunk, then all heads at once."""
         x = inputs
         for layer in (*self.trunk, self.hidden):
             x = self.activation(layer(x))

@@ -1,4 +1,4 @@
-"""What every residual network is: standardising and physical units around a map of plain numbers."""
+"""Base class of residual networks: standardisation and physical units."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from hydro.io.model import SCALERS
 
-AXES = 6
+AXES = 6  # components of a wrench
 ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "relu": nn.functional.relu,
     "silu": nn.functional.silu,
@@ -20,9 +20,9 @@ ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
 
 
 class Residual(nn.Module):
-    """A network between standardised features and the standardised wrench, dressed in physical units.
+    """Network from features to the wrench in physical units, around a map of standardised numbers.
 
-    Subclasses implement `standardised`. Until `standardise` is called, means are 0 and scales 1.
+    Subclasses implement `standardised`.  Before `standardise` is called, means are 0 and scales 1.
     """
 
     input_mean: Tensor
@@ -39,7 +39,7 @@ class Residual(nn.Module):
             self.register_buffer(f"{side}_scale", torch.ones(length), persistent=False)
 
     def standardise(self, scalers: Mapping[str, np.ndarray]) -> None:
-        """Take over `input_mean`, `input_scale` (k,) and `output_mean`, `output_scale` (6,)."""
+        """Set `input_mean`, `input_scale` (k,) and `output_mean`, `output_scale` (6,)."""
         for name in SCALERS:
             self.get_buffer(name).copy_(torch.from_numpy(np.asarray(scalers[name], dtype=np.float32)))
 
@@ -54,10 +54,10 @@ class Residual(nn.Module):
 
 
 def function(name: str) -> Callable[[Tensor], Tensor]:
-    """The activation of this name.
+    """Return an activation function by name.
 
     Raises:
-        ValueError: If there is none.
+        ValueError: If the name is unknown.
     """
     if name not in ACTIVATIONS:
         raise ValueError(f"activation '{name}' is none of {', '.join(ACTIVATIONS)}")
@@ -65,7 +65,7 @@ def function(name: str) -> Callable[[Tensor], Tensor]:
 
 
 def chain(widths: Sequence[int]) -> nn.ModuleList:
-    """Affine maps one after the other, from widths[0] numbers to widths[-1].
+    """Return consecutive affine maps, from widths[0] to widths[-1] numbers.
 
     Raises:
         ValueError: If there are fewer than two widths.

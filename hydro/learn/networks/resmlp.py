@@ -1,4 +1,4 @@
-"""ResMLP: a projection, residual blocks with layer norms, and an output layer (paper III-C, ResMLP-12x6)."""
+"""ResMLP network: projection, residual blocks with layer norms, output layer (paper III-C, ResMLP-12x6)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.learn.networks.residual import AXES, Residual, function
 
 
 class Block(nn.Module):
-    """x + down(activation(up(norm(x)))): what the block adds passes through a narrower layer."""
+    """Residual block x + down(activation(up(norm(x)))), whose hidden layer is narrower than x."""
 
     def __init__(self, width: int, hidden: int, activation: Callable[[Tensor], Tensor]) -> None:
         super().__init__()
@@ -27,7 +27,7 @@ class Block(nn.Module):
 
 
 class ResMLP(Residual):
-    """Blocks of the pre-norm kind, a layer norm after the last.
+    """Pre-norm residual blocks, with a layer norm after the last.
 
     Tensors `project.*`, `blocks.<i>.{norm,up,down}.*`, `norm.*` and `out.*`.
     """
@@ -40,7 +40,7 @@ class ResMLP(Residual):
         self.out = nn.Linear(width, AXES)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Project, let every block add its part, and read the wrench out."""
+        """Project the input, apply the blocks, and compute the wrench."""
         x = self.project(inputs)
         for block in self.blocks:
             x = block(x)

@@ -1,16 +1,17 @@
-"""The structured model: a wrench that cannot drive the vehicle, whatever the weights.
+"""Structured model: a wrench that cannot add energy to the vehicle, for any weights.
 
     tau_res = C(nu) nu + D(nu) nu,      D = (1 + |nu|) A(nu) A(nu)^T
 
-C is made from a learned symmetric inertia by the skew parametrisation (Fossen theorem 3.2), so that
-nu^T C nu = 0; D is positive semi-definite by construction, so that the vehicle, which feels -D nu, loses the
-power (1 + |nu|) |A^T nu|^2, which is never negative. A network makes A from the direction of motion and from
-1 / (1 + |nu|), which separates skin friction from form drag; |nu| is the root mean square of the standardised
-velocities. All these are bounded, and so drag grows as the square of the speed beyond the speeds of the
-training data, as it does in water.
+C comes from a learned symmetric inertia by the skew-symmetric parametrisation (Fossen, theorem 3.2), so
+nu^T C nu = 0.  D is positive semi-definite by construction.  The force on the vehicle is -D nu, so it loses
+the power (1 + |nu|) |A^T nu|^2, which is never negative.
 
-Nothing is added to the wrench that is not one of these two, a mean least of all: at rest it is 0. The
-acceleration is no input, for a force that follows a filtered acceleration can do work.
+A network computes A from the direction of motion and from 1 / (1 + |nu|), which separates skin friction from
+form drag.  |nu| is the root mean square of the standardised velocities.  These inputs are bounded, so beyond
+the training data drag grows as the square of the speed, as it does in water.
+
+The wrench has no other term, in particular no mean: at rest it is 0.  Acceleration is not an input, because a
+force that depends on a filtered acceleration can do work.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ from torch import Tensor, nn
 from hydro.core.distillation.features import names
 from hydro.learn.networks.residual import AXES, Residual, chain
 
-CONTEXT = 7
-PACE = 10.0  # s
-SLOW = 0.1  # of the training data's usual speed
-TINY = 1e-12  # keeps the derivative of a root finite
+CONTEXT = 7  # inputs of the network of A
+INERTIA_TIME = 10.0  # physical inertia per unit of the parameter `inertia`, in units of the scales [s]
+SLOW = 0.1  # speed below which the direction of motion fades, in units of the training data's speed
+TINY = 1e-12  # keeps the derivative of a square root finite
 
 
 class Structured(Residual):
-    """C(nu) nu + D(nu) nu with a learned inertia and a learned root of D.
+    """C(nu) nu + D(nu) nu with a learned inertia and a learned factor A of D.
 
-    Tensors `layers.<i>.*`, from `context` to the 36 numbers of A row by row, with SiLU between; and
-    `inertia` (6, 6), whose symmetric part counts. Both are in units of the scalers: with o the scales of the
-    wrench and v those of nu, r = sqrt(o / v) makes the physical A from A[i, j] as r[i] A[i, j] and the
-    inertia as r[i] inertia[i, j] r[j] x 10 s, so that the optimiser's small steps carry it far enough.
+    Tensors: `layers.<i>.*` map `context` to the 36 entries of A, row by row, with SiLU between; `inertia` (6,
+    6) enters with its symmetric part.  Both are in units of the scalers.  With o the scales of the wrench, v
+    those of nu, and r = sqrt(o / v), the physical A is r[i] A[i, j].  The physical inertia is
+    r[i] inertia[i, j] r[j] x 10 s; the factor lets the small steps of the optimiser move it far enough.
     """
 
     def __init__(self, *, features: str, layers: Sequence[int]) -> None:
@@ -45,13 +46,13 @@ class Structured(Residual):
             )
         super().__init__(inputs=len(names(features)), features=features)
         self.layers = chain(layers)
-        self.inertia = nn.Parameter(torch.eye(AXES) / PACE)
-        with torch.no_grad():  # begin with the drag and inertia that the scales suggest
+        self.inertia = nn.Parameter(torch.eye(AXES) / INERTIA_TIME)
+        with torch.no_grad():  # start with the drag and inertia that the scales suggest
             last = self.get_parameter(f"layers.{len(self.layers) - 1}.bias")
             last.copy_(0.5 * torch.eye(AXES).flatten())
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """The wrench of `forward` in units of its scales, from standardised features."""
+        """Return the standardised wrench of `forward`, from standardised features."""
         return (self.wrench(inputs) - self.output_mean) / self.output_scale
 
     def forward(self, features: Tensor) -> Tensor:
@@ -59,14 +60,14 @@ class Structured(Residual):
         return self.wrench((features - self.input_mean) / self.input_scale)
 
     def wrench(self, inputs: Tensor) -> Tensor:
-        """The wrench (N, 6) [N and N m] of standardised features (N, 12)."""
+        """Return the wrench (N, 6) [N and N m] of standardised features (N, 12)."""
         nu = self.input_mean[:AXES] + self.input_scale[:AXES] * inputs[:, :AXES]
         return self.coriolis(nu) + self.dissipation(nu)
 
     def coriolis(self, nu: Tensor) -> Tensor:
-        """C(nu) nu (N, 6) [N and N m] of the learned inertia, at right angles to nu (N, 6)."""
+        """Return C(nu) nu (N, 6) [N and N m] of the learned inertia; it is orthogonal to nu (N, 6)."""
         root = self.root()
-        momentum = nu @ (root[:, None] * (0.5 * PACE) * (self.inertia + self.inertia.T) * root)
+        momentum = nu @ (root[:, None] * (0.5 * INERTIA_TIME) * (self.inertia + self.inertia.T) * root)
         linear, angular = momentum[:, :3], momentum[:, 3:]
         v, omega = nu[:, :3], nu[:, 3:]
         force = torch.linalg.cross(omega, linear)
@@ -74,7 +75,7 @@ class Structured(Residual):
         return torch.cat([force, moment], dim=1)
 
     def dissipation(self, nu: Tensor) -> Tensor:
-        """D(nu) nu (N, 6) [N and N m] of velocities nu (N, 6)."""
+        """Return D(nu) nu (N, 6) [N and N m] of velocities nu (N, 6)."""
         *hidden_layers, last = self.layers
         scaled = nu / self.input_scale[:AXES]
         speed = (scaled.square().mean(dim=1, keepdim=True) + TINY).sqrt()
@@ -88,10 +89,10 @@ class Structured(Residual):
         return drag
 
     def root(self) -> Tensor:
-        """Square roots of the damping (6,) that the scales of wrench and velocity suggest [sqrt(N s/m)]."""
+        """Return the square root of the damping (6,) that the scales imply [sqrt(N s/m)]."""
         return (self.output_scale / self.input_scale[:AXES]).sqrt()
 
 
 def context(scaled: Tensor, speed: Tensor) -> Tensor:
-    """What A depends on (N, 7): the direction of motion, vague below SLOW, and 1 / (1 + |nu|)."""
+    """Return the inputs of A (N, 7): the direction of motion, which fades below SLOW, and 1 / (1 + |nu|)."""
     return torch.cat([scaled / (SLOW + speed), 1.0 / (1.0 + speed)], dim=1)

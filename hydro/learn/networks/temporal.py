@@ -1,9 +1,8 @@
-"""The temporal model: a causal convolution over the past velocities (the paper's future work, section VI).
+"""Temporal model: a causal convolution over past velocities (future work in the paper, section VI).
 
-Water remembers: a wake builds up, vortices are shed. The wrench is a feedforward function of (nu, nu_dot) now
-and of nu at the control steps before, so its window is the whole memory, and the state that a simulation
-carries from step to step is just those velocities. A finite window cannot drift away, as a recurrent state
-can.
+Water has memory: a wake builds up, and vortices are shed.  The wrench is a feedforward function of the
+present (nu, nu_dot) and of nu at previous control steps.  The window is the whole memory, so a simulation
+carries only these velocities from step to step.  Unlike a recurrent state, a finite window cannot drift.
 """
 
 from __future__ import annotations
@@ -11,22 +10,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hydro.core.distillation.features import names
-from hydro.core.distillation.history import remembered
+from hydro.core.distillation.history import memory_size
 from hydro.learn.networks.mlp import MLP
 
 
 class Temporal(MLP):
-    """An MLP on the features followed by past velocities, newest first (`distillation.history`).
+    """MLP on the features and past velocities, newest first (`distillation.history`).
 
     Attributes:
-        window: velocities in all, the present one among them.
-        period: time between them [s], the control step that a simulation must keep.
+        window: number of velocities, including the present one.
+        period: time between them [s], which must equal the control step of a simulation.
     """
 
     def __init__(
         self, *, features: str, layers: Sequence[int], activation: str, window: int, period: float
     ) -> None:
-        wanted = len(names(features)) + remembered(window)
+        wanted = len(names(features)) + memory_size(window)
         if window < 2 or period <= 0.0 or layers[0] != wanted:
             raise ValueError(
                 f"layers {list(layers)} must begin with {wanted} for a window of {window} velocities, "

@@ -1,1 +1,1 @@
-"""Tasks, observations, rewards and the fleet of vehicles that flies them."""
+"""Observations, actions, rewards and episodes of a fleet, and its Gymnasium and TorchRL interfaces."""

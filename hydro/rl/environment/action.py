@@ -1,4 +1,4 @@
-"""From actions to thruster commands: a demanded wrench, mixed onto the thrusters, its direction kept."""
+"""Conversion of actions to thruster commands: scale to a wrench, allocate, keep its direction."""
 
 from __future__ import annotations
 
@@ -10,41 +10,43 @@ from hydro.core.vehicle.control_allocation import mixing_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
 
 ACTIONS = 6
-"""Demands X, Y, Z, K, M, N in [-1, 1], shares of the greatest wrench on each axis alone."""
+"""Size of an action: X, Y, Z, K, M, N in [-1, 1], each a share of the greatest wrench on that axis alone."""
 
 
 @kernel
 def command_kernel(
     allocation: Array, table: Array, authority: Array, actions: Array, tau: Array, commands: Array
 ) -> bool:
-    """Thruster commands of all vehicles, see `mixed`.
+    """Compute the thruster commands of all vehicles; see `allocate`.
 
     Args:
         allocation: Pseudo-inverse of B (n, 6).
         table: Thruster table (n, columns).
-        authority: Greatest wrench on each axis alone (6,) [N, N m]; 0 where there is none.
-        actions: (N, 6), clipped to [-1, 1] in place.
-        tau: (6,) scratch.
-        commands: (N, n) written.
+        authority: Greatest wrench on each axis alone (6,) [N, N m]; 0 on an axis without authority.
+        actions: Actions (N, 6), clipped to [-1, 1] in place.
+        tau: Scratch (6,).
+        commands: Thruster commands (N, n), written.
 
     Returns:
-        Whether all actions are numbers; the commands are not to be used otherwise.
+        Whether all actions are finite; otherwise the commands are invalid.
     """
     for k in range(actions.shape[0]):
-        if not mixed(allocation, table, authority, actions[k], tau, commands[k]):
+        if not allocate(allocation, table, authority, actions[k], tau, commands[k]):
             return False
     return True
 
 
 @kernel
-def mixed(
+def allocate(
     allocation: Array, table: Array, authority: Array, action: Array, tau: Array, commands: Array
 ) -> bool:
-    """Thruster commands of one vehicle; arguments as of `command_kernel`, but one action (6,), (n,) commands.
+    """Compute the thruster commands of one vehicle; return whether its action is finite.
 
-    Where some thruster cannot give its share, the whole demand is scaled down until all can, so that the
-    wrench keeps its direction.  Thrusts become commands by the thrust curve inverted; lag and dead band are
-    left as they are, and act as in the vehicle file.
+    The arguments are those of `command_kernel`, with one action (6,) and commands (n,).
+
+    If a thruster saturates, the whole wrench is scaled down, so that it keeps its direction.  The inverse
+    thrust curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in the
+    vehicle file.
     """
     for j in range(ACTIONS):
         if not math.isfinite(action[j]):

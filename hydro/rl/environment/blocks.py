@@ -1,7 +1,7 @@
-"""The arrays of a fleet in blocks, as its compiled passes take them; N vehicles, P pillars, n thrusters.
+"""Blocks of arrays that the compiled kernels of a fleet take; N vehicles, P pillars, n thrusters.
 
-Arrays are shared, not copied: what the fleet and its plant write is what the kernels read, and what the
-kernels write is what the fleet reads.
+The arrays are shared, not copied.  The fleet and its plant write them, and the kernels read and write the
+same memory.
 """
 
 from __future__ import annotations
@@ -11,22 +11,24 @@ from typing import NamedTuple
 from hydro.core.columns import Array, Array32, Mask
 
 RETURN, AGE, ENERGY, OVERSPEED, ERROR, TOTALS = range(6)
-"""Totals of an episode: sum of rewards, steps, seconds of full thrust, steps faster than is plausible, sum of
-the squared distances from the goal that count [m^2]."""
+"""Columns of the totals of an episode: sum of rewards; steps; time of full thrust [s]; steps above the
+plausible speed; sum of the squared distances from the goal since settling [m^2]."""
 ARRIVED, TOUCHED, DIVERGED, FAST, TERMINATED, TRUNCATED, FLAGS = range(7)
+"""Rows of the flags of a step: success, collision, divergence, overspeed, and the two ends of an episode."""
 STEPS, RADIUS, TILT, SPEED, TURNING, SETTLING = range(6)
-"""Where the numbers of `tasks.task.Ends` stand."""
+"""Columns of the numbers of `tasks.task.Ends`."""
 LIMIT, PERIOD = range(2)
+"""Entries of `Rules.limits`."""
 
 
 class Senses(NamedTuple):
-    """The sensors, and where they are looked from and at.
+    """Sensors of all vehicles.
 
     Attributes:
         limits: Least and greatest values of each observation (2, 36).
-        fan: Places and directions of the sonar's beams in the body (15, 6) [m].
-        reach: Its reach [m].
-        tank: Numbers of `rl.environment.geometry`.
+        fan: Origins and directions of the sonar's beams in the body (15, 6) [m].
+        reach: Greatest range of the sonar [m].
+        tank: Numbers of the tank; see `rl.environment.geometry.tank`.
         gravity: [m/s^2].
         sigma: Standard deviation of each observation's noise (36,).
     """
@@ -40,11 +42,11 @@ class Senses(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What a step is measured by, whatever the task.
+    """Constants by which a step is judged, the same for all tasks.
 
     Attributes:
-        hull: Numbers of `rl.environment.geometry`.
-        tank: Likewise.
+        hull: Numbers of the hull; see `rl.environment.geometry.hull_numbers`.
+        tank: Numbers of the tank; see `rl.environment.geometry.tank`.
         table: Thruster table (n, columns).
         limits: Implausible speed [m/s], control step [s].
     """
@@ -56,7 +58,7 @@ class Rules(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """How the vehicles move: the arrays of a `sim.plant.Plant`, and the rotation of its poses.
+    """Motion of the vehicles: the arrays of a `sim.plant.Plant`, and the rotation matrices of its poses.
 
     Attributes:
         pose: x y z of CO, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (N, 7).
@@ -76,15 +78,15 @@ class Motion(NamedTuple):
 
 
 class Scenes(NamedTuple):
-    """The tasks that the vehicles fly.
+    """Tasks of the vehicles.
 
     Attributes:
-        weights: Of the terms of the reward (N, WEIGHTS), see `rl.environment.reward`.
-        ends: When its episode is done (N, 6), see `tasks.task.Ends`.
+        weights: Weights of the terms of the reward (N, WEIGHTS); see `rl.environment.reward`.
+        ends: Conditions that end an episode (N, 6); see `tasks.task.Ends`.
         goals: (N, 3), NED [m].
-        targets: What each is to swim to (N, 3).
-        pillars: Axes of its pillars (N, P, 2), NaN where there is none.
-        path_cost: Weighted cost of being off the path (N,).
+        targets: Points that the observations show as targets (N, 3), NED [m].
+        pillars: Axes of the pillars (N, P, 2), NaN in unused rows.
+        path_cost: Weighted cost of the cross-track error (N,).
     """
 
     weights: Array
@@ -96,13 +98,13 @@ class Scenes(NamedTuple):
 
 
 class Episodes(NamedTuple):
-    """What an episode keeps from one step to the next.
+    """State of the episodes that one step passes to the next.
 
     Attributes:
-        nearest: Nearest echo of the sonar without noise (N,) [m]; written by `sense_kernel`.
-        action: Demands of the step before (N, 6); this and the rest are written by `step_kernel`.
-        distance: To the goal (N,) [m].
-        totals: (N, TOTALS).
+        nearest: Shortest range of the sonar without noise (N,) [m]; written by `sense_kernel`.
+        action: Action of the previous step (N, 6); this and the following are written by `step_kernel`.
+        distance: Distance to the goal (N,) [m].
+        totals: Totals of the episode (N, TOTALS).
     """
 
     nearest: Array
@@ -112,7 +114,7 @@ class Episodes(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a step has come to, written by `step_kernel`.
+    """Rewards and flags of a step, written by `step_kernel`.
 
     Attributes:
         reward: (N,).

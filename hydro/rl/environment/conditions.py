@@ -1,4 +1,4 @@
-"""The physics that policies are trained under: the paper's three conditions (V-C) and three more."""
+"""Physics conditions of a training: the three conditions of the reference paper (V-C) and three more."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
 
-NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"
+NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"  # see `Condition`
 MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}
-"""Kind of residual model that a condition flies with."""
+"""Kind of residual model by condition."""
 OF_THE_FILE = (EFFECTS, IDENTIFIED)
-"""Conditions under which the effects of the vehicle file act."""
+"""Conditions in which the effects of the vehicle file act."""
 CONDITIONS = (NO_WATER, *MODELS, *OF_THE_FILE)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Physics to fly under.
+    """Physics of a training.
 
     Attributes:
-        name: `R_0`, a network output of zero: thrusters, weight and buoyancy, and MuJoCo's own C_RB;
-            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; `R_effects`, all effects of the
-            vehicle file; or `R_identified`, the same, of a file that was identified from data.
-        model: The residual model, for the conditions that fly with one.
-        conditioning: Preset of `sim.residual.conditioning` for its wrench, the same for all of them.
+        name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB.
+            `R_MLP`, `R_PhysFeat` or `R_structured`: a residual model.
+            `R_effects`: all effects of the vehicle file.
+            `R_identified`: the same, for a file that was identified from data.
+        model: Residual model, for the conditions that have one.
+        conditioning: Preset of `sim.residual.conditioning` for the wrench of the residual model.
     """
 
     name: str = EFFECTS
@@ -43,37 +44,33 @@ class Condition:
     conditioning: str = "paper"
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be flown.
+        """Check that the name exists and that the residual model suits it.
 
         Raises:
-            UsageError: There is no such condition, or its model is missing, of another kind, or not asked
-                for.
+            UsageError: The condition is unknown, or its model is missing, of another kind, or superfluous.
         """
         if self.name not in CONDITIONS:
             raise UsageError(f"there is no condition {self.name!r}; choose one of {', '.join(CONDITIONS)}")
         wanted, model = MODELS.get(self.name), self.model
         if wanted is None and model is not None:
-            raise UsageError(
-                f"{self.name} flies without a residual model, and {model.name} is given; leave it out"
-            )
+            raise UsageError(f"{self.name} has no residual model, but {model.name} is given; leave it out")
         if wanted is not None and (model is None or model.architecture.get("model") != wanted):
             given = "none is given" if model is None else f"{model.name} is given"
-            raise UsageError(
-                f"{self.name} flies with a residual model of kind {wanted}, and {given}; train one"
-            )
+            raise UsageError(f"{self.name} needs a residual model of kind {wanted}, but {given}; train one")
 
 
 def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file: str = "") -> Water:
-    """What of the water a vehicle feels under a condition.
+    """Build the water forces of a vehicle under a condition.
 
     Args:
         condition: The condition.
-        vehicle: The vehicle, as its file says or changed.
+        vehicle: The vehicle of the file, or a changed copy.
         period: Control step [s].
-        file: Hash of the vehicle file; by default of the vehicle.
+        file: Hash of the vehicle file; by default the hash of `vehicle`.
 
     Raises:
-        DataError: The file has effects beside which the model cannot be flown, see `sim.residual.beside`.
+        DataError: The residual model cannot be combined with the effects of the file; see
+            `sim.residual.beside`.
     """
     model = condition.model
     if model is None:
@@ -86,14 +83,14 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
         and vehicle_hash(model.labelled) != (file or vehicle_hash(vehicle))
     ):
         raise DataError(
-            f"{model.name}: its labels left out the effects of another vehicle file than {vehicle.name}; "
-            "fly it with the file that they were made with"
+            f"{model.name}: its labels subtract the effects of another vehicle file than {vehicle.name}; "
+            "use the file of the labels"
         )
     return residual(vehicle, control, effects=whole, beside=() if whole else beside(vehicle, model.labelled))
 
 
 def waters(condition: Condition, vehicle: Vehicle, period: float) -> Callable[[Vehicle], Water]:
-    """What of the water vehicles feel that differ from the file's in numbers; see `water`."""
+    """Return a function that builds the water forces of changed copies of a vehicle; see `water`."""
     known = vehicle_hash(vehicle)
     return lambda one: water(condition, one, period=period, file=known)
 
@@ -107,14 +104,14 @@ def plant(
     threads: int = 1,
     folder: Path | None = None,
 ) -> StudentPlant:
-    """Students under a condition; see `water`.
+    """Make MuJoCo models (students) under a condition; see `water`.
 
     Args:
         condition: The condition.
         vehicle: The vehicle file.
         settings: Physics and control step.
         count: Number of vehicles.
-        threads: Threads that share the vehicles.
+        threads: Number of threads.
         folder: Folder of the vehicle file.
     """
     return StudentPlant(

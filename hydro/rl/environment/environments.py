@@ -1,6 +1,6 @@
-"""The fleet as Gymnasium knows environments: one vehicle alone, and many as a vector environment.
+"""Gymnasium environments: one vehicle (`Single`), and many as a vector environment (`Vector`).
 
-Episodes are ended by the fleet itself, after `Task.steps` control steps.
+The fleet itself ends episodes after `Task.steps` control steps; no `TimeLimit` wrapper is needed.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ if TYPE_CHECKING:
     from hydro.sim.film import Camera
 
 VEHICLE = "auv151"
-"""The vehicle of the reference paper."""
+"""Default vehicle: the one of the reference paper."""
 
 
 @dataclass(frozen=True)
 class FleetConfig:
-    """What a fleet flies, where and under which physics: the keywords of the Gymnasium environments.
+    """Vehicle, task and physics of a fleet: the keyword arguments of the Gymnasium environments.
 
     Attributes:
         task: One of `tasks.registry.TASKS`.
-        level: How many of what its levels count, `Task.levels`; the most by default.
-        led: Whether vehicles are shown a planned way; by default where the task has one.
-        vehicle: A vehicle, its file, or the name of a bundled one.
+        level: Level of the task, a number of `Task.levels`; the greatest by default.
+        led: Whether vehicles follow a planned path; by default if the task is guided.
+        vehicle: A vehicle, the path of its file, or the name of a bundled vehicle.
         condition: One of `conditions.CONDITIONS`.
-        model: Residual model, for the conditions that fly with one.
-        conditioning: Preset for its wrench.
+        model: Residual model, for the conditions that have one.
+        conditioning: Preset that limits the wrench of the residual model.
         settings: All other choices.
-        threads: Threads that share the vehicles.
+        threads: Number of threads.
     """
 
     task: str = PointToPoint.name
@@ -71,16 +71,16 @@ class FleetConfig:
 
 
 def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int = 0) -> Fleet:
-    """A fleet of students with a task.
+    """Make a fleet of MuJoCo models (students) with a task.
 
     Args:
-        config: What it flies; point to point in open water by default.
+        config: Vehicle, task and physics; by default point to point in open water.
         count: Number of vehicles.
-        seed: Of tasks and noise.
+        seed: Seed of tasks and noise.
 
     Raises:
-        DataError: The vehicle cannot be read or flown.
-        UsageError: There is no such task, level or condition.
+        DataError: The vehicle cannot be read or simulated.
+        UsageError: The task, level or condition does not exist.
     """
     config = config or FleetConfig()
     settings, vehicle = config.settings, config.vehicle
@@ -97,21 +97,21 @@ def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int =
 
 
 def _file(vehicle: str | Path) -> Path:
-    """A vehicle file by path, or by the name of a bundled one."""
+    """Return the path of a vehicle file, given its path or the name of a bundled vehicle."""
     known = bundled("vehicles") / f"{vehicle}.toml"
     return known if known.is_file() else Path(vehicle)
 
 
 def _spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
-    """Observations and actions of one vehicle."""
+    """Return the observation and action space of one vehicle."""
     low, high = bounds(settings)
     return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 class Single(gymnasium.Env):  # type: ignore[misc]
-    """One vehicle.
+    """Environment with one vehicle.
 
-    `info` holds the entries of `fleet.Info`; observations are described in `rl.environment.observation`.
+    `info` holds the fields of `interfaces.Info`; `rl.environment.observation` describes the observations.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
@@ -119,10 +119,10 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     def __init__(
         self, task: str = PointToPoint.name, *, render_mode: str | None = None, **choices: Any
     ) -> None:
-        """Take the fields of `FleetConfig`; `reset` seeds.
+        """Make the environment from the fields of `FleetConfig`; `reset` takes the seed.
 
         Raises:
-            UsageError: There is no such way to render.
+            UsageError: The render mode does not exist.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UsageError(f"render_mode {render_mode!r}: choose 'rgb_array', or none")
@@ -136,17 +136,17 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episode, or with a seed, that seed's first."""
+        """Begin the next episode; with a seed, the first episode of that seed."""
         super().reset(seed=seed)
-        anew = seed is not None or not self._begun
+        restart = seed is not None or not self._begun
         self._begun = True
-        return self.fleet.reset(seed=_draw(self.np_random) if anew else None)[0], {}
+        return self.fleet.reset(seed=_draw(self.np_random) if restart else None)[0], {}
 
     def step(self, action: ArrayLike) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
-        """Fly one control step.
+        """Simulate one control step.
 
         Raises:
-            ResetNeeded: there was no `reset` before.
+            ResetNeeded: `reset` was not called before.
         """
         _require_reset(self._begun)
         done = self.fleet.step(np.asarray(action)[None], renew=False)
@@ -160,10 +160,10 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The vehicle in its tank, from behind and above (height, width, 3); None without `render_mode`.
+        """Draw the vehicle in its tank from behind and above (height, width, 3); None without `render_mode`.
 
         Raises:
-            UsageError: There is nothing to render with.
+            UsageError: Rendering is not available.
         """
         if self.render_mode is None:
             return super().render()  # type: ignore[no-any-return]
@@ -177,27 +177,28 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         return self._camera.picture(fleet.plant.pose[0], standing, fleet.targets[0])
 
     def close(self) -> None:
-        """Give the camera back."""
+        """Release the camera."""
         if self._camera is not None:
             self._camera.close()
             self._camera = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled as how it was made and where it stands: a copy goes on with the same bits."""
+        """Pickle the construction arguments and the state; a copy continues bit for bit."""
         made = partial(Single, **self._choices, render_mode=self.render_mode)
         return made, (), (self._begun, self._np_random, self._np_random_seed, self.fleet.state())
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Go on from where a pickled one stood."""
+        """Restore the state of the pickled environment."""
         self._begun, self._np_random, self._np_random_seed, fleet = state
         self.fleet.restore(fleet)
 
 
 class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
-    """Many vehicles, which begin their next episode as `autoreset_mode` says.
+    """Vector environment of many vehicles.
 
-    In the same step in which the last one ends, as by default; in the next, whose action is then not heeded
-    and whose reward is 0; or, where it is disabled, when `reset` is told by its `reset_mask`.
+    `autoreset_mode` selects when the next episode begins.  SAME_STEP, the default: in the step that ends the
+    last one.  NEXT_STEP: in the step after, which ignores its action and has reward 0.  DISABLED: when
+    `reset` names the vehicle in its `reset_mask`.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -210,7 +211,7 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **choices: Any,
     ) -> None:
-        """Take the fields of `FleetConfig`; `reset` seeds."""
+        """Make the environment from the fields of `FleetConfig`; `reset` takes the seed."""
         self._mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
         self.fleet = make_fleet(FleetConfig(task, **choices), count=num_envs)
@@ -225,32 +226,33 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episodes, or with a seed, that seed's first; `options["reset_mask"]` says whose.
+        """Begin the next episodes of some vehicles; with a seed, the first episodes of that seed.
+
+        `options["reset_mask"]` selects the vehicles (N,); by default all.
 
         Raises:
-            UsageError: There is a seed for each vehicle, or for some alone.
+            UsageError: A seed is given per vehicle, or together with a mask.
         """
         mask = None if options is None else options.get("reset_mask")
         if seed is not None and (not isinstance(seed, int | np.integer) or mask is not None):
             raise UsageError("one seed serves all vehicles of a fleet together; give one number and no mask")
         super().reset(seed=None if seed is None else int(seed))
-        anew = seed is not None or not self._begun
+        restart = seed is not None or not self._begun
         self._begun = True
-        fresh = _draw(self.np_random) if anew else None
+        new_seed = _draw(self.np_random) if restart else None
         which = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
         self._ended[which] = False
-        return self.fleet.reset(which, fresh), {}
+        return self.fleet.reset(which, new_seed), {}
 
     def step(
         self, actions: ArrayLike
     ) -> tuple[Array32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fly one control step.
+        """Simulate one control step.
 
-        Where episodes begin anew in the step that ends the last, `info` has their `final_obs` and
-        `final_info`.
+        In SAME_STEP mode `info` has the `final_obs` and `final_info` of the episodes that ended.
 
         Raises:
-            ResetNeeded: there was no `reset` before.
+            ResetNeeded: `reset` was not called before.
         """
         _require_reset(self._begun)
         same, before = self._mode is AutoresetMode.SAME_STEP, self._ended
@@ -268,24 +270,24 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         return seen, reward, step.terminated, step.truncated, info
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled as `Single` is."""
+        """Pickle the construction arguments and the state, as `Single` does."""
         where = (self._begun, self._np_random, self._np_random_seed, self._ended, self.fleet.state())
         return partial(Vector, **self._choices), (), where
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Go on from where a pickled one stood."""
+        """Restore the state of the pickled environment."""
         self._begun, self._np_random, self._np_random_seed, self._ended, fleet = state
         self.fleet.restore(fleet)
 
 
 class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
-    """Observations as the policies of `hydro rl` are given them: of size one, ranges as how near they are.
+    """Wrapper that encodes observations as the policies of `hydro rl` see them.
 
-    For learners that do not scale what they see, see `rl.environment.encoding`.
+    It is for learners that do not scale observations themselves; see `rl.environment.encoding`.
     """
 
     def __init__(self, env: gymnasium.Env) -> None:
-        """Wrap an environment of one vehicle."""
+        """Wrap an environment with one vehicle."""
         super().__init__(env)
         space = env.observation_space
         self._encoding = encoding(env.unwrapped.fleet.settings)
@@ -293,16 +295,16 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
         self.observation_space = spaces.Box(*ends, dtype=np.float32)
 
     def observation(self, observation: Array32) -> Array32:
-        """What a network is given of it."""
+        """Return the encoded observation."""
         return self._encoding(observation)
 
 
 def _require_reset(begun: bool) -> None:
-    """Refuse a step of vehicles that have no state yet."""
+    """Raise `ResetNeeded` if no episode has begun."""
     if not begun:
         raise ResetNeeded("no episode has begun: call reset() before step()")
 
 
 def _draw(rng: np.random.Generator) -> int:
-    """A seed for a fleet."""
+    """Draw a seed for a fleet."""
     return int(rng.integers(2**31))

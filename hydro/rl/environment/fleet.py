@@ -1,8 +1,8 @@
 """Episodes of many vehicles at once: the batched core below every interface of the environment.
 
-A control step is one call into the plant and two into compiled code, whatever the number of vehicles.  A
-vehicle whose episode ends begins its next one within the same step.  Where vehicles differ from their file
-(`rl.environment.randomiser`), or a task has a current, each episode begins with a model of its own.
+A control step is one call into the plant and two into compiled code, for any number of vehicles.  A vehicle
+whose episode ends begins its next one within the same step.  If episodes randomise the vehicle
+(`rl.environment.randomiser`) or a task has a current, each episode begins with its own model.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from hydro.rl.environment.blocks import (
     Outcome,
     Scenes,
 )
+from hydro.rl.environment.history import History
 from hydro.rl.environment.interfaces import Guidance, Info, State, Step
 from hydro.rl.environment.observation import OBSERVATIONS
-from hydro.rl.environment.past import Past
 from hydro.rl.environment.randomiser import Randomiser
 from hydro.rl.environment.reward import WEIGHTS
-from hydro.rl.environment.step import rules_of, sense_kernel, step_kernel
+from hydro.rl.environment.step import make_rules, sense_kernel, step_kernel
 from hydro.rl.tasks.registry import TASKS, task_of
 from hydro.rl.tasks.task import Ends, Task, generator
 from hydro.rl.world.config import Settings
@@ -49,20 +49,20 @@ from hydro.sim.plant import Plant
 
 
 class Fleet:
-    """Vehicles that learn side by side.
+    """Vehicles that fly their episodes in parallel.
 
     Attributes:
         settings: All choices.
-        plant: What they fly in.
+        plant: Simulator of the vehicles.
         count: Number of vehicles N.
         task: Task of episodes that begin from now on.
-        level: Its level.
-        led: Whether they are shown points ahead on planned ways for targets, and not their goals.
-        starts: Start of every vehicle's episode (N, 3), NED.
-        goals: Where its goal is now (N, 3).
-        pillars: Axes of its pillars (N, P, 2), NaN where there is none.
-        targets: What it is shown as its target (N, 3).
-        guidance: What plans ways and leads along them, if anything.
+        level: Level of that task.
+        led: Whether the target is a point ahead on a planned path instead of the goal.
+        starts: Start of every vehicle's episode (N, 3), NED [m].
+        goals: Current position of its goal (N, 3), NED [m].
+        pillars: Axes of its pillars (N, P, 2), NaN in unused rows.
+        targets: Point that its observations show as the target (N, 3), NED [m].
+        guidance: Path planner and follower, if any.
     """
 
     def __init__(
@@ -75,37 +75,37 @@ class Fleet:
         believed: Vehicle | None = None,
         estimates: Estimates | None = None,
     ) -> None:
-        """Make a fleet of all vehicles of a plant, for point to point; `reset` begins.
+        """Make a fleet of all vehicles of a plant, with the task point to point; `reset` begins the episodes.
 
         Args:
             settings: All choices.
-            plant: What the vehicles fly in, with the control step of the settings.
-            seed: Of tasks, noise and draws.
-            guidance: For tasks with a plan.
-            believed: The vehicle file by which demands become commands; that of the plant by default.
-            estimates: Covariance of the file's numbers, for `Randomisation.posterior`.
+            plant: Simulator of the vehicles, with the control step of the settings.
+            seed: Seed of tasks, noise and random draws.
+            guidance: Path planner and follower, for guided tasks.
+            believed: Vehicle file that allocates actions to thrusters; by default that of the plant.
+            estimates: Covariance of the file's parameters, for `Randomisation.posterior`.
 
         Raises:
-            UsageError: The vehicle believed in has other thrusters, or there is nothing to draw from.
+            UsageError: `believed` has another number of thrusters, or the covariance is missing.
         """
         known = believed or plant.vehicle
         crew = mixing(known, mass_matrix(known) + inertia_matrix(known))
         if len(crew.table) != plant.thrust.shape[1]:
             raise UsageError(
-                f"{plant.vehicle.name} has {plant.thrust.shape[1]} thrusters and {known.name} "
-                f"{len(crew.table)}: give a truth with the same"
+                f"{plant.vehicle.name} has {plant.thrust.shape[1]} thrusters and {known.name} has "
+                f"{len(crew.table)}: give a true vehicle with the same number"
             )
         self.settings, self.plant, self.seed, self.guidance = settings, plant, seed, guidance
         self.count, self.task, self.level, self.led = len(plant.pose), next(iter(TASKS.values())), 0, False
         self._mixing = crew.allocation, crew.table, crew.authority
         self._senses = observation.senses(settings, plant.vehicle)
-        self._rules = rules_of(settings, plant.vehicle, crew.table)
+        self._rules = make_rules(settings, plant.vehicle, crew.table)
         self._noise = _generator(seed)
         self._randomiser = Randomiser(settings, plant.vehicle, OBSERVATIONS, estimates)
         self._make_arrays()
 
     def _make_arrays(self) -> None:
-        """Arrays of every vehicle, and the blocks of them that the kernels take."""
+        """Allocate the arrays of every vehicle, and the blocks that the kernels take."""
         count, plant = self.count, self.plant
         self.starts, self.goals, self.targets = (np.zeros((count, 3)) for _ in range(3))
         self.pillars = np.full((count, self.settings.world.pillars, 2), np.nan)
@@ -119,8 +119,8 @@ class Fleet:
         self._rotation, self._totals = np.zeros((count, 9)), np.zeros((count, TOTALS))
         self._now = np.zeros((count, OBSERVATIONS), dtype=np.float32)
         seen, obeyed = self._randomiser.latest
-        self._seen = Past(count, seen + self.settings.history, OBSERVATIONS, np.float32)
-        self._demands = Past(count, obeyed + 1, ACTIONS, np.float64)
+        self._seen = History(count, seen + self.settings.history, OBSERVATIONS, np.float32)
+        self._demands = History(count, obeyed + 1, ACTIONS, np.float64)
         self._commands, self._all = np.zeros_like(plant.thrust), np.ones(count, dtype=np.bool_)
         self._motion = Motion(
             plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged, self._rotation
@@ -131,32 +131,32 @@ class Fleet:
         self._episodes = Episodes(self._least, self._before, self._distance, self._totals)
 
     def set_level(self, task: str | Task, level: int = 0, *, led: bool | None = None) -> None:
-        """Choose task and level of the episodes that begin from now on.
+        """Set task and level of the episodes that begin from now on.
 
         Args:
             task: The task, or its name.
-            level: Its level.
-            led: Whether vehicles are shown a planned way; by default where the task is `guided`.
+            level: Level of the task.
+            led: Whether vehicles follow a planned path; by default if the task is `guided`.
 
         Raises:
-            UsageError: There is no such task or level, or a way is to be planned without guidance.
+            UsageError: The task or level does not exist, or a path is required and the fleet has no guidance.
         """
         chosen = task_of(task) if isinstance(task, str) else task
         chosen.require(level)
         led = chosen.guided if led is None else led
         if led and self.guidance is None:
-            raise UsageError(f"{chosen.name} needs guidance along a path; give the fleet some")
+            raise UsageError(f"{chosen.name} needs a path planner; give the fleet a Guidance")
         self.task, self.level, self.led = chosen, level, led
 
     def reset(self, mask: Mask | None = None, seed: int | None = None) -> Array32:
         """Begin the next episode of some vehicles.
 
         Args:
-            mask: Which (N,); all by default.
-            seed: Begin anew with the tasks and the noise of this seed.
+            mask: Vehicles to reset (N,); by default all.
+            seed: Restart with the tasks and the noise of this seed.
 
         Returns:
-            Observations of all vehicles (N, O), those of the others as they were.
+            Observations of all vehicles (N, O); those outside the mask are unchanged.
         """
         if seed is not None:
             self.reseed(seed)
@@ -164,30 +164,30 @@ class Fleet:
         return self._visible()
 
     def reseed(self, seed: int) -> None:
-        """Let the next episode of every vehicle be the first one of a seed."""
+        """Make the next episode of every vehicle the first episode of a seed."""
         self.seed, self._noise = seed, _generator(seed)
         self._episode[:] = -1
 
     def step(self, actions: ArrayLike, *, renew: bool = True, flying: Mask | None = None) -> Step:
-        """Fly one control step.
+        """Simulate one control step.
 
         Args:
-            actions: Demands (N, 6), clipped to [-1, 1].
-            renew: Whether vehicles whose episode ends begin their next one at once; else it is for the caller
-                to `reset` them.
-            flying: Which vehicles fly (N,); the others rest where they are, and what is said of them here
-                counts for nothing. By default all.
+            actions: Actions (N, 6), clipped to [-1, 1].
+            renew: Whether vehicles whose episode ends begin the next one at once; otherwise the caller resets
+                them.
+            flying: Vehicles that move (N,), by default all; the others stay where they are, and their results
+                are meaningless.
 
         Raises:
-            DataError: The actions are of another shape, or not numbers.
+            DataError: The actions have a wrong shape or are not finite.
         """
         demands = np.array(actions, dtype=np.float64)
         if demands.shape != self._before.shape:
             raise DataError(f"actions: expected shape {self._before.shape}, got {demands.shape}")
-        np.minimum(np.maximum(demands, -1.0, out=demands), 1.0, out=demands)  # a third of the time of np.clip
-        self._demands.note(self._all, demands)
-        if not command_kernel(*self._mixing, self._demands.seen(), np.empty(ACTIONS), self._commands):
-            raise DataError("actions: some are not finite; look at what the policy saw")
+        np.minimum(np.maximum(demands, -1.0, out=demands), 1.0, out=demands)  # three times as fast as np.clip
+        self._demands.append(self._all, demands)
+        if not command_kernel(*self._mixing, self._demands.arrived(), np.empty(ACTIONS), self._commands):
+            raise DataError("actions: some are not finite; check the observations of the policy")
         self.plant.step(self._commands, flying)
 
         self._observe(self._all, 1)
@@ -230,17 +230,17 @@ class Fleet:
         self._path_cost[mask] = 0.0
         if self.guidance is not None and self.led:
             self.guidance.reset(mask, self.starts, self.goals, self.pillars)
-        self._demands.begin(mask, self._before, late[1])
+        self._demands.fill(mask, self._before, late[1])
         self._observe(mask)
-        self._seen.begin(mask, self._now, late[0])
+        self._seen.fill(mask, self._now, late[0])
 
     def _set_scene(self, k: int) -> tuple[Array, Array]:
-        """Draw the scene of a vehicle's episode; where it begins, and the quaternion that it has there."""
+        """Draw the scene of a vehicle's episode; return its initial position and quaternion."""
         rng = generator(self.seed, k, int(self._episode[k]))
         scene = self.task.scene(self.settings, self.level, rng)
         if len(scene.pillars) > self.pillars.shape[1]:
             raise UsageError(
-                f"a scene of {len(scene.pillars)} pillars, and there is room for {self.pillars.shape[1]}: "
+                f"a scene has {len(scene.pillars)} pillars, but there is room for {self.pillars.shape[1]}: "
                 "raise world.pillars"
             )
         if (more := len(scene.course) - self._courses.shape[1]) > 0:
@@ -253,11 +253,11 @@ class Fleet:
         return scene.start, quaternion_from_euler(0.0, 0.0, scene.heading)
 
     def _draw(self, k: int, late: NDArray[np.int64]) -> dict[int, Vehicle]:
-        """Draw what a vehicle's episode is flown with; the vehicle under its number where it is to change.
+        """Draw the vehicle, biases and delays of an episode; return the new vehicle by index if it changes.
 
         Args:
-            k: Its number.
-            late: By how many steps sensors and commands of each vehicle are late (2, N); written.
+            k: Index of the vehicle.
+            late: Delays of sensors and commands of each vehicle (2, N) [steps]; written.
         """
         seed, episode = map(int, self._drawn[k])
         draw = self._randomiser.draw(seed, k, episode, self._currents[k])
@@ -268,7 +268,7 @@ class Fleet:
         return {k: draw.vehicle}
 
     def _observe(self, mask: Mask, elapsed: int = 0) -> None:
-        """Renew goals, targets and what is seen of some vehicles, `elapsed` steps after the last time."""
+        """Update goals, targets and observations of some vehicles, `elapsed` steps after the last update."""
         if self._courses.shape[1] > 1:
             every, last = np.arange(self.count), self._courses.shape[1] - 1
             now = self._totals[:, AGE].astype(np.int64) + elapsed
@@ -281,14 +281,14 @@ class Fleet:
             self.targets[led], self._path_cost[led] = ahead[led], cost[led]
         noise = self._noise.standard_normal((self.count, OBSERVATIONS)) + self._bias
         sense_kernel(mask, self._senses, self._motion, self._scenes, noise, self._least, self._now)
-        self._seen.note(mask, self._now)
+        self._seen.append(mask, self._now)
 
     def _visible(self) -> Array32:
-        """What all vehicles see (N, O), the newest that has arrived first."""
-        return self._seen.seen(self.settings.history)
+        """Return the observations of all vehicles that have arrived (N, O), the newest first."""
+        return self._seen.arrived(self.settings.history)
 
     def _error(self) -> Array:
-        """Root mean square distances from what is to be held or followed, where something is, (N,) [m]."""
+        """Return the root mean square distances from the goal (N,) [m]; 0 for tasks that end on arrival."""
         held = self._ends[:, SETTLING] >= 0.0
         if not held.any():
             return np.zeros(self.count)
@@ -298,11 +298,11 @@ class Fleet:
         return np.where(held, np.sqrt(mean), 0.0)
 
     def state(self) -> State:
-        """Everything that the future depends on, as arrays; see `restore`."""
+        """Return the complete state as arrays; see `restore`."""
         parts = {f"fleet/{name}": np.array(getattr(self, name)) for name in _STATE}
         parts["fleet/task"] = np.frombuffer(self.task.name.encode(), dtype=np.uint8).copy()
-        for name, past in (("seen", self._seen), ("demands", self._demands)):
-            parts |= {f"{name}/values": past.values.copy(), f"{name}/late": past.late.copy()}
+        for name, history in (("seen", self._seen), ("demands", self._demands)):
+            parts |= {f"{name}/values": history.values.copy(), f"{name}/late": history.late.copy()}
         parts |= {f"plant/{name}": value for name, value in self.plant.snapshot().items()}
         if self.guidance is not None:
             parts |= {f"guidance/{name}": value for name, value in self.guidance.state().items()}
@@ -310,7 +310,7 @@ class Fleet:
         return parts | {"noise": np.frombuffer(generator, dtype=np.uint8).copy()}
 
     def restore(self, state: State) -> None:
-        """Go on from a `state` of a fleet of the same settings, bit for bit as that one did."""
+        """Continue from a `state` of a fleet with the same settings, bit for bit."""
         changed = np.flatnonzero(self._changed)
         self._courses = np.zeros_like(state["fleet/_courses"], dtype=np.float64)
         for name in _STATE:
@@ -320,8 +320,8 @@ class Fleet:
             else:
                 setattr(self, name, type(getattr(self, name))(value))
         self.task = task_of(state["fleet/task"].tobytes().decode())
-        for name, past in (("seen", self._seen), ("demands", self._demands)):
-            past.values[:], past.late[:] = state[f"{name}/values"], state[f"{name}/late"]
+        for name, history in (("seen", self._seen), ("demands", self._demands)):
+            history.values[:], history.late[:] = state[f"{name}/values"], state[f"{name}/late"]
         vehicles = dict.fromkeys(map(int, changed), self.plant.vehicle)
         for k in map(int, np.flatnonzero(self._changed)):
             vehicles |= self._draw(k, np.zeros((2, self.count), dtype=np.int64))
@@ -341,10 +341,10 @@ _STATE = (
 
 
 def _generator(seed: int) -> np.random.Generator:
-    """The generator of the sensors' noise, apart from those of the tasks."""
+    """Return the generator of sensor noise, with a stream separate from those of the tasks."""
     return np.random.default_rng([seed, 1 << 32])
 
 
 def _part(state: State, prefix: str) -> State:
-    """The entries under a prefix, without it."""
+    """Return the entries under a prefix, with the prefix removed."""
     return {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}

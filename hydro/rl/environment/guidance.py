@@ -1,4 +1,4 @@
-"""What leads vehicles along a planned way: a point ahead, and the cost of being off the way."""
+"""Path following: a smoothed point ahead on a planned path, and the cross-track cost."""
 
 from __future__ import annotations
 
@@ -16,26 +16,29 @@ from hydro.rl.world.planner import Grid, plan
 State = dict[str, NDArray[np.generic]]
 
 ALPHA = 0.15
-"""Weight of the new point in the exponential moving average."""
-BACK, ON = 1.0, 5.0
-"""How far behind and ahead of where a vehicle was on its way it is looked for [m]: a way may cross itself."""
+"""Weight of the new point ahead in the exponential moving average, per control step."""
+SEARCH_BACK, SEARCH_AHEAD = 1.0, 5.0
+"""Search window for the nearest point, behind and ahead of the last one along the path [m].
+
+The window is limited because a path may cross itself.
+"""
 
 
 class Guidance:
-    """Ways of many vehicles, and how far each has come on its own.
+    """Planned paths of many vehicles, and the progress of each along its path.
 
     Attributes:
-        ways: Corners of every vehicle's way (N, K, 3), NED; the last is repeated.
-        off: How far from its way each was when it was looked for last (N,) [m].
+        ways: Corners of every path (N, K, 3), NED [m]; the last corner is repeated.
+        off: Distance of each vehicle from its path at the last call of `targets` (N,) [m].
     """
 
     def __init__(self, settings: Settings, count: int, margin: float = Grid.margin) -> None:
-        """Make room for the ways of `count` vehicles in the world of the settings.
+        """Allocate the paths of `count` vehicles in the world of the settings.
 
         Args:
             settings: All choices.
             count: Number of vehicles N.
-            margin: Distance that ways keep from the surface of pillars where there is room [m].
+            margin: Distance that paths keep from the surface of pillars, if there is room [m].
         """
         self._lead = settings.task.ahead
         self._world, self._weight = settings.world, settings.reward.path
@@ -45,7 +48,7 @@ class Guidance:
         self._ahead = np.full((count, 3), np.nan)
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan anew for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
+        """Plan new paths for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
         for k in np.flatnonzero(mask):
             way = plan(self._grid, starts[k], goals[k], pillars[k], self._world.pillar_radius)
             if (more := len(way) - self.ways.shape[1]) > 0:
@@ -54,26 +57,26 @@ class Guidance:
         self._along[mask], self._ahead[mask] = 0.0, np.nan
 
     def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
-        """Go on by one control step.
+        """Advance along the paths by one control step.
 
         Args:
-            mask: Which vehicles do, (N,).
-            positions: (N, 3), NED.
+            mask: Vehicles that advance (N,).
+            positions: (N, 3), NED [m].
 
         Returns:
-            Smoothed points ahead (N, 3) and weighted costs of being off the way (N,), eq. 9; rows of the
-            others are as good as any.
+            Smoothed points ahead (N, 3) and weighted cross-track costs (N,), eq. 9; rows outside the mask are
+            meaningless.
         """
         cost = np.zeros(len(positions))
         follow_kernel(mask, positions, self.ways, self._along, self._ahead, self.off, cost, self._lead)
         return self._ahead.copy(), self._weight * cost
 
     def state(self) -> State:
-        """Everything that the future depends on."""
+        """Return the complete state."""
         return {"ways": self.ways.copy(), "along": self._along.copy(), "ahead": self._ahead.copy()}
 
     def restore(self, state: State) -> None:
-        """Go back to a state, bit for bit."""
+        """Restore a state, bit for bit."""
         kept = (np.array(state[name], dtype=np.float64) for name in ("ways", "along", "ahead"))
         self.ways, self._along, self._ahead = kept
 
@@ -89,25 +92,25 @@ def follow_kernel(
     cost: Array,
     lead: float,
 ) -> None:
-    """Move every vehicle's place on its way and the smoothed point ahead of it.
+    """Update every vehicle's position along its path and the smoothed point ahead of it.
 
     Args:
-        mask: Which vehicles, (N,).
-        positions: (N, 3).
-        ways: Corners (N, K, 3).
-        along: Where on its way each was (N,) [m]; rewritten.
+        mask: Vehicles to update (N,).
+        positions: (N, 3), NED [m].
+        ways: Corners of the paths (N, K, 3).
+        along: Arc length of each vehicle on its path (N,) [m]; rewritten.
         ahead: Smoothed points ahead (N, 3), NaN at the beginning; rewritten.
-        off: Distances to the ways (N,) [m], written.
-        cost: (N,) written, without weight.
-        lead: How far along the way the point ahead lies [m].
+        off: Distances from the paths (N,) [m], written.
+        cost: Unweighted cross-track costs (N,), written.
+        lead: Arc length from a vehicle to the point ahead [m].
     """
     point = np.empty(3)
     for k in range(len(mask)):
         if not mask[k]:
             continue
-        off[k], along[k] = nearest(ways[k], positions[k], along[k] - BACK, along[k] + ON)
+        off[k], along[k] = nearest(ways[k], positions[k], along[k] - SEARCH_BACK, along[k] + SEARCH_AHEAD)
         cost[k] = cross_track_cost(off[k])
-        at(ways[k], along[k] + lead, point)
+        point_at(ways[k], along[k] + lead, point)
         for i in range(3):
             if math.isnan(ahead[k, i]):
                 ahead[k, i] = point[i]
@@ -116,7 +119,10 @@ def follow_kernel(
 
 @jit
 def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float, float]:
-    """Distance to a way (K, 3), and where on it [m], of the nearest point between two places on it."""
+    """Return distance and arc length [m] of the point of a path (K, 3) nearest to a position.
+
+    The search is limited to arc lengths from `low` to `high` [m].
+    """
     best, where, begun = np.inf, 0.0, 0.0
     for k in range(len(way) - 1):
         step = way[k + 1] - way[k]
@@ -132,8 +138,8 @@ def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float
 
 
 @jit
-def at(way: Array, place: float, out: Array) -> None:
-    """The point of a way (K, 3) at a place [m]; its last beyond the end."""
+def point_at(way: Array, place: float, out: Array) -> None:
+    """Write the point of a path (K, 3) at an arc length [m]; beyond the end, its last point."""
     out[:] = way[-1]
     for k in range(len(way) - 1):
         step = way[k + 1] - way[k]

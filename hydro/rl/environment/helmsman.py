@@ -1,4 +1,4 @@
-"""A pilot by hand, without learning and without memory: the baseline of every table of policies."""
+"""Hand-written pilot without learning or memory: the baseline of every table of policies."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from hydro.core.columns import Array, Array32
 from hydro.rl.environment.observation import GRAVITY, QUATERNION, RATE, TARGET, VELOCITY
 from hydro.rl.world.planner import Grid
 
-NAME, WITH_MAP = "helmsman", "helmsman with map"
-TAUGHT = "pilot who taught"
-FASTEST, SLOWING = 1.6, 0.7  # m/s, and 1/s of the way that is left
-THRUST, TURNING = 2.0, 0.8  # demand per m/s, and per rad/s
-BLIND = 0.5  # m, from the target: its direction says nothing there
+NAME, WITH_MAP = "helmsman", "helmsman with map"  # values of `flown_by` for the baseline pilot
+TAUGHT = "pilot who taught"  # value of `flown_by` for the expert of a training
+FASTEST, SLOWING = 1.6, 0.7  # greatest speed [m/s]; speed per distance from the target [1/s]
+THRUST, TURNING = 2.0, 0.8  # action per velocity error [s/m]; per angular velocity [s/rad]
+BLIND = 0.5  # distance from the target below which its bearing is meaningless [m]
 
 
 class Manner(NamedTuple):
-    """How a pilot by hand flies; by default as in every table.
+    """Tuning of the pilot; the defaults are those of every table.
 
     Attributes:
-        margin: Distance that he keeps from pillars where there is room, of his own ways [m].
-        pace: His speeds, in multiples of FASTEST and of what SLOWING leaves.
-        firmness: Demands in roll, pitch and yaw per angle, in multiples of 1 per rad; those per rad/s go with
-            its root, so that what turns the hull is damped alike.
+        margin: Distance that the pilot's own paths keep from pillars, if there is room [m].
+        pace: Factor on all speeds.
+        firmness: Actions in roll, pitch and yaw per angle, in multiples of 1 per rad.  Those per angular
+            velocity scale with its square root, which keeps the damping ratio.
     """
 
     margin: float = Grid.margin
@@ -33,35 +33,35 @@ class Manner(NamedTuple):
     firmness: float = 1.0
 
 
-PLAIN = Manner()
+PLAIN = Manner()  # baseline pilot
 
 
 def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
-    """Demands of a proportional law: towards the target, bow first, slower when near, and level.
+    """Compute actions of a proportional law: towards the target, bow first, slower when near, and level.
 
-    It swims to whatever the observation calls its target, the goal or a point ahead on a planned way, and
-    knows neither the vehicle nor the pillars.
+    The law flies to the target of the observation: the goal, or a point ahead on a planned path.  It knows
+    neither the vehicle nor the pillars.
 
     Args:
-        seen: Observations (N, 36) of `rl.environment.observation`, the newest where several are seen at once.
-        manner: How he flies.
+        seen: Observations (N, 36) of `rl.environment.observation`; the newest if there is a history.
+        manner: Tuning of the pilot.
 
     Returns:
-        Demands (N, 6); the fleet clips them.
+        Actions (N, 6); the fleet clips them.
     """
     way = seen[:, TARGET : TARGET + 3]
     near = np.linalg.norm(way, axis=1) < BLIND
     return _steer(seen, np.where(near, 0.0, np.arctan2(way[:, 1], way[:, 0])), manner)
 
 
-def docker(seen: Array32, manner: Manner = PLAIN) -> Array32:
-    """The same law with the bow kept to the north, as a dock asks for."""
+def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
+    """Compute actions of the same law with the bow to the north, as docking requires."""
     w, x, y, z = seen[:, QUATERNION : QUATERNION + 4].T
     return _steer(seen, -np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)), manner)
 
 
 def _steer(seen: Array32, turn: Array, manner: Manner) -> Array32:
-    """Demands (N, 6) towards the target, turning by angles (N,) [rad] to starboard."""
+    """Compute actions (N, 6) towards the target with heading errors (N,) [rad], positive to starboard."""
     way, velocity, rates = (seen[:, at : at + 3] for at in (TARGET, VELOCITY, RATE))
     down = seen[:, GRAVITY : GRAVITY + 3]
     down = down / np.linalg.norm(down, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""What a fleet is led by, and what it tells of a step."""
+"""Interfaces of a fleet: guidance along a path, and the results of a step."""
 
 from __future__ import annotations
 
@@ -13,41 +13,41 @@ State = dict[str, NDArray[np.generic]]
 
 
 class Guidance(Protocol):
-    """What leads vehicles along a planned way."""
+    """Path planner and follower of a fleet."""
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan anew for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
+        """Plan new paths for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
 
     def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
-        """Points to swim to (N, 3) and weighted costs of being off the path (N,), at positions (N, 3).
+        """Return target points (N, 3) and weighted cross-track costs (N,) at positions (N, 3).
 
-        Called once per control step; rows outside the mask (N,) neither advance nor are read.
+        It is called once per control step; rows outside the mask (N,) neither advance nor are read.
         """
 
     def state(self) -> State:
-        """Everything that the future depends on."""
+        """Return the complete state."""
 
     def restore(self, state: State) -> None:
-        """Go back to a state, bit for bit."""
+        """Restore a state, bit for bit."""
 
 
 class Info(NamedTuple):
-    """What happened to every vehicle in a step, (N,) each.
+    """Outcome of a step of every vehicle, (N,) each.
 
-    The totals are of the episode up to and with this step; where it ends here they are final.
+    Totals cover the episode up to and including this step; they are final if the episode ends here.
 
     Attributes:
-        success: It arrived, or has held what it was to hold until time was up.
+        success: It arrived, or it held or followed its goal until the end of the episode.
         collision: It touched something or broke the surface.
         diverged: The simulation raised a warning, or its state is not finite.
-        distance: To the goal, at the end of the step [m].
+        distance: Distance to the goal at the end of the step [m].
         overspeed: It moved faster than `Settings.overspeed`.
         episode_return: Sum of rewards.
-        episode_length: Steps.
-        episode_energy: Time of all thrusters at full thrust that would have taken the same energy [s].
+        episode_length: Number of steps.
+        episode_energy: Time of full thrust of all thrusters with the same energy [s].
         episode_overspeed: Steps faster than `Settings.overspeed`.
-        episode_error: Of a task that holds or follows, root mean square distance from the goal over the steps
-            that count so far [m]; else 0.
+        episode_error: Root mean square distance from the goal since settling [m], for tasks that hold or
+            follow; otherwise 0.
     """
 
     success: Mask
@@ -63,16 +63,16 @@ class Info(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The outcome of a step of all vehicles.
+    """Result of a step of all vehicles.
 
     Attributes:
-        obs: Observations to act on next (N, O): of the new episode where one ended.  O is 36 for each that is
-            seen at once, the newest first, see `Settings.history`.
+        obs: Observations to act on next (N, O); of the new episode if one ended.  O is 36 times
+            `Settings.history`, the newest first.
         reward: (N,).
-        terminated: Success, collision or divergence, (N,).
-        truncated: The last step of an episode that ended by time alone, (N,).
+        terminated: Success, collision or divergence (N,).
+        truncated: Last step of an episode that ended by time alone (N,).
         final_obs: Observations of the states that the step led to (N, O), before any new episode.
-        info: More.
+        info: Further outcome and totals.
     """
 
     obs: Array32

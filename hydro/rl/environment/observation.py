@@ -1,14 +1,14 @@
-"""The 36 numbers that a policy sees (paper eq. 7), in SI units and body axes FRD unless said otherwise.
+"""Observation of a policy: 36 numbers (paper eq. 7), in SI units and body axes FRD unless stated otherwise.
 
-0-2    R^T (p_g - p), the way to the target [m]
-3-5    velocity of CO over ground, as a velocity log gives it [m/s]
-6-8    angular velocity, as a gyroscope gives it [rad/s]
+0-2    R^T (p_g - p), vector to the target [m]
+3-5    velocity of CO over ground, as a DVL measures it [m/s]
+6-8    angular velocity, as a gyroscope measures it [rad/s]
 9-12   quaternion (w, x, y, z) from FRD to NED, w >= 0
 13-15  gravity R^T (0, 0, g) [m/s^2]
 16     depth of CO below the surface [m]
 17-31  15 ranges of the sonar, from port to starboard [m]
 32     altitude of CO above the floor, straight down in the world [m]
-33-35  specific force at CO, as an accelerometer gives it [m/s^2]
+33-35  specific force at CO, as an accelerometer measures it [m/s^2]
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ TARGET, VELOCITY, RATE, QUATERNION, GRAVITY, DEPTH, SONAR = 0, 3, 6, 9, 13, 16, 
 ALTITUDE = SONAR + BEAMS
 SPECIFIC_FORCE = ALTITUDE + 1
 OBSERVATIONS = SPECIFIC_FORCE + 3
+"""First index of each group of observations; their number."""
 
 NAMES = (
     *("target_x", "target_y", "target_z", "u", "v", "w", "p", "q", "r", "q_w", "q_x", "q_y", "q_z"),
     *("g_x", "g_y", "g_z", "depth", *(f"sonar_{beam + 1}" for beam in range(BEAMS)), "altitude"),
     *("a_x", "a_y", "a_z"),
 )
-"""Of the observations, in order."""
+"""Names of the observations, in order."""
 
 ENCODING = Encoding(
     scale=np.array(
@@ -43,17 +44,17 @@ ENCODING = Encoding(
     ),
     fades=np.array([name.startswith("sonar_") for name in NAMES]),
 )
-"""How a policy is given them."""
+"""Encoding of one observation for a policy."""
 
 
 def encoding(settings: Settings) -> Encoding:
-    """How a policy is given all that is seen at once, see `Settings.history`."""
+    """Return the encoding of all stacked observations of a policy; see `Settings.history`."""
     times = settings.history
     return Encoding(np.tile(ENCODING.scale, times), np.tile(ENCODING.fades, times))
 
 
 def sigmas(noise: Noise) -> Array:
-    """Standard deviation of each observation's noise, (36,)."""
+    """Return the standard deviation of each observation's noise (36,)."""
     sigma = np.zeros(OBSERVATIONS)
     sigma[VELOCITY : VELOCITY + 3] = noise.velocity
     sigma[RATE : RATE + 3] = noise.rate
@@ -63,13 +64,13 @@ def sigmas(noise: Noise) -> Array:
 
 
 def bounds(settings: Settings) -> tuple[Array32, Array32]:
-    """Least and greatest values (O,) of what is seen at once; what lies beyond is clipped."""
+    """Return the least and greatest values (O,) of the stacked observations; sensors clip to them."""
     low, high = _limits(settings)
     return np.tile(low, settings.history), np.tile(high, settings.history)
 
 
 def _limits(settings: Settings) -> tuple[Array32, Array32]:
-    """Least and greatest values (36,) that a sensor gives."""
+    """Return the least and greatest values (36,) of one observation."""
     high = np.full(OBSERVATIONS, 100.0)
     world = settings.world
     high[TARGET : TARGET + 3] = np.linalg.norm([world.length, world.width, world.depth])
@@ -84,7 +85,7 @@ def _limits(settings: Settings) -> tuple[Array32, Array32]:
 
 
 def senses(settings: Settings, vehicle: Vehicle) -> Senses:
-    """The sensors of a vehicle under the settings, as the kernels take them."""
+    """Build the sensors of a vehicle under the settings, as the kernels take them."""
     return Senses(
         np.stack(_limits(settings)),
         beams(settings.sonar, vehicle.hull),
@@ -99,18 +100,15 @@ def senses(settings: Settings, vehicle: Vehicle) -> Senses:
 def observe_kernel(
     senses: Senses, motion: Motion, scenes: Scenes, k: int, noise: Array, out: Array32
 ) -> float:
-    """What vehicle `k` senses.
+    """Compute the observation of vehicle `k`; return its shortest sonar range without noise [m].
 
     Args:
-        senses: Its sensors.
-        motion: Its motion, the rotation that of the pose.
-        scenes: Its target and pillars.
-        k: Its number.
-        noise: What is added to each observation (36,); what was sensed, not clipped yet, stands there then.
-        out: (36,) written.
-
-    Returns:
-        The least range of the sonar without noise [m].
+        senses: Sensors.
+        motion: Motion; the rotation must match the pose.
+        scenes: Targets and pillars.
+        k: Index of the vehicle.
+        noise: Noise added to each observation (36,); overwritten by the noisy observation before clipping.
+        out: Observation (36,), written.
     """
     pose, velocity, R, target = motion.pose[k], motion.velocity[k], motion.rotation[k], scenes.targets[k]
     o = noise

@@ -1,6 +1,6 @@
-"""The real vehicle is not the file: what each episode's vehicle, water and sensors are.
+"""Domain randomisation: vehicle, water and sensors of each episode.
 
-A draw depends on the seed, the vehicle's number and its episode's number alone, as a task's scene does.
+A draw depends only on the seed, the index of the vehicle and the number of its episode, as a scene does.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.world.config import Randomisation, Settings
 
-APART = 1 << 33
-"""Sets the stream of draws apart from those of scenes and noise."""
+STREAM = 1 << 33
+"""Key that separates the random stream of these draws from those of scenes and noise."""
 TRIES = 50
-"""Draws until one is a vehicle that can be."""
-HEAVINESS = 0.2
-"""Share of its weight that a payload has in water."""
-ON_BOARD = 0.5
-"""Share of the hull's half-axes within which it lies."""
+"""Greatest number of draws until one is a physically possible vehicle."""
+NET_WEIGHT = 0.2
+"""Net weight of a payload in water, as a share of its weight in air."""
+PAYLOAD_OFFSET = 0.5
+"""Greatest offset of a payload from the hull's centre, as a share of the hull's half-axes."""
 
 
 class Draw(NamedTuple):
-    """What one episode is flown with.
+    """Vehicle, biases and delays of one episode.
 
     Attributes:
-        vehicle: The vehicle, in its water; None where it is the file's.
-        bias: Of each sensor, in multiples of its noise; one number for each of the observations.
-        seen_late: Control steps by which sensors are late.
-        obeyed_late: Control steps by which commands are late.
+        vehicle: The vehicle in its water; None if it equals that of the file.
+        bias: Bias of each observation, in multiples of its noise.
+        seen_late: Delay of the sensors [control steps].
+        obeyed_late: Delay of the commands [control steps].
     """
 
     vehicle: Vehicle | None
@@ -45,73 +45,73 @@ class Draw(NamedTuple):
 
 
 class Randomiser:
-    """Draws what the episodes of a fleet are flown with."""
+    """Generator of the vehicles, biases and delays of a fleet's episodes."""
 
     def __init__(
         self, settings: Settings, vehicle: Vehicle, observations: int, estimates: Estimates | None = None
     ) -> None:
-        """Take what is to be drawn from `settings.randomise`.
+        """Prepare the draws of `settings.randomise`.
 
         Args:
             settings: All choices.
-            vehicle: What is flown.
-            observations: How many there are.
-            estimates: Estimated numbers of the vehicle file with their covariance, to draw from.
+            vehicle: Vehicle of the plant.
+            observations: Number of observations.
+            estimates: Estimated parameters of the vehicle file with their covariance.
 
         Raises:
-            UsageError: The vehicle's numbers are to be drawn from their covariance, and there is none.
+            UsageError: Parameters are to be drawn from their covariance, and there is none.
         """
         self.given, self._vehicle, self._estimates = settings.randomise, vehicle, estimates
         self._period, self._observations = settings.period, observations
         if self.given.posterior and (estimates is None or not estimates.entries):
             raise UsageError(
                 f"{vehicle.name}: no covariance of its numbers to draw from: give a file that `hydro fit`, "
-                "`hydro add` or `hydro explain` wrote, with its .covariance.parquet beside it"
+                "`hydro add` or `hydro explain` wrote, together with its .covariance.parquet"
             )
         self._box = _numbers(vehicle) if self.given.box else None
 
     @property
     def latest(self) -> tuple[int, int]:
-        """Control steps by which sensors and commands are late at most."""
+        """Return the greatest delays of sensors and commands [control steps]."""
         return self._steps(self.given.delay), self._steps(self.given.late)
 
     def draw(self, seed: int, number: int, episode: int, current: Array) -> Draw:
-        """What one episode is flown with.
+        """Draw vehicle, biases and delays of one episode.
 
         Args:
             seed: Seed of the fleet.
-            number: Number of the vehicle in it.
+            number: Index of the vehicle in the fleet.
             episode: Number of its episode.
-            current: Velocity of the water that its task asks for (3,), NED [m/s].
+            current: Velocity of the water in its task (3,), NED [m/s].
         """
-        given, rng = self.given, np.random.default_rng([seed, number, episode, APART])
-        vehicle = self._in_water(self._possible(rng), current, rng)
+        given, rng = self.given, np.random.default_rng([seed, number, episode, STREAM])
+        vehicle = self._with_conditions(self._draw_possible(rng), current, rng)
         bias = given.bias * rng.standard_normal(self._observations)
         late = [self._steps(_share(given, rng) * most) for most in (given.delay, given.late)]
         return Draw(None if vehicle is self._vehicle else vehicle, bias, *late)
 
-    def _possible(self, rng: np.random.Generator) -> Vehicle:
-        """The file's vehicle, or one with other numbers that can be.
+    def _draw_possible(self, rng: np.random.Generator) -> Vehicle:
+        """Return the vehicle of the file, or a physically possible one with drawn parameters.
 
         Raises:
-            DataError: None of many draws is one.
+            DataError: No draw is physically possible.
         """
         if not (self.given.posterior or self.given.box):
             return self._vehicle
         for _ in range(TRIES):
-            drawn = self._drawn(rng)
+            drawn = self._draw_parameters(rng)
             try:
                 validate(drawn)
             except DataError:
                 continue
             return drawn
         raise DataError(
-            f"{self._vehicle.name}: none of {TRIES} vehicles drawn can be: its numbers are too uncertain, or "
-            "the box too large"
+            f"{self._vehicle.name}: none of {TRIES} drawn vehicles is physically possible: its numbers are "
+            "too uncertain, or the box is too large"
         )
 
-    def _drawn(self, rng: np.random.Generator) -> Vehicle:
-        """The vehicle with numbers from their covariance, or else from a box."""
+    def _draw_parameters(self, rng: np.random.Generator) -> Vehicle:
+        """Draw the vehicle's parameters from their covariance, or uniformly from a box."""
         if self.given.posterior and self._estimates is not None:
             return next(self._estimates.drawn(self._vehicle, 1, int(rng.integers(2**63))))
         assert self._box is not None
@@ -119,18 +119,18 @@ class Randomiser:
         factors = 1.0 + self.given.box * rng.uniform(-1.0, 1.0, len(values))
         return self._box.at(self._box.within(values * factors))
 
-    def _in_water(self, vehicle: Vehicle, current: Array, rng: np.random.Generator) -> Vehicle:
-        """A vehicle in a current, with a payload and a weak thruster, where these are drawn."""
+    def _with_conditions(self, vehicle: Vehicle, current: Array, rng: np.random.Generator) -> Vehicle:
+        """Add the drawn current, payload and thruster fault to a vehicle."""
         given = self.given
         towards, speed = rng.uniform(-np.pi, np.pi), _share(given, rng) * given.current
         flow = current + speed * np.array([np.cos(towards), np.sin(towards), 0.0])
         if flow.any():
             vehicle = changes.in_current(vehicle, flow)
-        place, load = rng.uniform(-ON_BOARD, ON_BOARD, 3), _share(given, rng) * given.load
+        place, load = rng.uniform(-PAYLOAD_OFFSET, PAYLOAD_OFFSET, 3), _share(given, rng) * given.load
         if given.load:
             hull, mass = vehicle.hull, load * vehicle.rigid_body.mass
             at = np.asarray(hull.center) + place * np.array([hull.length, hull.width, hull.height]) / 2.0
-            weight = HEAVINESS * mass * vehicle.environment.gravity
+            weight = NET_WEIGHT * mass * vehicle.environment.gravity
             vehicle = changes.with_payload(vehicle, mass, weight, at.tolist())
         which, loss = rng.random(), _share(given, rng) * given.thruster
         if given.thruster:
@@ -139,21 +139,21 @@ class Randomiser:
         return vehicle
 
     def _steps(self, seconds: float) -> int:
-        """The nearest number of control steps."""
+        """Return the nearest number of control steps."""
         return round(seconds / self._period)
 
 
 def _share(given: Randomisation, rng: np.random.Generator) -> float:
-    """Which share of its greatest value something has."""
+    """Draw the share of a greatest value, uniform from 0 to 1; 1 if `given.full`."""
     drawn = float(rng.random())
     return 1.0 if given.full else drawn
 
 
 def _numbers(vehicle: Vehicle) -> Free:
-    """The numbers of a vehicle's effects that its file does not hold as known.
+    """Return the parameters of a vehicle's effects that its file does not mark as known.
 
     Raises:
-        UsageError: It has none.
+        UsageError: The file has none.
     """
     own = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
     names = [name for name in own if not wholly_known(vehicle, name)]

@@ -1,7 +1,7 @@
-"""The terms that the reward of one control step is the sum of; a task chooses their weights.
+"""Terms whose sum is the reward of one control step; a task chooses their weights.
 
-The paper's eq. 8: `shaping`, `posture`, `obstacle_cost`, `effort_cost` and what success and collision are
-worth; beside them `straying` of tasks that hold or follow, `alignment` and `haste` of docking.
+Equation 8 of the paper has `shaping`, `posture`, `obstacle_cost`, `effort_cost`, success and collision.
+Tasks that hold or follow add `distance_cost`; docking adds `alignment` and `speed_cost`.
 """
 
 from __future__ import annotations
@@ -18,28 +18,29 @@ from hydro.rl.world.config import Reward
 SHAPING, DISTANCE, DISCOUNT, HEADING, BLIND, UPRIGHT, SUCCESS, OBSTACLE = range(8)
 NEAR, FAR, COLLISION, ENERGY, ACTION, SMOOTHNESS, PATH = range(8, 15)
 HOLD, ALIGNMENT, CLOSE, HASTE, WEIGHTS = range(15, 20)
-FALL_OFF = 1.5  # 1/m, of the obstacle cost
-NEAR_SHARE = 0.01  # of the cost of a collision, for every step within `near`
-SLOWER = 0.5  # 1/s, of the distance to a dock: speed that is not hasty beyond what the dock allows
+"""Indices of the weights, in the order of `world.config.Reward`; their number."""
+FALL_OFF = 1.5  # decay of the obstacle cost with distance [1/m]
+NEAR_SHARE = 0.01  # cost of a step within `near`, as a share of the cost of a collision
+SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]
 
 
 def weights(reward: Reward) -> Array:
-    """The weights as numbers, in the order of their names above."""
+    """Return the weights as an array, in the order of the names above."""
     return np.array(dataclasses.astuple(reward), dtype=np.float64)
 
 
 @kernel
 def shaping(w: Array, before: float, after: float) -> float:
-    """Gamma phi(s_t) - phi(s_{t-1}) with phi = -(distance / d_max) phi_s, of distances to the goal [m]."""
+    """Return gamma phi(s_t) - phi(s_{t-1}); phi = -(distance / d_max) phi_s, distances to the goal [m]."""
     return float(w[SHAPING] / w[DISTANCE] * (before - w[DISCOUNT] * after))
 
 
 @kernel
 def posture(w: Array, R: Array, x: float, y: float) -> float:
-    """Heading and upright terms, w (cos + 1) / 2 each.
+    """Return the heading and upright terms, each w (cos + 1) / 2.
 
-    The heading's angle is that between the horizontal parts of the bow's direction and of the way to the
-    target (x, y), NED; the upright's that between the body's z axis and down.
+    The heading term takes the angle between the horizontal projections of the bow and of the vector to the
+    target (x, y), NED.  The upright term takes the angle between the body's z axis and the vertical.
     """
     gain = w[UPRIGHT] * 0.5 * (R[8] + 1.0)
     away, ahead = math.hypot(x, y), math.hypot(R[0], R[3])
@@ -50,7 +51,7 @@ def posture(w: Array, R: Array, x: float, y: float) -> float:
 
 @kernel
 def obstacle_cost(w: Array, least: float) -> float:
-    """Cost of the nearest echo at `least` [m]: exponential between `near` and `far`, hard within `near`."""
+    """Return the cost of the shortest range [m]: exponential from `near` to `far`, constant within `near`."""
     if least < w[NEAR]:
         return float(NEAR_SHARE * w[COLLISION])
     if least > w[FAR]:
@@ -60,13 +61,13 @@ def obstacle_cost(w: Array, least: float) -> float:
 
 @kernel
 def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
-    """Cost of energy, action size and unsteadiness.
+    """Return the cost of energy, of large actions and of changing actions.
 
     Args:
         w: Weights.
         power: Share of the power of all thrusters at full thrust.
-        action: Demands (6,) in [-1, 1].
-        before: Those of the step before.
+        action: Action (6,) in [-1, 1].
+        before: Action of the previous step (6,).
     """
     size = change = 0.0
     for j in range(action.size):
@@ -78,24 +79,27 @@ def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
 
 @kernel
 def cross_track_cost(error: float) -> float:
-    """e^2 below 1 m, and 2 |e| - 1 beyond: Huber-like, once differentiable (eq. 9)."""
+    """Return e^2 below 1 m and 2 |e| - 1 beyond: similar to Huber's loss, once differentiable (eq. 9)."""
     size = abs(error)
     return size * size if size < 1.0 else 2.0 * size - 1.0
 
 
 @kernel
-def straying(w: Array, away: float) -> float:
-    """Cost of being `away` [m] from what is to be held or followed."""
+def distance_cost(w: Array, away: float) -> float:
+    """Return the cost of a distance `away` [m] from the goal, for tasks that hold or follow."""
     return float(w[HOLD] * cross_track_cost(away))
 
 
 @kernel
 def alignment(w: Array, R: Array, away: float) -> float:
-    """Pay for a bow to the north, w (cos + 1) / 2, within `close` of the dock, `away` [m] from it."""
+    """Return the reward for a bow to the north, w (cos + 1) / 2, within `close` of the dock [m]."""
     return float(w[ALIGNMENT] * 0.5 * (R[0] + 1.0)) if away < w[CLOSE] else 0.0
 
 
 @kernel
-def haste(w: Array, speed: float, allowed: float, away: float) -> float:
-    """Cost of a speed [m/s] beyond what a dock `away` [m] from it allows, `allowed` where it is reached."""
+def speed_cost(w: Array, speed: float, allowed: float, away: float) -> float:
+    """Return the cost of a speed [m/s] above the limit at a distance `away` [m] from the dock.
+
+    The limit is `allowed` [m/s] at the dock and rises with the distance.
+    """
     return float(w[HASTE] * max(0.0, speed - allowed - SLOWER * away))

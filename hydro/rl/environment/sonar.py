@@ -1,4 +1,4 @@
-"""A sonar by closed forms: rays against walls, floor and vertical pillars, for all vehicles at once."""
+"""Analytic sonar: rays against walls, floor and vertical pillars, for all vehicles at once."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from hydro.core.vehicle.description import Hull
 from hydro.rl.environment.geometry import FLOOR, LENGTH, RADIUS, WIDTH
 from hydro.rl.world.config import Sonar
 
-BEAMS = 15
+BEAMS = 15  # paper III-D
 
 Point = tuple[float, float, float]
-"""x y z; a tuple, for a GPU's threads make no arrays."""
+"""x y z [m]; a tuple, because threads of a GPU cannot allocate arrays."""
 
 
 def beams(sonar: Sonar, hull: Hull) -> Array:
-    """Where beams leave the hull and where they look, from port to starboard.
+    """Return origin and direction of every beam, from port to starboard.
 
-    They point away from the hull's centre, level in the body, and begin at its skin: a range is what is left
-    before something touches there.
+    The beams point away from the hull's centre, level in the body, and start at its surface.  A range is
+    therefore the distance to a contact.
 
     Args:
         sonar: The fan.
-        hull: The ellipsoid that carries them.
+        hull: Ellipsoid that carries the sonar.
 
     Returns:
-        Place x y z and direction x y z of every beam in the body (15, 6), FRD [m].
+        Origin x y z and direction x y z of every beam in the body (15, 6), FRD [m].
     """
     number = np.linspace(-1.0, 1.0, BEAMS)
     azimuth = 0.5 * sonar.fan * np.sign(number) * np.abs(number) ** sonar.crowding
@@ -40,16 +40,16 @@ def beams(sonar: Sonar, hull: Hull) -> Array:
 
 @kernel
 def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: float) -> float:
-    """Distance [m] along a unit ray from `origin`, NED, to the first surface; at most `reach`.
+    """Return the distance [m] along a unit ray from `origin`, NED, to the first surface; at most `reach`.
 
-    The water's surface gives no echo here.  From within a pillar or outside the tank the distance is 0.
+    The water's surface gives no echo.  From inside a pillar or outside the tank the distance is 0.
 
     Args:
         origin: x y z [m].
-        ray: Direction.
-        tank: Numbers of `rl.environment.geometry`.
-        pillars: x y of their axes (P, 2), NaN where there is none.
-        reach: [m].
+        ray: Direction, a unit vector.
+        tank: Numbers of `rl.environment.geometry.tank`.
+        pillars: x y of the pillars' axes (P, 2), NaN in unused rows.
+        reach: Greatest range [m].
     """
     nearest = reach
     for axis in range(3):
@@ -65,7 +65,7 @@ def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: 
         outside = x * x + y * y - tank[RADIUS] * tank[RADIUS]
         if outside <= 0.0:
             nearest = 0.0
-        elif toward < 0.0:  # never of a pillar that is not there, whose numbers are NaN
+        elif toward < 0.0:  # False for unused rows, which are NaN
             hit = toward * toward - level * outside
             if hit > 0.0:
                 nearest = min(nearest, outside / (-toward + math.sqrt(hit)))
@@ -74,14 +74,14 @@ def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: 
 
 @kernel
 def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Array, pillars: Array) -> float:
-    """Range of one beam of a vehicle [m].
+    """Return the range of one beam of a vehicle [m].
 
     Args:
-        beam: Its place and direction in the body (6,), FRD [m].
-        reach: [m].
-        tank: Numbers of `rl.environment.geometry`.
-        position: Of CO (3,), NED.
-        R: Body to NED (9,).
+        beam: Origin and direction of the beam in the body (6,), FRD [m].
+        reach: Greatest range [m].
+        tank: Numbers of `rl.environment.geometry.tank`.
+        position: Position of CO (3,), NED [m].
+        R: Rotation from body to NED (9,).
         pillars: (P, 2).
     """
     here = position[0], position[1], position[2]
@@ -91,7 +91,7 @@ def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Arr
 
 @kernel
 def displaced(point: Point, R: Array, vector: Array) -> tuple[float, float, float]:
-    """A point, NED, by a vector of the body (3,) away."""
+    """Return a point, NED, displaced by a vector in body axes (3,)."""
     x, y, z = vector[0], vector[1], vector[2]
     return (
         point[0] + R[0] * x + R[1] * y + R[2] * z,

@@ -1,4 +1,4 @@
-"""Two passes over the fleet in compiled code: what all vehicles sense, and what their step was worth."""
+"""Compiled kernels over the fleet: observations, then rewards and ends of episodes."""
 
 from __future__ import annotations
 
@@ -44,20 +44,20 @@ from hydro.rl.environment.reward import (
     COLLISION,
     SUCCESS,
     alignment,
+    distance_cost,
     effort_cost,
-    haste,
     obstacle_cost,
     posture,
     shaping,
-    straying,
+    speed_cost,
 )
 from hydro.rl.world.config import Settings
 
-POWER = 1.5  # an ideal propeller's power goes with this power of its thrust
+POWER = 1.5  # exponent of an ideal propeller's power as a function of its thrust (momentum theory)
 
 
-def rules_of(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
-    """What a step is measured by, as the kernels take it; thruster table (n, columns)."""
+def make_rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
+    """Build the constants by which a step is judged, for a thruster table (n, columns)."""
     limits = np.array([settings.overspeed, settings.period])
     return Rules(hull_numbers(vehicle.hull), tank(settings.world), table, limits)
 
@@ -66,15 +66,15 @@ def rules_of(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
 def sense_kernel(
     mask: Mask, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
-    """Observations of the vehicles of a mask.
+    """Compute the observations of the vehicles of a mask.
 
     Args:
-        mask: Which vehicles (N,).
-        senses: Their sensors.
-        motion: Their motion; the rotation is written.
-        scenes: Their tasks.
+        mask: Vehicles (N,).
+        senses: Sensors.
+        motion: Motion; the rotation is written.
+        scenes: Tasks.
         noise: Standard normal (N, 36); scratch afterwards.
-        nearest: The nearest echo without noise (N,), written.
+        nearest: Shortest sonar range without noise (N,) [m], written.
         out: Observations (N, 36), written.
     """
     for k in range(mask.size):
@@ -86,7 +86,7 @@ def sense_kernel(
 def sense(
     k: int, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
-    """Observations of vehicle `k`; arguments as of `sense_kernel`, but its own noise (36,)."""
+    """Compute the observation of vehicle `k`; arguments as for `sense_kernel`, with its own noise (36,)."""
     for i in range(senses.sigma.size):
         noise[i] *= senses.sigma[i]
     quaternion_kernel(motion.pose[k, 3:7], motion.rotation[k])
@@ -95,7 +95,7 @@ def sense(
 
 @kernel
 def power_share(table: Array, thrust: Array) -> float:
-    """Share of the power that all thrusters take at full thrust; thrust (n,) [N]."""
+    """Return the power of all thrusters as a share of the power at full thrust; thrust (n,) [N]."""
     total = 0.0
     for i in range(thrust.size):
         limit = table[i, MAX_THRUST] if thrust[i] > 0.0 else table[i, MAX_REVERSE]
@@ -106,7 +106,7 @@ def power_share(table: Array, thrust: Array) -> float:
 
 @kernel
 def distance(goal: Array, pose: Array) -> float:
-    """From a pose (7,) to a goal (3,) [m]."""
+    """Return the distance from a pose (7,) to a goal (3,) [m]."""
     x, y, z = goal[0] - pose[0], goal[1] - pose[1], goal[2] - pose[2]
     return math.sqrt(x * x + y * y + z * z)
 
@@ -115,15 +115,15 @@ def distance(goal: Array, pose: Array) -> float:
 def step_kernel(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, actions: Array, outcome: Outcome
 ) -> None:
-    """Rewards, ends of episodes and totals of all vehicles; `episodes` and `outcome` are written.
+    """Compute rewards, ends of episodes and totals of all vehicles; `episodes` and `outcome` are written.
 
     Args:
-        rules: Reward and ends.
-        motion: After the step.
-        scenes: The tasks.
-        episodes: As the step before left them.
-        actions: Demands of this step (N, 6).
-        outcome: Of this step.
+        rules: Constants by which a step is judged.
+        motion: Motion after the step.
+        scenes: Tasks.
+        episodes: State of the episodes before the step; updated.
+        actions: Actions of this step (N, 6).
+        outcome: Rewards and flags of this step.
     """
     for k in range(actions.shape[0]):
         score(k, rules, motion, scenes, episodes, actions[k], outcome)
@@ -133,7 +133,7 @@ def step_kernel(
 def score(
     k: int, rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, action: Array, outcome: Outcome
 ) -> None:
-    """Reward, end of episode and totals of vehicle `k`; arguments as of `step_kernel`, its action (6,)."""
+    """Compute reward, flags and totals of vehicle `k`; arguments as for `step_kernel`, its action (6,)."""
     w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
     away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])
     totals[AGE] += 1.0
@@ -144,8 +144,8 @@ def score(
     gain = shaping(w, episodes.distance[k], away) - effort_cost(w, power, action, episodes.action[k])
     north, east = scenes.targets[k, 0] - motion.pose[k, 0], scenes.targets[k, 1] - motion.pose[k, 1]
     gain += posture(w, motion.rotation[k], north, east)
-    gain += alignment(w, motion.rotation[k], away) - haste(w, speed, ends[SPEED], away)
-    gain -= obstacle_cost(w, episodes.nearest[k]) + straying(w, away) + scenes.path_cost[k]
+    gain += alignment(w, motion.rotation[k], away) - speed_cost(w, speed, ends[SPEED], away)
+    gain -= obstacle_cost(w, episodes.nearest[k]) + distance_cost(w, away) + scenes.path_cost[k]
     if outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]:
         gain += w[SUCCESS]
     if outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]:
@@ -164,7 +164,7 @@ def score(
 def mark_ends(
     rules: Rules, motion: Motion, scenes: Scenes, k: int, away: float, totals: Array, flags: Mask
 ) -> None:
-    """Write the flags of vehicle `k`, `away` [m] from its goal, with the totals of its episode."""
+    """Write the flags of vehicle `k` at a distance `away` [m] from its goal, with its episode's totals."""
     ends, velocity = scenes.ends[k], motion.velocity[k]
     failed = bool(motion.diverged[k])
     touched = not failed and collision_kernel(
@@ -173,7 +173,7 @@ def mark_ends(
     late = totals[AGE] >= ends[STEPS]
     arrived, ended = False, failed or touched
     if not ended and ends[SETTLING] < 0.0:
-        arrived = ended = there(ends, motion.pose[k], velocity, away)
+        arrived = ended = within_limits(ends, motion.pose[k], velocity, away)
     elif not ended and late:
         arrived = root_mean_square(totals, ends) <= ends[RADIUS]
     flags[ARRIVED, k], flags[TOUCHED, k], flags[DIVERGED, k] = arrived, touched, failed
@@ -182,8 +182,8 @@ def mark_ends(
 
 
 @kernel
-def there(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
-    """Whether a vehicle `away` [m] from its goal is within all limits of its task."""
+def within_limits(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
+    """Return whether a vehicle at a distance `away` [m] from its goal is within all limits of its task."""
     if away > ends[RADIUS] or length(velocity[:3]) > ends[SPEED] or length(velocity[3:]) > ends[TURNING]:
         return False
     return bool(2.0 * math.acos(min(abs(pose[3]), 1.0)) <= ends[TILT])
@@ -191,12 +191,12 @@ def there(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
 
 @kernel
 def root_mean_square(totals: Array, ends: Array) -> float:
-    """Of the distance from the goal, over the steps that count so far [m]; infinite where none does."""
+    """Return the root mean square distance from the goal since settling [m]; infinite before settling."""
     counted = totals[AGE] - math.floor(ends[SETTLING])
     return math.sqrt(totals[ERROR] / counted) if ends[SETTLING] >= 0.0 and counted > 0.0 else math.inf
 
 
 @kernel
 def length(vector: Array) -> float:
-    """Of a vector (3,)."""
+    """Return the Euclidean norm of a vector (3,)."""
     return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)

@@ -1,4 +1,4 @@
-"""Fleets as TorchRL knows environments: one batch of N vehicles."""
+"""TorchRL environment of a fleet: one batch of N vehicles."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from hydro.rl.environment.observation import bounds
 from hydro.rl.world.config import Settings
 
 OUTCOMES = ("success", "collision", "diverged")
-"""Entries of `fleet.Info` that are passed on."""
+"""Fields of `interfaces.Info` that the environment passes on."""
 
 
 class Batch(EnvBase):  # type: ignore[misc]
-    """N vehicles as a locked batch, on whichever device.
+    """N vehicles as a batch-locked environment on any device.
 
-    Read are `action` (N, 6); written `observation` (N, O), `reward`, `done`, `terminated` and `truncated`
-    (N, 1), and `success`, `collision` and `diverged` (N, 1).
+    Input: `action` (N, 6).  Output: `observation` (N, O), and (N, 1) each: `reward`, `done`, `terminated`,
+    `truncated`, `success`, `collision` and `diverged`.
     """
 
     batch_locked = True
 
     def __init__(self, settings: Settings, count: int, device: torch.device | str) -> None:
-        """Say what is read and written."""
+        """Declare the specs of observations, actions, rewards and ends."""
         super().__init__(device=device, batch_size=torch.Size([count]))
         low, high = (torch.from_numpy(bound).to(device).expand(count, -1) for bound in bounds(settings))
         flag = {"shape": (count, 1), "dtype": torch.bool, "device": device}
@@ -44,35 +44,35 @@ class Batch(EnvBase):  # type: ignore[misc]
         self.done_spec = Composite({name: Binary(1, **flag) for name in ends}, shape=self.batch_size)
 
     @staticmethod
-    def those(tensordict: TensorDictBase | None) -> torch.Tensor | None:
-        """Which vehicles are to be reset (N,); nothing where all are."""
+    def reset_mask(tensordict: TensorDictBase | None) -> torch.Tensor | None:
+        """Return the mask of vehicles to reset (N,); None for all."""
         if tensordict is None or "_reset" not in tensordict.keys():  # noqa: SIM118  a tensordict iterates rows
             return None
         mask: torch.Tensor = tensordict["_reset"].reshape(-1)
         return mask
 
-    def fresh(self, observation: torch.Tensor) -> TensorDict:
-        """What a reset tells: what is seen (N, O), and that nothing has happened."""
+    def reset_output(self, observation: torch.Tensor) -> TensorDict:
+        """Return the output of a reset: observations (N, O), and flags that are all False."""
         nothing = torch.zeros(len(observation), 1, dtype=torch.bool, device=self.device)
-        silent = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
-        return TensorDict({"observation": observation, **silent}, self.batch_size, device=self.device)
+        flags = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
+        return TensorDict({"observation": observation, **flags}, self.batch_size, device=self.device)
 
 
 class FleetEnv(Batch):
-    """Vehicles of a fleet of the processor; episodes that have ended wait for a reset."""
+    """Environment of a fleet on the processor; a vehicle whose episode has ended waits for a reset."""
 
     def __init__(self, fleet: Fleet) -> None:
-        """Wrap a fleet; its task and level stay its own."""
+        """Wrap a fleet; the caller sets its task and level."""
         super().__init__(fleet.settings, fleet.count, "cpu")
         self.fleet = fleet
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
-        """Begin the next episode of the vehicles of `_reset` (N, 1), of all by default."""
-        mask = self.those(tensordict)
-        return self.fresh(torch.from_numpy(self.fleet.reset(None if mask is None else mask.numpy())))
+        """Begin the next episode of the vehicles of `_reset` (N, 1), by default of all."""
+        mask = self.reset_mask(tensordict)
+        return self.reset_output(torch.from_numpy(self.fleet.reset(None if mask is None else mask.numpy())))
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        """Fly one control step."""
+        """Simulate one control step."""
         step = self.fleet.step(tensordict["action"].numpy(), renew=False)
         flags = {name: getattr(step.info, name) for name in OUTCOMES}
         flags |= {"terminated": step.terminated, "truncated": step.truncated}
@@ -87,6 +87,6 @@ class FleetEnv(Batch):
         )
 
     def _set_seed(self, seed: int | None) -> None:
-        """Begin anew at the next reset, with the tasks and the noise of a seed."""
+        """Restart at the next reset, with the tasks and the noise of a seed."""
         if seed is not None:
             self.fleet.reseed(seed)

@@ -1,1 +1,1 @@
-"""Tasks, sonar, rewards and learning where the vehicles of a GPU fly (extra `gpu`)."""
+"""Environment and learner on a GPU: scenes, sonar, rewards and updates (extra `gpu`)."""

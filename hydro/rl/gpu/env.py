@@ -1,4 +1,4 @@
-"""The fleet of a GPU as TorchRL knows environments: all its tensors stay on the device."""
+"""TorchRL environment of a GPU fleet: all its tensors stay on the device."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FLAGS = {**dict(zip(OUTCOMES, (ARRIVED, TOUCHED, DIVERGED), strict=True)),
 
 
 class GpuEnv(Batch):
-    """Vehicles of a GPU as a locked batch; episodes that have ended wait for a reset, see `Batch`."""
+    """Environment of a GPU fleet; a vehicle whose episode has ended waits for a reset, see `Batch`."""
 
     def __init__(self, fleet: GpuFleet) -> None:
         """Wrap a fleet."""
@@ -23,19 +23,19 @@ class GpuEnv(Batch):
         self.fleet = fleet
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
-        """Begin the next episode of the vehicles of `_reset` (N, 1), of all by default."""
-        return self.fresh(self.fleet.reset(self.those(tensordict)).clone())
+        """Begin the next episode of the vehicles of `_reset` (N, 1), by default of all."""
+        return self.reset_output(self.fleet.reset(self.reset_mask(tensordict)).clone())
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        """Fly one control step."""
+        """Simulate one control step."""
         fleet = self.fleet
         seen = fleet.step(tensordict["action"]).clone()
         flags = {name: fleet.flags[row, :, None].clone() for name, row in FLAGS.items()}
         flags["done"] = flags["terminated"] | flags["truncated"]
-        told = {"observation": seen, "reward": fleet.reward[:, None].clone(), **flags}
-        return TensorDict(told, self.batch_size, device=self.device)
+        output = {"observation": seen, "reward": fleet.reward[:, None].clone(), **flags}
+        return TensorDict(output, self.batch_size, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
-        """Noise of a seed from now on; the scenes are those of the fleet."""
+        """Set the seed of the sensor noise; the scenes of the fleet do not change."""
         if seed is not None:
             self.fleet.reseed(seed)

@@ -1,7 +1,8 @@
-"""Episodes of many vehicles on a GPU: tasks, sonar and rewards where they fly.
+"""Episodes of many vehicles on a GPU, with tasks, sonar and rewards on the device.
 
-A control step is four launches, whatever the number of vehicles, and nothing leaves the device.  Who begins
-anew takes the next scene of a pool that is drawn ahead: those that vehicles of `environment.fleet` fly.
+A control step is four kernel launches for any number of vehicles, and no data leaves the device.  A vehicle
+that begins an episode takes the next scene of a pool drawn in advance.  The pool holds the same scenes as
+`environment.fleet` draws.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from hydro.rl.environment.blocks import FLAGS, TOTALS, Episodes, Motion, Outcome
 from hydro.rl.environment.conditions import Condition, waters
 from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.reward import WEIGHTS
-from hydro.rl.environment.step import rules_of
+from hydro.rl.environment.step import make_rules
 from hydro.rl.tasks.point_to_point import PointToPoint
 from hydro.rl.tasks.registry import task_of
 from hydro.rl.tasks.task import Ends, Scene, Task, generator
@@ -33,22 +34,22 @@ from hydro.sim.gpu import memory
 from hydro.sim.gpu.plant import STEP, GpuPlant
 
 POOL = 16_384
-"""Scenes that are drawn ahead, at most."""
+"""Greatest number of scenes drawn in advance."""
 
 
 class GpuFleet:
-    """Vehicles that learn side by side on a GPU.
+    """Vehicles that fly their episodes in parallel on a GPU.
 
     Attributes:
         settings: All choices.
-        plant: What they fly in.
+        plant: Simulator of the vehicles.
         count: Number of vehicles N.
-        task: What they fly.
-        level: Its level.
-        observations: What each sees (N, 36), as `rl.environment.observation` says; rewritten in place, as are
-            the following.
-        reward: Of the last step (N,).
-        flags: What it came to (FLAGS, N), in the order of `rl.environment.blocks`.
+        task: Task of all vehicles.
+        level: Level of the task.
+        observations: Observations (N, 36) as in `rl.environment.observation`; rewritten in place, as are the
+            following.
+        reward: Reward of the last step (N,).
+        flags: Flags of the last step (FLAGS, N), in the order of `rl.environment.blocks`.
     """
 
     def __init__(
@@ -63,26 +64,25 @@ class GpuFleet:
         condition: Condition | None = None,
         timestep: float = STEP,
     ) -> None:
-        """Make a fleet; `reset` begins.
+        """Make a fleet; `reset` begins the episodes.
 
         Args:
-            settings: All choices; nothing is drawn anew, and one observation is seen at once.
+            settings: All choices; without randomisation and without stacked observations.
             vehicle: The vehicle file.
             count: Number of vehicles.
-            seed: Of tasks and noise.
-            task: One whose goals stay where they are, without a plan and a current.
-            level: Its level; the greatest by default.
-            condition: Physics to fly under; the effects of the vehicle file by default.
-            timestep: Integration step at most [s].
+            seed: Seed of tasks and noise.
+            task: Task with a fixed goal, without planned path and current.
+            level: Level of the task; the greatest by default.
+            condition: Physics condition; by default the effects of the vehicle file.
+            timestep: Greatest integration step [s].
 
         Raises:
-            DataError: The vehicle cannot be flown.
-            UsageError: There is no GPU, no such task or level, or it needs what does not run here.
+            DataError: The vehicle cannot be simulated.
+            UsageError: A GPU is missing, the task or level does not exist, or the GPU does not support it.
         """
         if settings.randomise != Randomisation() or settings.history != 1:
             raise UsageError(
-                "a GPU's vehicles are all as the file says and see one observation at once: leave randomise "
-                "and history out, or fly on the processor"
+                "a GPU fleet supports neither randomise nor history: leave both out, or fly on the processor"
             )
         water = waters(condition or Condition(), vehicle, settings.period)
         self.plant = GpuPlant(vehicle, water, count=count, period=settings.period, timestep=timestep)
@@ -101,7 +101,7 @@ class GpuFleet:
         self._make_blocks(vehicle, crew)
 
     def _make_arrays(self, scenes: list[Scene]) -> None:
-        """Arrays of every vehicle on the device, and the pool of scenes."""
+        """Allocate the arrays of every vehicle on the device, and the pool of scenes."""
         count = self.count
         pillars = max(1, *(len(scene.pillars) for scene in scenes))
         poses, goals = np.zeros((len(scenes), 7)), np.zeros((len(scenes), 3))
@@ -112,7 +112,7 @@ class GpuFleet:
         self._pool_arrays = poses, goals, axes
         self._pillars = self._zeros(count, pillars, 2)
         self._goals, self._targets = self._zeros(count, 3), self._zeros(count, 3)
-        self._poses, self._still = self._zeros(count, 7), self._zeros(count, 6)
+        self._poses, self._zero_velocity = self._zeros(count, 7), self._zeros(count, 6)
         self._mask, self._all = (torch.ones(count, dtype=torch.bool, device=self.device) for _ in range(2))
         self._episode = torch.full((count,), -1, dtype=torch.int64, device=self.device)
         self._demands, self._noise = self._zeros(count, ACTIONS), self._zeros(count, OBSERVATIONS)
@@ -121,13 +121,13 @@ class GpuFleet:
         self.flags = torch.zeros((FLAGS, count), dtype=torch.bool, device=self.device)
 
     def _make_blocks(self, vehicle: Vehicle, crew: Any) -> None:
-        """Blocks of arrays, as the kernels take them."""
+        """Build the blocks of arrays that the kernels take."""
         kernels, count, settings, shared = self._kernels, self.count, self.settings, memory.shared
         ends = np.array([self.task.ends(settings)], dtype=np.float64)
         worth = reward.weights(self.task.reward(settings))[None]
         self._commands = memory.zeros((count, len(crew.table)))
-        self._crew = kernels.Crew(*map(memory.put, (crew.allocation, crew.table, crew.authority)))
-        self._told = kernels.Demands(shared(self._demands), self._commands)
+        self._crew = kernels.Allocation(*map(memory.put, (crew.allocation, crew.table, crew.authority)))
+        self._demand_block = kernels.Demands(shared(self._demands), self._commands)
         self._pool = kernels.Pool(*map(memory.put, self._pool_arrays))
         self._starts = kernels.Starts(shared(self._mask), shared(self._episode), shared(self._poses))
         senses = observation.senses(settings, vehicle)
@@ -135,7 +135,7 @@ class GpuFleet:
             limits=memory.put(senses.limits), fan=memory.put(senses.fan), tank=memory.put(senses.tank),
             sigma=memory.put(senses.sigma),
         )  # fmt: skip
-        self._rules = type(rules := rules_of(settings, vehicle, crew.table))(*map(memory.put, rules))
+        self._rules = type(rules := make_rules(settings, vehicle, crew.table))(*map(memory.put, rules))
         plant = self.plant
         self._motion = Motion(
             plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged,
@@ -152,51 +152,51 @@ class GpuFleet:
         )  # fmt: skip
         self._view = kernels.View(shared(self._mask), shared(self._noise), shared(self.observations))
         self._outcome = Outcome(shared(self.reward), shared(self.flags))
-        self._nobody = shared(self._still)
+        self._zero_velocity_block = shared(self._zero_velocity)
 
     def _zeros(self, *shape: int) -> Tensor:
-        """Zeros of the device."""
+        """Return zeros on the device."""
         return torch.zeros(shape, dtype=torch.float64, device=self.device)
 
     def reset(self, mask: Tensor | None = None) -> Tensor:
-        """Begin the next episode of some vehicles (N,), by default of all; what all see (N, 36)."""
+        """Begin the next episode of some vehicles (N,), by default of all; return observations (N, 36)."""
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
         self._launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
-        self.plant.reset(self._starts.mask, self._starts.pose, self._nobody)
-        self._look()
+        self.plant.reset(self._starts.mask, self._starts.pose, self._zero_velocity_block)
+        self._observe()
         return self.observations
 
     def step(self, actions: Tensor) -> Tensor:
-        """Fly one control step; `reward` and `flags` tell of it.
+        """Simulate one control step; `reward` and `flags` hold its outcome.
 
         Args:
-            actions: Demands (N, 6), clipped to [-1, 1]; with one that is no number a vehicle diverges.
+            actions: Actions (N, 6), clipped to [-1, 1]; a vehicle with an action that is not finite diverges.
 
         Returns:
-            What all see (N, 36).
+            Observations of all vehicles (N, 36).
         """
         kernels = self._kernels
         self._demands.copy_(actions)
-        self._launch(kernels.command, self.count, self._crew, self._told)
+        self._launch(kernels.command, self.count, self._crew, self._demand_block)
         self.plant.step(self._commands)
         self._mask.copy_(self._all)
-        self._look()
+        self._observe()
         self._launch(
-            kernels.judge, self.count, self._rules, self._motion, self._scenes, self._episodes, self._told,
-            self._outcome,
+            kernels.evaluate_step, self.count, self._rules, self._motion, self._scenes, self._episodes,
+            self._demand_block, self._outcome,
         )  # fmt: skip
         return self.observations
 
     def reseed(self, seed: int) -> None:
-        """Sense with the noise of a seed from now on."""
+        """Set the seed of the sensor noise."""
         self._generator.manual_seed(seed)
 
-    def _look(self) -> None:
-        """Renew what the vehicles of the mask see."""
+    def _observe(self) -> None:
+        """Update the observations of the vehicles of the mask."""
         self._noise.normal_(generator=self._generator)
         self._launch(
-            self._kernels.look,
+            self._kernels.observe,
             self.count,
             self._senses,
             self._motion,
@@ -207,16 +207,16 @@ class GpuFleet:
 
 
 def _drawn(task: Task, level: int, settings: Settings, count: int, seed: int) -> list[Scene]:
-    """Scenes of a fleet's first episodes: row r is that of vehicle r % N in its episode r // N.
+    """Draw the scenes of a fleet's first episodes: row r is vehicle r % N in its episode r // N.
 
     Raises:
-        UsageError: One has a current, or a goal that moves, or is to be reached along a plan.
+        UsageError: The task has a current, a moving goal or a planned path.
     """
     if task.guided:
-        raise UsageError(f"{task.name} has a plan, which is made on the processor: fly it there")
+        raise UsageError(f"{task.name} needs a planned path: fly it on the processor")
     episodes = max(1, POOL // count)
     rows = ((row % count, row // count) for row in range(min(count * episodes, POOL)))
     scenes = [task.scene(settings, level, generator(seed, *row)) for row in rows]
     if any(len(scene.course) > 1 or scene.current.any() for scene in scenes):
-        raise UsageError(f"{task.name} has a goal that moves, or a current: fly it on the processor")
+        raise UsageError(f"{task.name} has a moving goal or a current: fly it on the processor")
     return scenes

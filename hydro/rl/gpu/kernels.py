@@ -1,7 +1,7 @@
-"""What vehicles on a GPU are told, what they sense and what their steps are worth; one thread a vehicle.
+"""CUDA kernels of a fleet: commands, observations, rewards and ends; one thread per vehicle.
 
-All that is computed stands in `rl.environment`, which the processor runs too.  Arguments are blocks of
-arrays, see `sim.gpu.kernels`.
+All computations are functions of `rl.environment`, which the processor runs too.  Arguments are blocks of
+arrays; see `sim.gpu.kernels`.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Array32, Mask
 from hydro.core.compiled import copy_kernel
-from hydro.rl.environment.action import ACTIONS, mixed
+from hydro.rl.environment.action import ACTIONS, allocate
 from hydro.rl.environment.blocks import Episodes, Motion, Outcome, Rules, Scenes, Senses
 from hydro.rl.environment.step import distance, score, sense
 
 
 class Pool(NamedTuple):
-    """Scenes drawn ahead, of which each vehicle flies one an episode.
+    """Pool of scenes drawn in advance; each vehicle flies one per episode.
 
     Attributes:
-        poses: Where an episode begins (S, 7), see `sim.plant.Plant`.
+        poses: Initial poses (S, 7), see `sim.plant.Plant`.
         goals: (S, 3), NED [m].
-        pillars: (S, P, 2), NaN where there is none.
+        pillars: (S, P, 2), NaN in unused rows.
     """
 
     poses: Array
@@ -34,12 +34,12 @@ class Pool(NamedTuple):
 
 
 class Starts(NamedTuple):
-    """Who begins, and where.
+    """Vehicles that begin an episode, and their initial poses.
 
     Attributes:
-        mask: Which of N vehicles (N,).
-        episode: Number of each one's episode (N,); -1 before the first.
-        pose: Where each begins (N, 7), written.
+        mask: Vehicles that begin (N,).
+        episode: Number of each vehicle's episode (N,); -1 before the first.
+        pose: Initial poses (N, 7), written.
     """
 
     mask: Mask
@@ -47,8 +47,8 @@ class Starts(NamedTuple):
     pose: Array
 
 
-class Crew(NamedTuple):
-    """How demands become commands, see `environment.action.mixed`."""
+class Allocation(NamedTuple):
+    """Thruster allocation; see `environment.action.allocate`."""
 
     allocation: Array
     table: Array
@@ -56,17 +56,17 @@ class Crew(NamedTuple):
 
 
 class Demands(NamedTuple):
-    """Demands (N, 6), clipped in place, and the commands (N, n) that they become."""
+    """Actions (N, 6), clipped in place, and the thruster commands (N, n) computed from them."""
 
     actions: Array
     commands: Array
 
 
 class View(NamedTuple):
-    """What is sensed.
+    """Observations and their noise.
 
     Attributes:
-        mask: By whom (N,).
+        mask: Vehicles to observe (N,).
         noise: Standard normal (N, 36); scratch afterwards.
         out: Observations (N, 36), written.
     """
@@ -78,7 +78,7 @@ class View(NamedTuple):
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> None:
-    """Give vehicles that begin the scenes of their next episodes."""
+    """Copy the scene of the next episode to each vehicle that begins."""
     k = cuda.grid(1)
     if k >= starts.mask.size or not starts.mask[k]:
         return
@@ -97,30 +97,32 @@ def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> Non
 
 
 @cuda.jit  # type: ignore[untyped-decorator]
-def command(crew: Crew, demands: Demands) -> None:
-    """Commands for demands; for those that are no numbers commands that are none, so that he diverges."""
+def command(crew: Allocation, demands: Demands) -> None:
+    """Compute thruster commands; write NaN for an action that is not finite, so that the vehicle diverges."""
     k = cuda.grid(1)
     if k >= demands.actions.shape[0]:
         return
     tau = cuda.local.array(ACTIONS, np.float64)
-    if not mixed(crew.allocation, crew.table, crew.authority, demands.actions[k], tau, demands.commands[k]):
+    if not allocate(
+        crew.allocation, crew.table, crew.authority, demands.actions[k], tau, demands.commands[k]
+    ):
         for i in range(demands.commands.shape[1]):
             demands.commands[k, i] = np.nan
 
 
 @cuda.jit  # type: ignore[untyped-decorator]
-def look(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
-    """Observations of the vehicles of a mask."""
+def observe(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
+    """Compute the observations of the vehicles of a mask."""
     k = cuda.grid(1)
     if k < view.mask.size and view.mask[k]:
         sense(k, senses, motion, scenes, view.noise[k], episodes.nearest, view.out)
 
 
 @cuda.jit  # type: ignore[untyped-decorator]
-def judge(
+def evaluate_step(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, demands: Demands, outcome: Outcome
 ) -> None:
-    """What a step was worth, and whether episodes end with it."""
+    """Compute rewards, flags and totals of a step."""
     k = cuda.grid(1)
     if k < demands.actions.shape[0]:
         score(k, rules, motion, scenes, episodes, demands.actions[k], outcome)

@@ -1,7 +1,7 @@
-"""Soft actor-critic where the vehicles fly: networks, memory and batches on the environment's device.
+"""Soft actor-critic on the device of the environment: networks, replay buffer and batches.
 
-The loss is that of `training.sac`, and so are its choices; updates are counted per control step of all
-vehicles.  Nothing waits for the host but TorchRL, which asks after each step whether an episode has ended.
+The loss and its settings are those of `training.sac`; updates are counted per control step of all vehicles.
+The device waits for the host only where TorchRL asks after each step whether an episode has ended.
 """
 
 from __future__ import annotations
@@ -25,45 +25,45 @@ from hydro.rl.training.policy import Policy, encoded, network
 from hydro.rl.training.sac import Losses, TwinLoss
 
 WARM_UP = 3
-"""Updates before one is recorded: what is made once, such as an optimiser's moments, is there by then."""
+"""Ordinary updates before one is recorded as a graph; they create state such as the optimiser's moments."""
 
 
 class Captured:
-    """An update of a GPU recorded as one graph: its hundreds of launches take longer than the arithmetic."""
+    """Update recorded as one CUDA graph: its hundreds of launches would take longer than the arithmetic."""
 
     def __init__(
         self, work: Callable[[TensorDict], Losses], batch: TensorDict, generator: torch.Generator
     ) -> None:
-        """Record the work on batches alike, drawing from a generator; nothing is done by it."""
+        """Record an update for batches of one shape that draws from a generator, without executing it."""
         self._batch, self._graph = batch.clone(), torch.cuda.CUDAGraph()
         self._graph.register_generator_state(generator)
         with torch.cuda.graph(self._graph):
             self._losses = work(self._batch)
 
     def __call__(self, batch: TensorDict) -> Losses:
-        """Do the work on a batch; the losses are rewritten by the next."""
+        """Execute the update on a batch; the next call overwrites the returned losses."""
         self._batch.copy_(batch)
         self._graph.replay()
         return self._losses
 
 
 class DeviceLearner:
-    """A policy that learns in an environment of many vehicles.
+    """Learner of a policy in a batched environment.
 
     Attributes:
         env: The environment.
-        steps: Control steps of all vehicles together so far.
+        steps: Control steps of all vehicles so far.
         updates: Updates so far.
     """
 
     def __init__(self, env: Batch, encoding: Encoding, config: SACConfig, seed: int) -> None:
-        """Make the networks, and begin.
+        """Make the networks, and reset the environment.
 
         Args:
-            env: On whichever device; vehicles begin anew as their episodes end.
-            encoding: Of observations (O,).
-            config: What SAC is run with; `updates` are those of a control step of all vehicles.
-            seed: Of first weights, of the actions' noise and of the batches.
+            env: Environment on any device; vehicles are reset when their episodes end.
+            encoding: Encoding of observations (O,).
+            config: SAC settings; `updates` counts updates per control step of all vehicles.
+            seed: Seed of initial weights, action noise and batches.
         """
         self.env, self.config, self.steps, self.updates = env, config, 0, 0
         self._encoding, device = encoding, env.device
@@ -88,12 +88,12 @@ class DeviceLearner:
         self._now = env.reset()
 
     def encoded(self, observations: Tensor) -> Tensor:
-        """What the networks are given of observations (..., O), see `environment.encoding`."""
+        """Return the network input for observations (..., O); see `environment.encoding`."""
         return encoded(observations, self._scale, self._fades)
 
     @torch.no_grad()
     def advance(self) -> None:
-        """Fly one control step, drawing from the policy, and learn after it."""
+        """Simulate one control step with sampled actions, then run the updates."""
         seen = self._now["observation"]
         actions = self._explored(seen)
         done, self._now = self.env.step_and_maybe_reset(self._now.set("action", actions))
@@ -111,7 +111,7 @@ class DeviceLearner:
                 self.update()
 
     def _explored(self, seen: Tensor) -> Tensor:
-        """Actions (N, A) drawn from the policy, and evenly from the whole range at first."""
+        """Sample actions (N, A) from the policy; uniformly from the whole range during the random phase."""
         shape, device = (len(seen), ACTIONS), seen.device
         if self.steps < self.config.random:
             return 2.0 * torch.rand(shape, generator=self._generator, device=device) - 1.0
@@ -121,7 +121,7 @@ class DeviceLearner:
         return actions
 
     def _keep(self, made: Transition) -> None:
-        """Put transitions into the memory, under TorchRL's names."""
+        """Add transitions to the replay buffer, under TorchRL's names."""
         after = {
             "observation": self.encoded(made.following),
             "reward": made.rewards[:, None].float(),
@@ -136,7 +136,7 @@ class DeviceLearner:
         self._replay.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
 
     def update(self) -> Losses:
-        """Learn from one batch; the losses before."""
+        """Run one update; return the losses before it."""
         batch = self._replay.sample(self.config.batch)
         self.updates += 1
         if self.env.device.type != "cuda" or self.updates <= WARM_UP:
@@ -147,7 +147,7 @@ class DeviceLearner:
 
     @torch.enable_grad()
     def _learn(self, batch: TensorDict) -> Losses:
-        """Descend the losses of a batch; they as they were before."""
+        """Take a gradient step on a batch; return the losses before it."""
         losses = self.loss(batch)
         self._optimiser.zero_grad()
         (losses.critic + losses.actor + losses.temperature).backward()
@@ -159,11 +159,11 @@ class DeviceLearner:
 
     @torch.no_grad()
     def success(self, env: Batch, steps: int) -> float:
-        """Share of the vehicles of an environment whose next episode succeeds, without exploration.
+        """Return the success rate of one episode per vehicle with the averaged policy, without exploration.
 
         Args:
-            env: The environment, beside that which is learnt in.
-            steps: Control steps of an episode at most.
+            env: Environment of the evaluation, separate from that of the training.
+            steps: Greatest number of control steps of an episode.
         """
         now = env.reset()
         going = torch.ones(env.batch_size[0], 1, dtype=torch.bool, device=env.device)
@@ -178,7 +178,7 @@ class DeviceLearner:
         return float(arrived.float().mean())
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """What has been learnt, the average by itself, with a word on how."""
+        """Return the averaged policy with a description of its training."""
         learnt = self._average.state_dict().items()
         weights = {name: each.cpu().numpy().copy() for name, each in learnt}
         return Policy(self.config.layers, self._encoding, weights, training)

@@ -1,4 +1,4 @@
-"""Rewards of several steps ahead, of steps that stay on their device: `training.returns` in tensors."""
+"""n-step returns of transitions that stay on their device: `training.returns` for tensors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hydro.rl.training.returns import Window
 
 
 class Transition(NamedTuple):
-    """A step of N vehicles, or several of them seen as one; see `training.returns.Transition`."""
+    """Transition of N vehicles, of one step or n steps; see `training.returns.Transition`."""
 
     observations: Tensor
     actions: Tensor
@@ -24,10 +24,10 @@ class Transition(NamedTuple):
 
 
 class Horizon(Window[Transition]):
-    """The window over steps in tensors."""
+    """Window of n-step returns for tensors."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
-        """A step and those after it, seen as one."""
+        """Combine a step and the following ones into one n-step transition."""
         rewards, steps, following = first.rewards, first.steps, first.following
         terminated, ended = first.terminated, first.ended
         for each in later:

@@ -1,1 +1,1 @@
-"""The tasks that policies are trained in and tested on, one class in one file each; `registry` lists them."""
+"""Tasks in which policies train and are tested, one class per file; `registry` lists them."""

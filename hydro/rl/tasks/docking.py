@@ -1,4 +1,4 @@
-"""Docking: to arrive slowly, level and with the bow to the north."""
+"""Docking task: arrive slowly, level and with the bow to the north."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from hydro.rl.tasks.task import Ends, Scene, Task, nowhere
 from hydro.rl.world.config import Reward, Settings
 
 HASTE = 0.1
-"""Weight of every m/s too fast."""
+"""Weight of each m/s above the allowed speed."""
 
 
 class Docking(Task):
-    """A dock to the north, to be entered at a pose, and no faster than it allows.
+    """Arrival at a dock with a given pose, and below a speed limit.
 
-    Observations have no heading of the dock, so that it is the same for all: level, bow to the north.
+    Observations do not contain the heading of the dock, so it is the same for all: level, bow to the north.
     """
 
     name = "docking"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw the dock, and a start south of it, heading anywhere."""
+        """Draw the dock, and a start south of it with a random heading."""
         task, world, docking = settings.task, settings.world, settings.docking
         low = np.full(3, task.margin)
         high = np.array([world.length, world.width, world.depth]) - task.margin
@@ -36,12 +36,12 @@ class Docking(Task):
                 return Scene(start, rng.uniform(-np.pi, np.pi), dock[None], nowhere())
 
     def reward(self, settings: Settings) -> Reward:
-        """With pay for standing as the dock does and a cost of haste; the heading there counts half."""
+        """Add the alignment reward and the cost of haste; halve the weight of the heading."""
         given = super().reward(settings)
         half = 0.5 * given.heading
         return replace(given, heading=half, alignment=half, haste=HASTE)
 
     def ends(self, settings: Settings) -> Ends:
-        """Within the limits of pose and speed."""
+        """Require the limits of pose and speed."""
         given = settings.docking
         return Ends(self.steps(settings), given.within, given.tilt, given.speed, given.turning)

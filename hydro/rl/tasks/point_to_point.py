@@ -1,4 +1,4 @@
-"""Point to point in open water: the first stage of the curriculum."""
+"""Point-to-point task in open water: the first stage of the curriculum."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hydro.rl.world.config import Settings
 
 
 class PointToPoint(Task):
-    """Start, heading and goal at random in open water."""
+    """Random start, heading and goal in open water."""
 
     name = "point_to_point"
 

@@ -1,4 +1,4 @@
-"""The tasks by name, and the stages of the curriculum that are made of them (paper III-D)."""
+"""Registry of tasks by name, and the stages of the curriculum (paper III-D)."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ TASKS: dict[str, Task] = {
         PillarRow(),
     )
 }  # fmt: skip
-"""All of them; `hydro/rl/__init__.py` has an environment of each."""
+"""All tasks by name; `hydro/rl/__init__.py` registers an environment for each."""
 
 STAGES = (PointToPoint.name, Slalom.name, Forest.name)
-"""Those of the curriculum, in order."""
+"""Names of the curriculum's tasks, in order."""
 
 
 def task_of(name: str) -> Task:
-    """A task by its name; hyphens are as good as underscores.
+    """Return a task by its name; hyphens may replace underscores.
 
     Raises:
-        UsageError: There is none.
+        UsageError: The name is unknown.
     """
     known = name.replace("-", "_")
     if known not in TASKS:

@@ -1,4 +1,4 @@
-"""Pillars in a row, on alternating sides of a straight course: a way round all of them is as good."""
+"""Pillar-row task: pillars on alternating sides of a straight course; a path around all is allowed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from hydro.rl.world.config import Reward, Settings
 
 
 class PillarRow(Task):
-    """As many pillars as the level says between start and goal, which a vehicle may go round."""
+    """Row of pillars between start and goal, as many as the level; the vehicle may go around the row."""
 
     name = "pillar_row"
     levels = "pillars"
     most = 8
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Pillars at even distances along a course north or south, on alternating sides of it."""
+        """Draw pillars at equal distances along a course north or south, on alternating sides of it."""
         if level == 0:
             return open_water(settings, rng)
         task, world, row = settings.task, settings.world, settings.row
@@ -38,15 +38,15 @@ class PillarRow(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """With costs of nearness."""
+        """Return the weights with the costs of nearness to obstacles."""
         return with_obstacles(self, settings)
 
 
 def course(settings: Settings, pillars: int) -> float:
-    """Least length [m] of a row of so many pillars; 0 without any.
+    """Return the least length [m] of a course with a number of pillars; 0 without pillars.
 
     Raises:
-        UsageError: The tank is too short for it.
+        UsageError: The tank is too short.
     """
     length = 2.0 * settings.row.run_up + (pillars - 1) * settings.row.spacing if pillars else 0.0
     room = settings.world.length - 2.0 * settings.task.margin

@@ -1,4 +1,4 @@
-"""A slalom that must be weaved: the second stage of the curriculum."""
+"""Slalom task between baffles: the second stage of the curriculum."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.rl.world.config import Reward, Settings
 
 
 class Slalom(Task):
-    """Baffles of pillars alternately from both long walls, each past the middle: none can be gone round."""
+    """Baffles of pillars, alternately from both long walls, each past the middle of the tank."""
 
     name = "slalom"
     levels = "baffles"
@@ -19,10 +19,10 @@ class Slalom(Task):
     patience = 2.0
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Baffles across a course north or south, as far from each other as the tank allows at random.
+        """Draw baffles across a course north or south, with random distances that fit into the tank.
 
         Raises:
-            UsageError: The tank is too short for so many.
+            UsageError: The tank is too short for that many baffles.
         """
         if level == 0:
             return open_water(settings, rng)
@@ -31,10 +31,10 @@ class Slalom(Task):
         if spare < 0.0:
             raise UsageError(
                 f"a slalom of {level} baffles needs a tank {-spare:.3g} m longer: lengthen world.length, or "
-                "take fewer"
+                "take fewer baffles"
             )
         south = bool(rng.random() < 0.5)
-        # The spare length goes to the gaps: before the first baffle, between them, and behind the last.
+        # The spare length is shared by the gaps: before the first baffle, between them, and behind the last.
         gaps = np.diff(np.r_[0.0, np.sort(rng.uniform(0.0, spare, level)), spare])
         north = task.margin + slalom.run_up + np.cumsum(gaps[:-1]) + slalom.spacing * np.arange(level)
         from_west = (np.arange(level) + rng.integers(2)) % 2 == 0
@@ -44,19 +44,19 @@ class Slalom(Task):
                 for x, west in zip(north, from_west, strict=True)
             ]
         )
-        shy = task.margin + 1.0  # of the side walls, where the way turns
+        shy = task.margin + 1.0  # distance from the side walls [m], for room to turn
         sides = rng.uniform(shy, world.width - shy, 2)
         depth, other = depths(settings, rng)
         ends = np.array([[task.margin, sides[0], depth], [world.length - task.margin, sides[1], other]])
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """With costs of nearness."""
+        """Return the weights with the costs of nearness to obstacles."""
         return with_obstacles(self, settings)
 
 
 def _baffle(settings: Settings, north: float, reach: float, from_west: bool) -> Array:
-    """Axes of the pillars of one baffle (P, 2), the last of them where it ends."""
+    """Return the axes of the pillars of one baffle (P, 2); the last one is its end."""
     radius, gap = settings.world.pillar_radius, settings.slalom.gap
     east = np.arange(reach - radius, -radius, -gap)[::-1]
     return np.column_stack([np.full(len(east), north), east if from_west else settings.world.width - east])

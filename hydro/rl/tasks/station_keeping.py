@@ -1,4 +1,4 @@
-"""Station keeping: a place to be held in a current."""
+"""Station-keeping task: hold a position in a current."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from hydro.rl.tasks.task import Ends, Scene, Task, nowhere
 from hydro.rl.world.config import Reward, Settings
 
 CLEAR = 1.5
-"""Distance that the place keeps from floor, surface and walls beyond that of the start [m]."""
+"""Distance of the station from floor, surface and walls, beyond the margin of the start [m]."""
 HOLD = 0.05
-"""Weight of the distance from what is to be held."""
+"""Weight of the distance from a goal that is held or followed."""
 
 
 class StationKeeping(Task):
-    """A place in open water to be held in a current until time is up."""
+    """Station in open water that the vehicle holds in a current until the end of the episode."""
 
     name = "station_keeping"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw the place, the current, and a start nearby."""
+        """Draw the station, the current, and a start nearby."""
         world, station = settings.world, settings.station
         size = np.array([world.length, world.width, world.depth])
         margin = settings.task.margin
@@ -34,10 +34,10 @@ class StationKeeping(Task):
         return Scene(start, rng.uniform(-np.pi, np.pi), place[None], nowhere(), current)
 
     def reward(self, settings: Settings) -> Reward:
-        """With a cost of the distance, and nothing for the heading."""
+        """Add the cost of the distance, and remove the reward for the heading."""
         return replace(super().reward(settings), hold=HOLD, heading=0.0)
 
     def ends(self, settings: Settings) -> Ends:
-        """The error counts once the vehicle has had time to come there."""
+        """Count the error after the settling time."""
         station = settings.station
         return Ends(self.steps(settings), station.within, settling=station.settling / settings.period)

@@ -1,7 +1,7 @@
-"""What every task is made of: a scene per episode, what its steps are worth, and when it is done.
+"""Base class of tasks: a scene per episode, the weights of its reward, and its end conditions.
 
-A task has no state.  Its scene depends on the seed, the vehicle's number and its episode's number alone,
-never on how others fly: the same tasks can be flown in the student and in the teacher.
+A task has no state.  Its scene depends only on the seed, the index of the vehicle and the number of its
+episode.  Thus the same scenes can be flown in the MuJoCo model and in the reference simulator.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from hydro.core.columns import Array
 from hydro.core.errors import UsageError
 from hydro.rl.world.config import Reward, Settings
 
-STILL = np.zeros(3)
+NO_CURRENT = np.zeros(3)
 
 
 class Scene(NamedTuple):
-    """One episode's task.
+    """Scene of one episode.
 
     Attributes:
         start: x y z of CO, NED (3,) [m]; the vehicle is level and at rest.
-        heading: psi at the start [rad].
-        course: Where the goal is at every control step (K, 3), NED [m]; it stays where the last one is.
+        heading: Initial psi [rad].
+        course: Position of the goal at every control step (K, 3), NED [m]; after the last row it stays there.
         pillars: x y of the pillars' axes (P, 2) [m].
         current: Velocity of the water (3,), NED [m/s].
     """
@@ -35,26 +35,26 @@ class Scene(NamedTuple):
     heading: float
     course: Array
     pillars: Array
-    current: Array = STILL
+    current: Array = NO_CURRENT
 
     @property
     def goal(self) -> Array:
-        """Where the goal is at first (3,), NED [m]."""
+        """Return the initial position of the goal (3,), NED [m]."""
         return np.asarray(self.course[0])
 
 
 class Ends(NamedTuple):
-    """When an episode is done.
+    """End conditions of an episode.
 
     Attributes:
-        steps: Control steps at most.
-        radius: Distance to the goal that is near enough [m].
-        tilt: Greatest angle between the attitude and level, bow to the north [rad].
+        steps: Greatest number of control steps.
+        radius: Greatest distance to the goal [m].
+        tilt: Greatest angle between the attitude and level with the bow to the north [rad].
         speed: Greatest speed over ground [m/s].
         turning: Greatest angular velocity [rad/s].
-        settling: Of a task that holds, steps after which the error counts: the episode goes on to its end,
-            and succeeds with a root mean square error of at most `radius`.  Below 0 of a task that arrives:
-            the first step within all limits ends it.
+        settling: For tasks that hold or follow: steps after which the error counts.  The episode runs to its
+            end and succeeds if the root mean square error is at most `radius`.  Below 0 for tasks that
+            arrive: the first step within all limits ends the episode.
     """
 
     steps: float
@@ -66,14 +66,15 @@ class Ends(NamedTuple):
 
 
 class Task(ABC):
-    """A task; a new one is a class in a file of its own, and its entry in `registry`.
+    """Task; a new one is a class in its own file and an entry in `registry`.
 
     Attributes:
-        name: What it is called.
-        levels: What its level counts, in the plural; empty where there is one level alone.
-        most: Its greatest level.
-        guided: Whether the vehicle is shown a point ahead on a planned way for a target, and not the goal.
-        patience: Its time, in multiples of `settings.task.steps`; about twice what a pilot by hand needs.
+        name: Name of the task.
+        levels: Unit of its level, in the plural; empty if it has only one level.
+        most: Greatest level.
+        guided: Whether the target is a point ahead on a planned path instead of the goal.
+        patience: Time limit in multiples of `settings.task.steps`; about twice the time of the hand-written
+            pilot.
     """
 
     name: ClassVar[str]
@@ -84,53 +85,53 @@ class Task(ABC):
 
     @abstractmethod
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw the scene of one episode; level 0 is open water, where levels count something."""
+        """Draw the scene of one episode; level 0 is open water if the task has levels."""
 
     def lead(self, settings: Settings) -> float:
-        """Time by which the target that is shown is ahead of the goal [s]."""
+        """Return the time by which the target in the observation is ahead of the goal [s]."""
         return 0.0
 
     def reward(self, settings: Settings) -> Reward:
-        """Weights of the terms of `rl.environment.reward` that its steps are worth.
+        """Return the weights of the terms of `rl.environment.reward`.
 
-        By default those of the settings without the costs of nearness: there is nothing to come near to.  A
-        success is worth more where there is more time for loitering.
+        The default removes the costs of nearness, because there are no obstacles.  It scales the reward of
+        success with the time limit, because a longer episode leaves more time for loitering.
         """
         given = settings.reward
         return replace(given, obstacle=0.0, near=0.0, success=self.patience * given.success)
 
     def ends(self, settings: Settings) -> Ends:
-        """When an episode is done; by default within `settings.task.radius` of the goal."""
+        """Return the end conditions; by default within `settings.task.radius` of the goal."""
         return Ends(self.steps(settings), settings.task.radius)
 
     def steps(self, settings: Settings) -> int:
-        """Control steps of an episode at most."""
+        """Return the greatest number of control steps of an episode."""
         return round(self.patience * settings.task.steps)
 
     def require(self, level: int) -> None:
-        """Refuse a level that does not exist.
+        """Check that a level exists.
 
         Raises:
             UsageError: It is not within 0 and `most`.
         """
         if not 0 <= level <= self.most:
-            counted = f"{level} {self.levels}; choose 0 to {self.most}" if self.levels else "none"
-            raise UsageError(f"level {level} of {self.name} asks for {counted}")
+            choice = f"choose 0 to {self.most} {self.levels}" if self.levels else "the only level is 0"
+            raise UsageError(f"level {level} of {self.name} does not exist: {choice}")
 
 
 def with_obstacles(task: Task, settings: Settings) -> Reward:
-    """The weights of a task in which there is something to keep clear of."""
+    """Return the weights of a task with obstacles."""
     given = settings.reward
     return replace(given, success=task.patience * given.success)
 
 
 def generator(seed: int, vehicle: int, episode: int) -> np.random.Generator:
-    """What draws the scene of one episode of one vehicle of a fleet."""
+    """Return the random generator for the scene of one episode of one vehicle of a fleet."""
     return np.random.default_rng([seed, vehicle, episode])
 
 
 def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
-    """Start, heading and goal at random; the goal at a random distance in a random direction."""
+    """Draw start, heading and goal; the goal lies at a random distance in a random direction."""
     task, world = settings.task, settings.world
     low = np.full(3, task.margin)
     high = np.array([world.length, world.width, world.depth]) - task.margin
@@ -143,19 +144,19 @@ def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
 
 
 def depths(settings: Settings, rng: np.random.Generator) -> tuple[float, float]:
-    """Depths of start and goal of a course along the tank, at most a metre apart [m]."""
+    """Draw depths of start and goal of a course along the tank, at most one metre apart [m]."""
     shallow, deep = settings.task.margin, settings.world.depth - settings.task.margin
     depth = rng.uniform(shallow, deep)
     return depth, min(max(depth + rng.uniform(-1.0, 1.0), shallow), deep)
 
 
 def along(settings: Settings, ends: Array, pillars: Array, south: bool, rng: np.random.Generator) -> Scene:
-    """A scene from the first to the second of two ends (2, 3), or turned round to lead to the south."""
+    """Make a scene from the first to the second of two ends (2, 3), or in reverse to lead south."""
     start, goal = ends[::-1] if south else ends
     heading = np.pi * south + rng.uniform(-settings.task.slant, settings.task.slant)
     return Scene(start, float(heading), goal[None], pillars)
 
 
 def nowhere() -> Array:
-    """No pillars."""
+    """Return an empty array of pillars (0, 2)."""
     return np.empty((0, 2))

@@ -1,4 +1,4 @@
-"""Trajectory tracking: a point that moves along a circle, a helix or a lemniscate."""
+"""Trajectory-tracking tasks: follow a point along a circle, a helix or a lemniscate."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from hydro.rl.tasks.station_keeping import HOLD
 from hydro.rl.tasks.task import Ends, Scene, Task, nowhere
 from hydro.rl.world.config import Reward, Settings
 
-FINE = 4000  # points along a figure by which its length is measured
-BESIDE = 0.5  # greatest distance of the start from the point [m]
+CORNERS = 4000  # corners of a figure; its length is the sum of their distances
+START_DISTANCE = 0.5  # greatest distance of the start from the point [m]
 
 
 class Trajectory(Task):
-    """A point to be followed at an even speed; what is shown for a target is where it will be."""
+    """Point to follow at constant speed; the target in the observation is its future position."""
 
     patience = 2.0
 
     @abstractmethod
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """The corners of one round of the figure (FINE, 3) about the origin, closed or not [m]."""
+        """Draw the corners of one round of the figure (CORNERS, 3) about the origin, closed or open [m]."""
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw figure, place and speed; the vehicle begins beside the point, bow along the way."""
+        """Draw figure, position and speed; the vehicle starts near the point, bow along the figure."""
         world, task = settings.world, settings.task
         corners = self.figure(settings, rng)
-        turn, shift = rng.choice([-1.0, 1.0]), rng.integers(FINE)
+        turn, shift = rng.choice([-1.0, 1.0]), rng.integers(CORNERS)
         corners = np.roll(corners, shift, axis=0)[:: int(turn)] if self._closed(corners) else corners
         room = np.array([world.length, world.width, world.depth]) - task.margin
         centre = rng.uniform(task.margin - corners.min(axis=0), room - corners.max(axis=0))
-        course = centre + self._even(settings, corners, rng.uniform(*settings.trajectory.speed))
+        course = centre + self._at_constant_speed(settings, corners, rng.uniform(*settings.trajectory.speed))
         ahead = course[min(25, len(course) - 1)] - course[0]
         heading = np.arctan2(ahead[1], ahead[0]) + rng.uniform(-task.slant, task.slant)
-        start = course[0] + rng.uniform(-BESIDE, BESIDE, 3) / np.sqrt(3.0)
+        start = course[0] + rng.uniform(-START_DISTANCE, START_DISTANCE, 3) / np.sqrt(3.0)
         return Scene(start, float(heading), course, nowhere())
 
-    def _even(self, settings: Settings, corners: Array, speed: float) -> Array:
-        """Where the point is at every control step (K, 3), round after round at one speed [m/s]."""
+    def _at_constant_speed(self, settings: Settings, corners: Array, speed: float) -> Array:
+        """Return positions of the point at every control step (K, 3), in closed rounds at one speed [m/s]."""
         lead = round(settings.trajectory.lead / settings.period)
         steps = self.steps(settings) + lead + 1
         closed = (
@@ -54,48 +54,48 @@ class Trajectory(Task):
 
     @staticmethod
     def _closed(corners: Array) -> bool:
-        """Whether a figure ends where it begins."""
+        """Return whether a figure ends where it begins."""
         step = np.linalg.norm(corners[1] - corners[0])
         return bool(np.linalg.norm(corners[-1] - corners[0]) < 2.0 * step)
 
     def lead(self, settings: Settings) -> float:
-        """By which a proportional law does not lag behind."""
+        """Return the lead with which a proportional law does not lag behind [s]."""
         return settings.trajectory.lead
 
     def reward(self, settings: Settings) -> Reward:
-        """With a cost of the distance."""
+        """Add the cost of the distance."""
         return replace(super().reward(settings), hold=HOLD)
 
     def ends(self, settings: Settings) -> Ends:
-        """The error counts once the vehicle has gathered way."""
+        """Count the error after the settling time, once the vehicle has gathered speed."""
         given = settings.trajectory
         return Ends(self.steps(settings), given.within, settling=given.settling / settings.period)
 
 
 def _circle(settings: Settings, rng: np.random.Generator) -> Array:
-    """One round of a level circle (FINE, 3)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, FINE, endpoint=False)
+    """Draw one round of a horizontal circle (CORNERS, 3) [m]."""
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     radius = rng.uniform(*settings.trajectory.radius)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(FINE)])
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(CORNERS)])
 
 
 class Circle(Trajectory):
-    """A level circle."""
+    """Horizontal circle."""
 
     name = "circle"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """One round."""
+        """Draw one round (CORNERS, 3) [m]."""
         return _circle(settings, rng)
 
 
 class Helix(Trajectory):
-    """A helix down or up through the water, and back."""
+    """Helix down or up through the water, and back."""
 
     name = "helix"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Two rounds of a circle between the depths that the tank allows."""
+        """Draw two rounds of a circle between depths that fit into the tank (CORNERS, 3) [m]."""
         round_ = _circle(settings, rng)[::2]
         twice = np.vstack([round_, round_])
         room = settings.world.depth - 2.0 * settings.task.margin
@@ -106,12 +106,14 @@ class Helix(Trajectory):
 
 
 class Lemniscate(Trajectory):
-    """A level figure of eight, that of Gerono."""
+    """Horizontal figure of eight: the lemniscate of Gerono."""
 
     name = "lemniscate"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """One round, long ways along the tank."""
-        angle = np.linspace(0.0, 2.0 * np.pi, FINE, endpoint=False)
+        """Draw one round, its long axis along the tank (CORNERS, 3) [m]."""
+        angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         half = rng.uniform(*settings.trajectory.half)
-        return np.column_stack([half * np.sin(angle), half * np.sin(angle) * np.cos(angle), np.zeros(FINE)])
+        return np.column_stack(
+            [half * np.sin(angle), half * np.sin(angle) * np.cos(angle), np.zeros(CORNERS)]
+        )

@@ -1,1 +1,1 @@
-"""The learner, its curriculum, and the folder of a training."""
+"""Learner, curriculum and folder of a training."""

@@ -1,4 +1,4 @@
-"""Fleets of a training: in the student under its condition, in the teacher, or in Stonefish."""
+"""Fleets of a training: in the MuJoCo model (student), the reference simulator (teacher) or Stonefish."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ Simulator = Literal["student", "teacher", "stonefish"]
 
 @dataclass(frozen=True)
 class Builder:
-    """Makes the fleets of a training and of its evaluations.
+    """Factory of the fleets of a training and of its evaluations.
 
     Attributes:
         config: Condition, settings and threads.
-        vehicle: The vehicle file.
-        model: The residual model of the condition, if it flies with one.
-        folder: Folder of the vehicle file, where a hull mesh is looked for.
-        estimates: Covariance of the vehicle file's numbers, where there is one.
-        truth: What is flown in place of the file's vehicle; demands become commands as the file has it.
+        config: Condition, settings and threads.
+        vehicle: Vehicle file, which allocates actions to thrusters.
+        model: Residual model, if the condition has one.
+        folder: Folder of the vehicle file, where hull meshes are.
+        estimates: Covariance of the vehicle file's parameters, if there is one.
+        truth: Vehicle to simulate instead of the one of the file.
     """
 
     config: TrainingConfig
@@ -46,19 +47,18 @@ class Builder:
     def __call__(
         self, count: int, seed: int, simulator: Simulator = "student", trial: Trial | None = None
     ) -> Fleet:
-        """A fleet of `count` vehicles with tasks of a seed; in the setting of a trial, or that of training.
+        """Build a fleet of `count` vehicles with the tasks of a seed, for training or for a trial.
 
         Raises:
             DataError: The vehicle cannot be simulated.
-            UsageError: Stonefish's program is not installed; the condition lacks its residual model, or has
-                one that it does not fly with; or numbers are to be drawn that it does not heed, or of which
-                there is no covariance.
+            UsageError: Stonefish's program is not installed; the residual model is missing or superfluous; or
+                parameters are to be drawn that the condition ignores, or without a covariance.
         """
         settings = self.config.settings if trial is None else trial.of(self.config.settings)
         drawn = settings.randomise
         if (drawn.posterior or drawn.box) and self.config.condition not in conditions.OF_THE_FILE:
             raise UsageError(
-                f"{self.config.condition} does not heed the numbers of the vehicle file's effects: draw them "
+                f"{self.config.condition} ignores the parameters of the vehicle file's effects: draw them "
                 f"with --condition {conditions.EFFECTS}"
             )
         return Fleet(

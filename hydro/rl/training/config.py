@@ -1,4 +1,4 @@
-"""Every choice of a training beside those of its environment, with its default; a run keeps them."""
+"""Settings of a training other than those of its environment, with defaults; a run stores them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from hydro.rl.world.config import Settings
 from hydro.rl.world.planner import Grid
 
 
-def _counted(counts: Mapping[str, int]) -> None:
-    """Refuse a number of things that is below 1."""
+def _require_counts(counts: Mapping[str, int]) -> None:
+    """Check that counts are at least 1."""
     for name, count in counts.items():
         if count < 1:
             raise UsageError(f"{name} is {count}; give 1 or more")
@@ -23,28 +23,27 @@ def _counted(counts: Mapping[str, int]) -> None:
 
 @dataclass(frozen=True)
 class SACConfig:
-    """What SAC is run with; the paper's where it says (IV-C).
+    """Settings of soft actor-critic; those of the paper (IV-C) where it gives them.
 
     Attributes:
         layers: Widths of the hidden layers of actor and critics.
         discount: gamma.
-        horizon: Steps n whose rewards are summed before the critics are asked what follows.  A constant
-            error of the values dies out at (1 - gamma^n) tau per update: with n = 1 in 20,000 of them.
-        tau: Share of the critics that their targets take on in an update.
-        average: Share of the policy that its average takes on in an update.  The average is what is evaluated
-            and kept: a policy that succeeds over many episodes of training may, as it is after any single
-            update, fail one in five.
-        target_entropy: Of the policy, in nats.
-        temperature: First alpha. From 1, it takes 13,000 updates at this rate to come down to where a step's
-            reward weighs as much as its entropy.
-        norm: Whether the critics' hidden layers are normalised (Ball et al. 2023): values of actions that
-            nobody has tried then stay within reach.
-        batch: Transitions of an update.
-        demonstrated: Share of them from demonstrations, where there are any.
-        capacity: Transitions that are kept.
+        horizon: Steps n of an n-step return.  A constant error of the values decays at (1 - gamma^n) tau per
+            update: with n = 1 that takes 20,000 updates.
+        tau: Share of the critics that their target networks adopt per update.
+        average: Share of the policy that its moving average adopts per update.  The average is evaluated and
+            stored.  A policy that succeeds in training may fail one episode in five after a single update.
+        target_entropy: Target entropy of the policy [nats].
+        temperature: Initial alpha.  From 1 it takes 13,000 updates at this learning rate until the reward of
+            a step weighs as much as its entropy.
+        norm: Whether the critics' hidden layers are normalised (Ball et al. 2023), which bounds the values of
+            actions that were never tried.
+        batch: Transitions per update.
+        demonstrated: Share of demonstrations in a batch, if there are any.
+        capacity: Transitions that the replay buffer keeps.
         rate: Learning rate of actor, critics and temperature.
-        random: Steps of all vehicles together that are flown at random before the policy flies.
-        updates: Updates per step of all vehicles together.
+        random: Steps of all vehicles with random actions before the policy acts.
+        updates: Updates per step of all vehicles.
     """
 
     layers: tuple[int, ...] = (256, 256)
@@ -63,13 +62,15 @@ class SACConfig:
     updates: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse what no learning can be run with.
+        """Check the ranges.
 
         Raises:
-            UsageError: A number is too small, or a share is none; the line names it.
+            UsageError: A number is too small, or a share is not within its range; the message names it.
         """
-        _counted({f"sac.{name}": getattr(self, name) for name in ("horizon", "batch", "capacity", "updates")})
-        _counted({"sac.layers": min(self.layers, default=1)})
+        _require_counts(
+            {f"sac.{name}": getattr(self, name) for name in ("horizon", "batch", "capacity", "updates")}
+        )
+        _require_counts({"sac.layers": min(self.layers, default=1)})
         for name in ("discount", "tau", "average"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise UsageError(f"sac.{name} is {getattr(self, name):g}; give a share above 0, at most 1")
@@ -84,19 +85,18 @@ class SACConfig:
 
 @dataclass(frozen=True)
 class Curriculum:
-    """When the curriculum goes on.
+    """Levels of a curriculum, and the conditions that pass them.
 
     Attributes:
-        task: A task to be learnt by itself, at its greatest level; empty: the stages are.
+        task: Task to learn alone, at its greatest level; empty for the stages.
         last: Last stage, 1 to 3.
-        baffles: Numbers of baffles of stage 2, the slalom, one level each; none is open water.
-        pillars: Those of stage 3, the forest.
-        share: Share of episodes without exploration that must succeed.
-        ready: Share of the last episodes of training from which on they are flown; exploration itself makes
-            a policy fail that would not by itself, the more the closer it passes by pillars.
-        window: Episodes that both are taken of.
-        examine: Steps of all vehicles together from one examination to the next, whatever episodes of
-            training come to; 0: when these are `ready`.
+        baffles: Numbers of baffles of stage 2, the slalom, one level each; 0 is open water.
+        pillars: Number of pillars of stage 3, the forest.
+        share: Success rate without exploration that passes a level.
+        ready: Success rate in training that triggers an examination.  It is lower than `share`, because
+            exploration makes a policy fail, especially close to pillars.
+        window: Number of episodes of both rates.
+        examine: Steps of all vehicles between examinations, regardless of `ready`; 0 uses `ready`.
     """
 
     task: str = ""
@@ -109,10 +109,10 @@ class Curriculum:
     examine: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what is no curriculum.
+        """Check that the levels exist.
 
         Raises:
-            UsageError: There is no such stage, task or level, or a share that is none.
+            UsageError: A stage, task or level does not exist, or a share is not within its range.
         """
         if not 1 <= self.last <= len(STAGES):
             raise UsageError(f"there is no stage {self.last}: choose 1 to {len(STAGES)}")
@@ -121,19 +121,21 @@ class Curriculum:
         for name, level in self.levels:
             task_of(name).require(level)
         if not (0.0 < self.share <= 1.0 and 0.0 < self.ready <= 1.0) or self.window < 1:
-            raise UsageError("the curriculum goes on at a share within 0 and 1 of at least one episode")
+            raise UsageError(
+                "curriculum: share and ready need a share within 0 and 1, window at least one episode"
+            )
         if self.examine < 0:
             raise UsageError(f"curriculum.examine is {self.examine}; give a number of steps, or 0")
 
     @property
     def spare(self) -> int:
-        """Episodes of an examination that may fail: with one more the level is not passed."""
+        """Return the number of episodes that may fail in an examination that passes."""
         few = (ok for ok in range(self.window, -1, -1) if ok / self.window < self.share)
         return self.window - next(few) - 1
 
     @property
     def levels(self) -> tuple[tuple[str, int], ...]:
-        """Task and level of every level, in order."""
+        """Return task and level of every level, in order."""
         if self.task:
             alone = task_of(self.task)
             return ((alone.name, alone.most),)
@@ -144,39 +146,43 @@ class Curriculum:
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Everything that a training depends on beside the vehicle and its residual model.
+    """Settings of a training, except the vehicle and its residual model.
+
+    The expert is a hand-written pilot with a map.  The policy first imitates its flights.  Then the policy
+    flies and the expert labels the states that it visits: one such round is a correction.
 
     Attributes:
-        condition: Physics that the vehicles fly under; see `conditions`.
-        conditioning: Preset for the residual model's wrench.
-        seed: Of weights, exploration, batches, tasks and sensor noise.
-        steps: Control steps of all vehicles together at most.
-        vehicles: That fly side by side.
-        threads: Of the updates and of the physics; another number rounds otherwise.
-        evaluate: Steps from one evaluation, and one state kept, to the next.
-        record: Steps from one point of the curves to the next; `evaluate` is a multiple of it.
-        episodes: Of an evaluation.
-        pilot: Share of the goals of the first level that a pilot by hand, who has the map, must reach: less,
-            and the vehicle cannot do the task; 0: he is not asked.
-        demonstrations: Vehicles that a pilot by hand flies, for as long as an episode may last, before a
-            level is learnt; 0: none.
-        clone: Batches by which the policy is made to do as he did before it flies at a level.
-        corrections: Times at most that as many vehicles are then flown by the policy at a level it has not
-            passed, for as long, and it is made to do what he would have done where it came to.  Of all
-            levels then, and the last policy is to pass the last level of every task.
-        lessons: Times at least, at a level that his flights alone did not make it pass. Who has hardly been
-            corrected may pass in the simulator that he was corrected in, and not in another.
-        margin: Distance that the pilot who teaches keeps from pillars where there is room, unless he is led
-            along the policy's way [m].  With the planner's he cuts corners to a tenth of a metre from the
-            hull, and who does nearly as he does hits.
-        pace: His speeds then, in multiples of those that he has in tables.  Who learns from him is no faster.
-        firmness: His demands then for an angle of roll, pitch or heading, likewise.  Where water turns the
-            hull by more than he else stands up to it pitches by tens of degrees, and is slow.
-        push: Standard deviation of demands in roll and pitch, a third of it in the others, that are added to
-            what the policy does with every other vehicle then: a hull in other water trims otherwise.
-        curriculum: When it goes on.
-        sac: The learner.
-        settings: The environment.
+        condition: Physics condition; see `conditions`.
+        conditioning: Preset that limits the wrench of the residual model.
+        seed: Seed of weights, exploration, batches, tasks and sensor noise.
+        steps: Greatest number of control steps of all vehicles.
+        vehicles: Number of parallel vehicles.
+        threads: Threads of updates and physics; another number changes rounding.
+        evaluate: Steps between evaluations; each saves the state.
+        record: Steps between points of the curves; `evaluate` is a multiple of it.
+        episodes: Episodes per evaluation.
+        pilot: Success rate at the first level that the hand-written pilot with a map must reach.  If it is
+            lower, the vehicle cannot do the task.  0 skips this test.
+        demonstrations: Vehicles that the expert flies for one episode's time before a level is learnt; 0
+            disables demonstrations.
+        clone: Batches of imitation before the policy flies at a level, and after each correction.
+        corrections: Greatest number of corrections at a level.  With corrections, the final policy must pass
+            the last level of every task.
+        lessons: Least number of corrections at a level that imitation alone did not pass.  A policy with few
+            corrections may pass in the simulator it was corrected in, and not in another.
+        margin: Distance that the expert keeps from pillars, if there is room and it does not follow the
+            policy's path [m].  With the planner's margin it cuts corners to a tenth of a metre from the hull,
+            and a policy that imitates it inexactly collides.
+        pace: Speeds of the expert, in multiples of the baseline pilot's; it bounds the speed of the policy.
+        firmness: Actions of the expert per angle of roll, pitch and heading, in multiples of the baseline
+            pilot's.  If water turns the hull by more than it can correct, the hull pitches by tens of
+            degrees.
+        push: Standard deviation of the disturbance of the policy's actions in roll and pitch; in the other
+            axes a third of it.  It is applied to every other vehicle in a correction, because other water
+            trims the hull differently.
+        curriculum: Levels and conditions that pass them.
+        sac: Soft actor-critic.
+        settings: Environment.
     """
 
     condition: str = "R_effects"
@@ -202,15 +208,15 @@ class TrainingConfig:
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
-        """Refuse numbers that count nothing, and periods that do not fit together.
+        """Check the ranges, and that the periods are multiples of each other.
 
         Raises:
-            UsageError: A number is below 1, the seed is none, or records and evaluations are no multiples of
-                a step of all vehicles.
+            UsageError: A number or the seed is not within its range, or records and evaluations are not
+                multiples of a step of all vehicles.
         """
         seeds.check(self.seed)
         counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")
-        _counted({name: getattr(self, name) for name in counts})
+        _require_counts({name: getattr(self, name) for name in counts})
         if self.demonstrations < 0 or self.clone < 0:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
         if not 0.0 <= self.push < math.inf:
@@ -225,9 +231,9 @@ class TrainingConfig:
         if not 0.0 <= self.pilot <= 1.0:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
-            raise UsageError("there is nothing to clone without demonstrations; give some")
+            raise UsageError("clone needs demonstrations; give a number of vehicles")
         if self.corrections < 0 or (self.corrections and not self.clone):
-            raise UsageError("corrections are cloned, 0 or more times: give clone a number of batches")
+            raise UsageError("corrections must be 0 or more, and need clone: give clone a number of batches")
         if self.record % self.vehicles or self.evaluate % self.record:
             raise UsageError(
                 f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
@@ -236,7 +242,7 @@ class TrainingConfig:
 
     @property
     def manner(self) -> Manner:
-        """How the pilot who teaches flies."""
+        """Return the tuning of the expert."""
         return Manner(self.margin, self.pace, self.firmness)
 
 
@@ -256,4 +262,4 @@ RECIPES = {
         sac=SACConfig(layers=(128, 128), norm=True, batch=256, random=0),
     ),
 }
-"""Choices that go together: soft actor-critic as in the paper, and begun with what a pilot by hand does."""
+"""Settings by recipe: soft actor-critic as in the paper, and imitation of an expert before it."""

@@ -1,7 +1,7 @@
-"""What a pilot by hand, who has the map, would do: episodes to learn from before and beside one's own.
+"""Demonstrations of the expert, a hand-written pilot with a map, and its labels of the policy's states.
 
-Reinforcement learning with prior data: half of every batch is of demonstrations (Ball et al. 2023, RLPD).
-Where the policy flies itself, he says what he would do there (`training.advice`).
+Half of every batch of reinforcement learning comes from demonstrations (Ball et al. 2023, RLPD).  If the
+policy flies, the expert labels the states that it visits (`training.expert_labels`).
 """
 
 from __future__ import annotations
@@ -20,80 +20,82 @@ from hydro.rl.training.returns import Transition
 
 
 def demonstrations(fleet: Fleet, manner: Manner = PLAIN) -> Iterator[Transition]:
-    """Fly as long as an episode may last, one episode after the other, and tell every step.
+    """Fly for the time of one episode, one episode after the other, and yield every step.
 
-    The pilot swims along a plan, whatever the policy is shown: past pillars, where that is the goal alone, he
-    is the better for knowing the way.
+    The expert follows a planned path, even if the policy only observes the goal; the path makes it better
+    near pillars.
 
     Args:
-        fleet: Vehicles that have not flown yet, its task and level set.
-        manner: How he flies; his margin counts where he is not led along the policy's way.
+        fleet: Vehicles that have not flown yet, with task and level set.
+        manner: Tuning of the expert; its margin applies if it does not follow the policy's path.
     """
     once = np.ones(fleet.count, dtype=np.int64)
-    for observations, actions, _, step in _flown(fleet, manner=manner):
+    for observations, actions, _, step in _fly(fleet, manner=manner):
         ended = step.terminated | step.truncated
         yield Transition(observations, actions, step.reward, step.terminated, ended, step.final_obs, once)
 
 
-PUSHED = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 1.0]) / 3.0
-"""Shares of a push by axis: what the file does not know of a hull turns it most about its level axes."""
-WANDER = 50
-"""Control steps in which a push becomes another."""
+DISTURBANCE = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 1.0]) / 3.0
+"""Relative disturbance by axis; unknown moments of a hull act most in roll and pitch."""
+CORRELATION = 50
+"""Correlation time of the disturbances [control steps]."""
 
 
-class Pushed:
-    """Somebody who flies, and every other vehicle of whose is pushed about (Laskey et al. 2017).
+class Disturbed:
+    """Actor with disturbed actions for every other vehicle (Laskey et al. 2017).
 
-    A hull in other water trims and rolls as none does in the simulator that is learnt in; what to do then is
-    to be seen before.
+    In other water a hull trims and rolls differently than in the simulator of the training.  The disturbances
+    show the policy such states.
     """
 
     def __init__(self, actor: Actor, size: float, seed: int) -> None:
-        """Take a seat beside him.
+        """Disturb an actor.
 
         Args:
-            actor: Who flies.
-            size: Standard deviation of the demand in roll and pitch that is added; see `PUSHED`.
-            seed: Of the pushes, which wander over `WANDER` steps.
+            actor: Policy or pilot.
+            size: Standard deviation of the disturbance in roll and pitch; see `DISTURBANCE`.
+            seed: Seed of the disturbances, which have a correlation time of `CORRELATION` steps.
         """
         self._actor, self._size, self._rng = actor, size, np.random.default_rng([seed, 1 << 33])
-        self._push: Array | None = None
+        self._disturbance: Array | None = None
 
     def __call__(self, observations: Array32) -> Array32:
-        """Demands (N, 6) at observations (N, O), with the pushes in them."""
+        """Return disturbed actions (N, 6) at observations (N, O)."""
         new = self._rng.standard_normal((len(observations), ACTIONS))
-        kept = 1.0 - 1.0 / WANDER
-        self._push = new if self._push is None else kept * self._push + np.sqrt(1.0 - kept**2) * new
-        pushed = self._size * PUSHED * self._push * (np.arange(len(new)) % 2)[:, None]
-        return (self._actor(observations) + pushed).astype(np.float32)
+        kept = 1.0 - 1.0 / CORRELATION
+        self._disturbance = (
+            new if self._disturbance is None else kept * self._disturbance + np.sqrt(1.0 - kept**2) * new
+        )
+        disturbance = self._size * DISTURBANCE * self._disturbance * (np.arange(len(new)) % 2)[:, None]
+        return (self._actor(observations) + disturbance).astype(np.float32)
 
 
 def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[tuple[Array32, Array32]]:
-    """Let somebody else fly, likewise, and tell at every step what the pilot would do in his place.
+    """Fly with an actor for the time of one episode, and yield observations with the expert's actions.
 
     Args:
         fleet: As for `demonstrations`.
-        actor: Who flies.
-        manner: As for `demonstrations`.
+        actor: Policy or pilot that flies.
+        manner: Tuning of the expert.
     """
-    for observations, said, _, _ in _flown(fleet, actor, manner):
-        yield observations, said
+    for observations, expert, _, _ in _fly(fleet, actor, manner):
+        yield observations, expert
 
 
-def habits(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
-    """Let somebody else fly, likewise, and tell at every step what he does."""
-    for observations, _, done, _ in _flown(fleet, actor):
+def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
+    """Fly with an actor for the time of one episode, and yield observations with its own actions."""
+    for observations, _, done, _ in _fly(fleet, actor):
         yield observations, done
 
 
 def mastered(fleet: Fleet) -> float:
-    """Share of the vehicles whose first goal the pilot reaches.
+    """Return the share of vehicles whose first goal the expert reaches.
 
     Args:
         fleet: As for `demonstrations`.
     """
     first, reached = np.ones(fleet.count, dtype=np.bool_), 0
-    for *_, step in _flown(fleet):
+    for *_, step in _fly(fleet):
         reached += int((first & step.info.success).sum())
         first &= ~(step.terminated | step.truncated)
         if not first.any():
@@ -101,19 +103,19 @@ def mastered(fleet: Fleet) -> float:
     return reached / fleet.count
 
 
-def _flown(
+def _fly(
     fleet: Fleet, actor: Actor | None = None, manner: Manner = PLAIN
 ) -> Iterator[tuple[Array32, Array32, Array32, Step]]:
-    """Fly for one episode's time, the pilot himself by default.
+    """Fly for the time of one episode, with the expert by default.
 
     Yields:
-        What is seen (N, O), what the pilot would do and what is done (N, 6), and what comes of it.
+        Observations (N, O), actions of the expert and of the actor (N, 6), and the result of the step.
     """
     pilot, observations = WithMap(fleet, manner), fleet.reset()
     for _ in range(fleet.task.steps(fleet.settings)):
-        said = np.clip(pilot(observations), -1.0, 1.0)
-        done = said if actor is None else actor(observations)
+        expert = np.clip(pilot(observations), -1.0, 1.0)
+        done = expert if actor is None else actor(observations)
         step = fleet.step(done)
         pilot.begun = step.terminated | step.truncated
-        yield observations, said, done, step
+        yield observations, expert, done, step
         observations = step.obs

@@ -1,8 +1,9 @@
-"""When learning counts as diverged; defined before any run, and counted in every one.
+"""Definition of divergence; it was fixed before any run and applies to all.
 
-Of learning: the critic's loss stays above 100 times its running median for 1,000 updates, or the success of
-evaluations, once at half or more, falls to zero and stays there to the end.  Numerical: a loss that is not
-finite, or an episode in which MuJoCo warned or a state was not finite.  Speed alone is no divergence.
+Divergence of learning: the critic's loss stays above 100 times its running median for 1,000 updates.  Or the
+success rate of evaluations reaches a half or more, then falls to zero and stays there to the end.  Numerical
+divergence: a loss that is not finite, or an episode in which MuJoCo warned or a state was not finite.  High
+speed alone is not divergence.
 """
 
 from __future__ import annotations
@@ -12,29 +13,29 @@ from typing import Any
 
 import numpy as np
 
-FACTOR, UPDATES = 100.0, 1_000
-EVERY = 1_000  # updates from one median to the next
-HALF = 0.5
+FACTOR, UPDATES = 100.0, 1_000  # loss in multiples of its median, and updates above it
+EVERY = 1_000  # updates between medians
+HALF = 0.5  # success rate from which a fall to zero counts as divergence
 
 
 class Watch:
-    """Watches the losses and evaluations of one training.
+    """Monitor of the losses and evaluations of one training.
 
     Attributes:
         exploded: Whether the critic's loss has met the definition.
         broken: Whether a loss was not finite.
-        episodes: Episodes that ended in numerical divergence.
+        episodes: Number of episodes that ended in numerical divergence.
     """
 
     def __init__(self) -> None:
-        """Nothing has happened yet."""
+        """Start without losses and evaluations."""
         self.exploded, self.broken, self.episodes = False, False, 0
         self._losses: list[float] = []
         self._median, self._above = math.inf, 0
         self._best, self._last = 0.0, 1.0
 
     def loss(self, critic: float) -> None:
-        """Hear of the critic's loss of an update."""
+        """Record the critic's loss of an update."""
         self.broken |= not math.isfinite(critic)
         self._losses.append(critic)
         if len(self._losses) % EVERY == 0:
@@ -43,17 +44,17 @@ class Watch:
         self.exploded |= self._above >= UPDATES
 
     def evaluation(self, success: float) -> None:
-        """Hear of the share of successes of an evaluation."""
+        """Record the success rate of an evaluation."""
         self._best, self._last = max(self._best, success), success
 
     @property
     def collapsed(self) -> bool:
-        """Whether evaluations now fail altogether after half of them, or more, succeeded."""
+        """Return whether the last evaluation fails completely after one with at least half success."""
         return self._best >= HALF and self._last == 0.0
 
     @property
     def verdict(self) -> str:
-        """What has diverged: `numerical`, `critic`, `success` or nothing; the first of them that holds."""
+        """Return the first kind of divergence found: `numerical`, `critic`, `success`, or an empty text."""
         found = {
             "numerical": self.broken or self.episodes > 0,
             "critic": self.exploded,
@@ -62,11 +63,11 @@ class Watch:
         return next((name for name, holds in found.items() if holds), "")
 
     def state(self) -> dict[str, Any]:
-        """Everything that the future depends on."""
+        """Return the complete state."""
         return {name: value for name, value in vars(self).items() if name != "_losses"} | {
             "_losses": np.array(self._losses, dtype=np.float32)
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a `state`."""
+        """Restore a `state`."""
         vars(self).update(state | {"_losses": state["_losses"].tolist()})

@@ -1,4 +1,4 @@
-"""Flying a policy without exploration: whether it arrives, how soon, at what cost, and where it goes."""
+"""Evaluation of a policy without exploration: outcome, time, energy and path of episodes."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from hydro.rl.environment.interfaces import Step
 from hydro.rl.training.pilots import Actor, WithMap
 
 POLICY = "policy"
-"""Who flies, where it is not a pilot by hand."""
+"""Label of the policy in the column `flown_by`; pilots have their own names."""
 
-OUTCOMES = ("success", "collision", "diverged", "time")
-CONFIDENCE = 0.95
+OUTCOMES = ("success", "collision", "diverged", "time")  # values of the column `outcome`
+CONFIDENCE = 0.95  # of the intervals of shares
 POSITION = ("x", "y", "z")
 RARE = ("tracking_error", "alternating")
-"""What not every flight has."""
+"""Columns that are null for some flights."""
 
 
 def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
-    """Fly one episode with every vehicle of a fleet that has not flown yet; it then rests.
+    """Fly one episode with every vehicle of a fleet that has not flown yet.
 
     Args:
-        actor: The policy, or a pilot.
-        fleet: As many vehicles as episodes are wanted, its task and level set.
-        spare: Episodes that may fail: the next failure ends the flying. Episodes that have not ended by then
-            are left out, and how far the others were off their way is not asked.
+        actor: Policy or pilot.
+        fleet: One vehicle per episode, with task and level set.
+        spare: Number of failures allowed; the next failure stops all flights.  Unfinished episodes are then
+            dropped, and tracking errors are not computed.
 
     Returns:
         The episodes, a table of kind `episodes`.
@@ -51,14 +51,16 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
         observations = step.obs
         places.append(fleet.plant.pose[:, :3].copy())
         for k in map(int, np.flatnonzero(flying & (step.terminated | step.truncated))):
-            rows[k] = _ended(step, k, fleet.settings.period)
+            rows[k] = _episode_row(step, k, fleet.settings.period)
             failed += rows[k]["outcome"] != OUTCOMES[0]
             flying[k], lengths[k], errors[k] = False, step.info.episode_length[k], step.info.episode_error[k]
     ended, flown = sorted(rows), np.array(places)
     if fleet.task.ends(fleet.settings).settling < 0.0:
         errors[:] = np.nan
         if not flying.any():
-            errors[:] = _off(Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths)
+            errors[:] = _path_errors(
+                Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths
+            )
     frame = pl.DataFrame([{"task": fleet.task.name, "level": fleet.level} | rows[k] for k in ended])
     weaved = [alternating(flown[: lengths[k], k], pillars[k]) for k in ended]
     columns: dict[str, Any] = {"tracking_error": errors[ended], "alternating": weaved}
@@ -69,16 +71,16 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
     )
 
 
-def _off(
+def _path_errors(
     chart: Guidance, scenes: tuple[Array, Array, Array], flown: Array, lengths: NDArray[np.int64]
 ) -> Array:
-    """Root mean square distance of flights from the ways that a planner plans, (N,) [m].
+    """Return root mean square distances of flights from the paths of the planner (N,) [m].
 
     Args:
-        chart: Plans them.
-        scenes: Starts, goals (N, 3) and pillars (N, P, 2), NED [m].
+        chart: Path planner and follower.
+        scenes: Starts and goals (N, 3) and pillars (N, P, 2), NED [m].
         flown: Positions after every step (K + 1, N, 3), the starts first.
-        lengths: Steps of every flight (N,); the last one, behind which it is over, does not count.
+        lengths: Number of steps of every flight (N,); the last step, which ends it, does not count.
     """
     every = np.ones(len(lengths), dtype=np.bool_)
     chart.reset(every, *scenes)
@@ -90,16 +92,16 @@ def _off(
 
 
 def alternating(way: Array, pillars: Array) -> float | None:
-    """Share of the obstacles passed that were passed on the other side than the one before.
+    """Return the share of passed obstacles that were passed on the other side than the previous one.
 
-    Pillars that are equally far north are one obstacle, a baffle, and passed where the nearest of them is.
+    Pillars with the same north coordinate are one obstacle, a baffle.  The nearest of them decides the side.
 
     Args:
         way: Positions along a flight (K, 3), NED [m].
-        pillars: Axes of the pillars (P, 2), NaN where there is none.
+        pillars: Axes of the pillars (P, 2), NaN in unused rows.
 
     Returns:
-        1 where it weaves through all, 0 where it goes round them; None where fewer than two are passed.
+        1 for a flight that weaves through all, 0 for one around them; None if fewer than two are passed.
     """
     standing = pillars[np.isfinite(pillars).all(axis=1)]
     sides = []
@@ -113,16 +115,16 @@ def alternating(way: Array, pillars: Array) -> float | None:
 
 
 class Flight(NamedTuple):
-    """One episode as it was flown.
+    """Recorded flight of one episode.
 
     Attributes:
-        t: Times [s], (K,).
+        t: Times (K,) [s].
         pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (K, 7).
-        targets: What it swam to (K, 3), NED [m].
+        targets: Targets shown to the actor (K, 3), NED [m].
         goal: (3,), NED [m].
         pillars: Axes of the pillars (P, 2), NED [m].
-        way: Corners of the planned way, or the trajectory to be followed (W, 3), NED [m]; none without.
-        outcome: How it ended.
+        way: Corners of the planned path, or the trajectory to follow (W, 3), NED [m]; empty without either.
+        outcome: One of `OUTCOMES`.
     """
 
     t: Array
@@ -135,7 +137,7 @@ class Flight(NamedTuple):
 
 
 def trace(actor: Actor, fleet: Fleet) -> Flight:
-    """Fly one episode of a fleet of one vehicle that has not flown yet, and keep where it went."""
+    """Fly one episode with a fleet of one vehicle that has not flown yet, and record the flight."""
     observations = fleet.reset()
     goal, pillars = fleet.goals[0].copy(), fleet.pillars[0]
     standing = pillars[np.isfinite(pillars).all(axis=1)].copy()
@@ -154,14 +156,14 @@ def trace(actor: Actor, fleet: Fleet) -> Flight:
         targets.append(fleet.targets[0].copy())
         goals.append(fleet.goals[0].copy())
     t: Array = fleet.settings.period * np.arange(len(poses), dtype=np.float64)
-    outcome = _ended(step, 0, fleet.settings.period)["outcome"]
+    outcome = _episode_row(step, 0, fleet.settings.period)["outcome"]
     if len(way) == 0 and (goals[0] != goals[-1]).any():
         way = np.array(goals)
     return Flight(t, np.array(poses), np.array(targets), goal, standing, way, outcome)
 
 
-def _ended(step: Step, k: int, period: float) -> dict[str, Any]:
-    """One episode, at its last step."""
+def _episode_row(step: Step, k: int, period: float) -> dict[str, Any]:
+    """Return the row of one episode at its last step."""
     info = step.info
     outcome = next((name for name in OUTCOMES[:-1] if getattr(info, name)[k]), OUTCOMES[-1])
     return {
@@ -176,16 +178,16 @@ def _ended(step: Step, k: int, period: float) -> dict[str, Any]:
 
 
 def summary(episodes: pl.DataFrame) -> dict[str, Any]:
-    """What a set of episodes comes to.
+    """Summarise a set of episodes.
 
     Args:
-        episodes: What `fly` returns.
+        episodes: Table from `fly`.
 
     Returns:
         `episodes`; `success` with `success_low`, `success_high` (Wilson, 95 %); shares of `collision` and
-        `diverged`; means of `reward`, `energy` and `overspeed`; `time_to_goal`, median of those that arrived,
-        None where none did; `tracking_error`, r.m.s. over episodes; and mean `alternating`, None where
-        nothing is passed.
+        `diverged`; means of `reward`, `energy` and `overspeed`.  `time_to_goal`: median of the successful
+        episodes, or None.  `tracking_error`: root mean square over episodes.  `alternating`: mean, or None
+        without obstacles.
     """
     count = episodes.height
     arrived = episodes.filter(pl.col("outcome") == "success")
@@ -204,6 +206,6 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
 
 
 def interval(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's interval of a share, 95 %."""
+    """Return Wilson's 95 % interval of a share."""
     found = scipy.stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
     return float(found.low), float(found.high)

@@ -1,7 +1,7 @@
-"""Transitions packed for a checkpoint, without loss: what follows is mostly seen later, and kept once.
+"""Lossless packing of transitions for a checkpoint; equal observations are stored once.
 
-Numbers stand column by column in Parquet, their bytes split by significance and compressed (zstd): those of
-neighbouring steps begin alike.
+The following observation of a transition is usually the observation of a later one.  Parquet columns hold
+the numbers, with byte-stream split and zstd compression, because neighbouring steps have similar values.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-SEEN, FOLLOWING = "observation", "next.observation"
-NOWHERE = -1
-"""In place of a row's number: what follows it is seen nowhere, and kept by itself."""
+SEEN, FOLLOWING = "observation", "next.observation"  # columns before and after a step
+UNLINKED = -1
+"""Link of a following observation that equals no observation of a transition; it is stored separately."""
 ROWS = 1 << 16
-"""Of a row group."""
+"""Rows of a row group."""
 
 Packed = dict[str, Any]
 
 
 def pack(transitions: dict[str, Tensor]) -> Packed:
-    """Columns of transitions, (K, ...) each, as bytes of Parquet tables; nothing where there are none."""
+    """Pack columns of transitions (K, ...) into bytes of Parquet tables; an empty dict stays empty."""
     if not transitions:
         return {}
     columns = {name: tensor.numpy() for name, tensor in transitions.items()}
     shapes = {name: list(column.shape[1:]) for name, column in columns.items() if name != FOLLOWING}
     if FOLLOWING not in columns:
-        return {"shapes": shapes, "columns": _written(columns), "order": list(transitions)}
-    link, alone = _linked(columns[SEEN], columns.pop(FOLLOWING))
+        return {"shapes": shapes, "columns": _write(columns), "order": list(transitions)}
+    link, alone = _link(columns[SEEN], columns.pop(FOLLOWING))
     return {
         "shapes": shapes,
-        "columns": _written(columns | {"link": link}),
-        "alone": _written({FOLLOWING: alone}),
+        "columns": _write(columns | {"link": link}),
+        "alone": _write({FOLLOWING: alone}),
         "order": list(transitions),
     }
 
 
 def unpack(packed: Packed) -> dict[str, Tensor]:
-    """The transitions that were packed, bit for bit."""
+    """Unpack transitions, bit for bit."""
     if not packed:
         return {}
     columns, width = _read(packed["columns"]), packed["shapes"][SEEN]
@@ -51,21 +51,21 @@ def unpack(packed: Packed) -> dict[str, Tensor]:
         return {name: torch.from_numpy(made[name]) for name in packed["order"]}
     link = columns["link"][:, 0]
     following = made[SEEN][np.maximum(link, 0)]
-    following[link == NOWHERE] = _read(packed["alone"])[FOLLOWING].reshape(-1, *width)
+    following[link == UNLINKED] = _read(packed["alone"])[FOLLOWING].reshape(-1, *width)
     made[FOLLOWING] = following
     return {name: torch.from_numpy(made[name]) for name in packed["order"]}
 
 
-def _linked(seen: NDArray[Any], following: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Row of `seen` (K, O) that each of `following` (K, O) is, (K,), and those that are none of them."""
+def _link(seen: NDArray[Any], following: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """Return the row of `seen` (K, O) equal to each of `following` (K, O), and those without a match."""
     number = {row.tobytes(): k for k, row in enumerate(np.ascontiguousarray(seen))}
-    found = [number.get(row.tobytes(), NOWHERE) for row in np.ascontiguousarray(following)]
+    found = [number.get(row.tobytes(), UNLINKED) for row in np.ascontiguousarray(following)]
     link = np.array(found, dtype=np.int64)
-    return link, following[link == NOWHERE]
+    return link, following[link == UNLINKED]
 
 
-def _written(columns: dict[str, NDArray[Any]]) -> Tensor:
-    """Columns (K, ...) as the bytes of a Parquet file, a number of a row in a column of its own."""
+def _write(columns: dict[str, NDArray[Any]]) -> Tensor:
+    """Write columns (K, ...) as the bytes of a Parquet file with one column per number of a row."""
     flat = {
         f"{name}/{i}": pa.array(np.ascontiguousarray(part))
         for name, column in columns.items()
@@ -81,7 +81,7 @@ def _written(columns: dict[str, NDArray[Any]]) -> Tensor:
 
 
 def _read(content: Tensor) -> dict[str, NDArray[Any]]:
-    """Columns of a file that `_written` wrote, (K, numbers of a row) each."""
+    """Read the columns of `_write`, (K, numbers of a row) each."""
     table = pq.read_table(pa.py_buffer(content.numpy().tobytes()))
     parts: dict[str, list[NDArray[Any]]] = {}
     for name in table.column_names:

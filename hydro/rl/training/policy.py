@@ -1,4 +1,4 @@
-"""A policy by itself: what a training leaves behind, and what flies in evaluations."""
+"""Trained policy: the result of a training, and the actor of evaluations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hydro.rl.environment.encoding import Encoding
 
 
 def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = False) -> nn.Module:
-    """Linear layers with ReLU between them, behind layer normalisation where that is wanted."""
+    """Make linear layers with ReLU between them, and layer normalisation on request."""
     shapes = [{"normalized_shape": width} for width in widths]
     normed = {"norm_class": nn.LayerNorm, "norm_kwargs": shapes} if norm else {}
     made: nn.Module = MLP(
@@ -28,19 +28,19 @@ def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = F
 
 
 def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
-    """Encoded observations (..., O) to mean and scale (..., A) of the normal under the tanh."""
+    """Make the network from encoded observations (..., O) to mean and scale (..., A) under the tanh."""
     return nn.Sequential(layers(observations, 2 * actions, widths), NormalParamExtractor())
 
 
 @dataclass(frozen=True)
 class Policy:
-    """A trained policy; called with observations it gives actions without exploration.
+    """Trained policy; a call with observations returns actions without exploration.
 
     Attributes:
-        widths: Of the hidden layers.
-        encoding: Of observations (O,) for the network.
+        widths: Widths of the hidden layers.
+        encoding: Encoding of observations (O,) for the network.
         weights: Tensors of `network` by name.
-        training: How it came about; JSON values.
+        training: Description of the training; JSON values.
     """
 
     widths: tuple[int, ...]
@@ -52,7 +52,7 @@ class Policy:
         """Build the network.
 
         Raises:
-            DataError: The tensors are not those of such a network.
+            DataError: The tensors do not fit the layers.
         """
         tensors = {name: torch.from_numpy(np.array(each)) for name, each in self.weights.items()}
         actions = len(next(reversed(tensors.values()))) // 2 if tensors else 0
@@ -60,23 +60,23 @@ class Policy:
         try:
             built.load_state_dict(tensors)
         except RuntimeError as error:
-            raise DataError(f"policy: its tensors are not those of layers {list(self.widths)}") from error
+            raise DataError(f"policy: its tensors do not fit layers {list(self.widths)}") from error
         object.__setattr__(self, "_network", built)
 
     @torch.no_grad()
     def __call__(self, observations: Array32) -> Array32:
-        """Actions (N, A) at observations (N, O) in SI units: the median of what it would draw."""
+        """Return actions (N, A) at observations (N, O) in SI units: the median of the distribution."""
         return median(self._network, self.encoding(observations))  # type: ignore[attr-defined]
 
 
 def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
-    """What an `Encoding` of this scale, these of which fade, gives of observations (..., O), in tensors."""
+    """Encode observations (..., O) as `Encoding` does, with tensors of its scale and fades."""
     given = observations / scale
     return torch.where(fades, torch.exp(-given), given)
 
 
-class Whole(nn.Module):
-    """A policy and its encoding as one module: observations (N, O) in SI units to actions (N, A)."""
+class EncodedPolicy(nn.Module):
+    """Policy and its encoding as one module: observations (N, O) in SI units to actions (N, A)."""
 
     scale: Tensor
     fades: Tensor
@@ -88,7 +88,7 @@ class Whole(nn.Module):
         self.register_buffer("fades", torch.from_numpy(policy.encoding.fades.copy()))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """The median of what the policy would draw."""
+        """Return the median of the policy's distribution."""
         mean, _ = self.layers(encoded(observations, self.scale, self.fades)).chunk(2, dim=-1)
         actions: Tensor = mean.tanh()
         return actions
@@ -96,6 +96,6 @@ class Whole(nn.Module):
 
 @torch.no_grad()
 def median(network: nn.Module, encoded: Array32) -> Array32:
-    """The policy's most likely actions (N, A) at encoded observations (N, O)."""
+    """Return the policy's median actions (N, A) at encoded observations (N, O)."""
     actions: Array32 = network(torch.from_numpy(encoded))[0].tanh().numpy()
     return actions

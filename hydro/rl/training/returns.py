@@ -1,4 +1,4 @@
-"""Rewards of several steps ahead: values then travel further in an update than one control step (ADR 7)."""
+"""n-step returns: values propagate over n control steps per update (ADR 7)."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from hydro.core.columns import Array32, Mask
 
 
 class Transition(NamedTuple):
-    """A step of N vehicles, or several of them seen as one.
+    """Transition of N vehicles, of one step or n steps.
 
     Attributes:
-        observations: Before it (N, O).
-        actions: (N, A); of several steps, the first.
-        rewards: (N,); of several steps, their discounted sum.
-        terminated: An episode ended for good, (N,).
-        ended: It ended, be it by time alone, (N,).
+        observations: Observations before it (N, O).
+        actions: (N, A); of n steps, the first.
+        rewards: (N,); of n steps, their discounted sum.
+        terminated: Whether the episode terminated (N,).
+        ended: Whether the episode terminated or was truncated (N,).
         following: Observations after it, before any new episode (N, O).
-        steps: How many steps it is, (N,).
+        steps: Number of steps (N,).
     """
 
     observations: Array32
@@ -39,17 +39,17 @@ Step = TypeVar("Step")
 
 
 class Window(ABC, Generic[Step]):
-    """A window over the last steps: it gives each with the rewards of those after it, once they are known."""
+    """Window over the last steps that returns n-step transitions."""
 
     def __init__(self, steps: int, discount: float) -> None:
-        """Make an empty window of so many steps, gamma = `discount` from one to the next."""
+        """Make an empty window of n steps with the discount gamma per step."""
         self._discount = discount
         self._window: deque[Step] = deque(maxlen=steps)
 
     def add(self, step: Step) -> Step | None:
-        """Add the next step; give the oldest of the window with what followed, or nothing while it fills.
+        """Add a step; return the n-step transition of the oldest step, or None while the window fills.
 
-        What lies beyond the end of an episode does not count: its last steps look less far.
+        A transition stops at the end of an episode, so the last steps of an episode cover fewer than n steps.
         """
         self._window.append(step)
         if len(self._window) < (self._window.maxlen or 1):
@@ -59,14 +59,14 @@ class Window(ABC, Generic[Step]):
 
     @abstractmethod
     def _together(self, first: Step, later: Sequence[Step]) -> Step:
-        """A step and those after it, seen as one."""
+        """Combine a step and the following ones into one n-step transition."""
 
 
 class Horizon(Window[Transition]):
-    """The window over steps in arrays."""
+    """Window of n-step returns for arrays."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
-        """A step and those after it, seen as one."""
+        """Combine a step and the following ones into one n-step transition."""
         rewards, steps = first.rewards.copy(), first.steps.copy()
         terminated, ended, following = first.terminated.copy(), first.ended.copy(), first.following.copy()
         for each in later:
@@ -78,10 +78,10 @@ class Horizon(Window[Transition]):
         return Transition(first.observations, first.actions, rewards, terminated, ended, following, steps)
 
     def state(self) -> list[Transition]:
-        """Everything that the future depends on: the steps in the window."""
+        """Return the complete state: the steps in the window."""
         return list(self._window)
 
     def restore(self, steps: Iterable[Iterable[Any]]) -> None:
-        """Go on from the `state` of a window of as many steps."""
+        """Restore the `state` of a window of the same length."""
         self._window.clear()
         self._window.extend(Transition(*step) for step in steps)

@@ -1,16 +1,17 @@
-"""The folder of a training: its tables, and the state from which it goes on after a kill.
+"""Folder of a training: its tables, and the checkpoint from which it continues after an interruption.
 
-    run.parquet          every choice, with the vehicle file in its footer
-    model.parquet        the residual model, where its condition flies with one
-    covariance.parquet   the covariance of the vehicle file's numbers, where one lies beside it
-    curves.parquet       how learning went
-    evaluations.parquet  how the policy did without exploration
-    policy.parquet       what it has learnt so far
-    policy-TASK.parquet  what passed the last level of a task, before it learnt on for the next
-    checkpoint.pt        everything that its future depends on
+    run.parquet          all settings, with the vehicle file in its footer
+    model.parquet        residual model, if the condition has one
+    covariance.parquet   covariance of the vehicle file's parameters, if there is one
+    curves.parquet       learning curves
+    evaluations.parquet  results of the policy without exploration
+    policy.parquet       current policy
+    policy-TASK.parquet  policy that passed the last level of a task
+    checkpoint.pt        complete state of the training
 
-The tables are written before the checkpoint, each whole or not at all; going on rewrites them, so that a kill
-between them leaves nothing wrong. No file holds a clock: the same choices give the same bytes.
+Each table is written atomically, and the checkpoint last.  A training that continues writes all tables
+again, so an interruption between them does no harm.  No file contains a time: equal settings give equal
+bytes.
 """
 
 from __future__ import annotations
@@ -43,16 +44,16 @@ CURVES, EVALUATIONS = "curves.parquet", "evaluations.parquet"
 STAGE = "rl train"
 AGAIN = "perhaps an earlier version wrote it: train again with `hydro rl train`"
 RENAMED = {"ladder": "curriculum"}
-"""Groups of choices whose name in version 0.1 was another."""
+"""Groups of settings that version 0.1 called otherwise, with their present names."""
 
 
 def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact | None) -> Artefact:
-    """The table of a training's choices, made from its vehicle and of what else there is.
+    """Make the table of a training's settings, with its vehicle file and other inputs.
 
     Args:
-        config: The choices.
+        config: The settings.
         vehicle_text: Text of the vehicle file.
-        sources: Residual model, covariance of the file's numbers, and the policy to start from.
+        sources: Residual model, covariance of the file's parameters, and the policy to start from.
     """
     choices = _choices(config)
     frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
@@ -64,15 +65,17 @@ def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact |
 
 
 def config_of(run: Artefact) -> TrainingConfig:
-    """The choices in a run's table.
+    """Return the settings in the table of a run.
 
     Raises:
-        DataError: it is not of this version, whose choices are others.
+        DataError: Another version with other settings wrote the table.
     """
     choices = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
     if strange := sorted(choices.keys() ^ _choices(TrainingConfig()).keys()):
-        # A choice that is left out is not its default: there was none, and something else was done.
-        raise DataError(f"run: not a training of this version, for its {strange[0]}: train again")
+        # A missing setting must not take its default: the version without it behaved otherwise.
+        raise DataError(
+            f"run: not a training of this version: setting {strange[0]} is missing or unknown: train again"
+        )
     try:
         return _config(choices)
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -80,14 +83,14 @@ def config_of(run: Artefact) -> TrainingConfig:
 
 
 def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfig:
-    """A config with some choices made otherwise.
+    """Return a config with some settings replaced.
 
     Args:
         config: The config.
-        choices: Values in JSON by name with dots, such as `{"sac.batch": "256"}`; names of today or before.
+        choices: JSON values by dotted name, such as `{"sac.batch": "256"}`; old names are accepted.
 
     Raises:
-        UsageError: There is no such choice, or not of such a value.
+        UsageError: A name is unknown, or its value is invalid.
     """
     known = _choices(config)
     choices = {current_name(name): value for name, value in choices.items()}
@@ -103,18 +106,18 @@ def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfi
 
 
 def current_name(name: str) -> str:
-    """What a choice is called today that an earlier version called `name`."""
+    """Return the present name of a setting; earlier versions called some groups otherwise."""
     group, dot, rest = name.partition(".")
     return f"{RENAMED.get(group, group)}{dot}{rest}"
 
 
 def _choices(config: TrainingConfig) -> dict[str, str]:
-    """Choices in JSON, by name with dots."""
+    """Return the settings as JSON values by dotted name."""
     return dict(_flat(msgspec.to_builtins(config)))
 
 
 def _config(flat: Mapping[str, str]) -> TrainingConfig:
-    """The config of choices by name with dots."""
+    """Build a config from settings by dotted name."""
     nested: dict[str, Any] = {}
     for name, value in flat.items():
         *groups, last = name.split(".")
@@ -126,7 +129,7 @@ def _config(flat: Mapping[str, str]) -> TrainingConfig:
 
 
 def _flat(nested: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Names with dots, and values in JSON, of nested choices."""
+    """Flatten nested settings to dotted names and JSON values."""
     flat: list[tuple[str, str]] = []
     for name, value in nested.items():
         if isinstance(value, Mapping):
@@ -137,24 +140,24 @@ def _flat(nested: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
 
 
 class Folder:
-    """A training's folder.
+    """Folder of a training.
 
     Attributes:
-        path: Where it is.
+        path: Path of the folder.
     """
 
     def __init__(self, path: Path) -> None:
-        """Name the folder; nothing is read or written."""
+        """Store the path; nothing is read or written."""
         self.path = path
 
     def state(self, run: Artefact) -> dict[str, Any] | None:
-        """The state that a training has left here, to go on from; None where there is none.
+        """Return the state to continue from; None without a checkpoint.
 
         Args:
-            run: What is to be trained; it may have had other steps and another curriculum before.
+            run: Table of the settings; the steps and the curriculum may differ from the earlier run.
 
         Raises:
-            DataError: The folder belongs to another training, or what is in it is broken.
+            DataError: The folder belongs to another training, or its content is broken.
         """
         if (self.path / RUN).exists():
             self._require_same(run)
@@ -163,10 +166,10 @@ class Folder:
         return _read_state(self.path / CHECKPOINT)
 
     def begin(self, run: Artefact, model: Artefact | None, covariance: Artefact | None = None) -> None:
-        """Make the folder, with the choices and copies of the residual model and the covariance.
+        """Make the folder, and write the settings and copies of the residual model and the covariance.
 
-        Call it once the training itself stands: a folder with choices that cannot be trained is in the way of
-        those that can.
+        Call it after the training was constructed.  Otherwise invalid settings would leave a folder that
+        blocks a valid training.
 
         Raises:
             DataError: The operating system refuses.
@@ -189,54 +192,54 @@ class Folder:
             names = ", ".join(n for n in changed["name"] if n != "steps" and not n.startswith("curriculum."))
             raise DataError(
                 f"{self.path}: holds a training with other {names or 'inputs'}: give another folder, or the "
-                "same choices to go on"
+                "same choices to continue"
             )
 
     def save(self, training: Training, run: Artefact) -> None:
-        """Keep what a training has come to: its tables, then its state."""
+        """Write the tables of a training, then its checkpoint."""
         config, tables = training.config, training.tables()
         for kind, name in (("curves", CURVES), ("evaluations", EVALUATIONS)):
             made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
             table.write(made, self.path / name)
         table.write(policy_artefact(training.policy(), run, config.seed), self.path / POLICY)
-        for task, policy in training.masters.items():
-            table.write(policy_artefact(policy, run, config.seed), self._master(task))
+        for task, policy in training.task_policies.items():
+            table.write(policy_artefact(policy, run, config.seed), self._task_policy(task))
         _write_state(training.state(), self.path / CHECKPOINT)
 
     def config(self) -> TrainingConfig:
-        """Its config."""
+        """Return the settings of the training."""
         return config_of(self.run())
 
     def evaluations(self) -> Artefact:
-        """How the policy did without exploration.
+        """Return the evaluations of the policy without exploration.
 
         Raises:
-            DataError: There is no such table, or it is broken.
+            DataError: The table is missing or broken.
         """
         return table.read(self.path / EVALUATIONS, "evaluations")
 
     def run(self) -> Artefact:
-        """The table of its choices.
+        """Return the table of the settings.
 
         Raises:
-            DataError: There is none, or it is broken.
+            DataError: The table is missing or broken.
         """
         return table.read(self.path / RUN, "run")
 
     def model(self) -> Artefact | None:
-        """The residual model that its condition flies with, if it does."""
+        """Return the residual model of the condition, if it has one."""
         return table.read(self.path / MODEL, "model") if (self.path / MODEL).exists() else None
 
     def covariance(self) -> Artefact | None:
-        """The covariance of the vehicle file's numbers, where there was one."""
+        """Return the covariance of the vehicle file's parameters, if there is one."""
         there = (self.path / COVARIANCE).exists()
         return table.read(self.path / COVARIANCE, "covariance") if there else None
 
     def learnt(self) -> dict[str, Any]:
-        """The state of its learner, for another training to begin with.
+        """Return the state of the learner, as a start for another training.
 
         Raises:
-            DataError: There is no checkpoint, or it is broken.
+            DataError: The checkpoint is missing or broken.
         """
         if not (self.path / CHECKPOINT).exists():
             raise DataError(f"{self.path}: no {CHECKPOINT} to start from: give the folder of a training")
@@ -244,24 +247,24 @@ class Folder:
         return learner
 
     def policy(self, task: str | None = None) -> tuple[Policy, Artefact]:
-        """What it has learnt.
+        """Return a policy and its artefact.
 
         Args:
-            task: By default what it has learnt last; else what passed a task, where one has.
+            task: Return the policy that passed this task, if one did; by default the current policy.
 
         Raises:
-            DataError: There is no policy yet, or it is broken.
+            DataError: The policy is missing or broken.
         """
-        master = None if task is None else self._master(task)
-        found = table.read(master if master and master.exists() else self.path / POLICY, "policy")
+        of_task = None if task is None else self._task_policy(task)
+        found = table.read(of_task if of_task and of_task.exists() else self.path / POLICY, "policy")
         return policy_of(found), found
 
-    def _master(self, task: str) -> Path:
+    def _task_policy(self, task: str) -> Path:
         return self.path / f"policy-{task}.parquet"
 
 
 class Reached(TypedDict):
-    """What a training has come to, as far as it is read again."""
+    """Progress of a training as stored with a policy."""
 
     steps: int
     task: str
@@ -269,7 +272,7 @@ class Reached(TypedDict):
 
 
 class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy's footer says beside its tensors: layers, encoding and training; see `Policy`."""
+    """Description of a policy in the footer of its table: layers, encoding and training; see `Policy`."""
 
     widths: Annotated[tuple[models.Width, ...], msgspec.Meta(max_length=64)]
     scale: tuple[float, ...]
@@ -278,7 +281,7 @@ class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
-    """A policy as a table of tensors."""
+    """Make the table of a policy's tensors."""
     tensors = policy.weights
     frame = pl.DataFrame(
         {
@@ -298,28 +301,28 @@ def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
 
 
 def policy_of(artefact: Artefact) -> Policy:
-    """The policy in an artefact of kind `policy`.
+    """Return the policy in an artefact of kind `policy`.
 
     Raises:
-        DataError: The footer does not describe one.
+        DataError: The footer does not describe a policy.
     """
-    said = models.described(artefact, DescribedPolicy, AGAIN)
+    described = models.described(artefact, DescribedPolicy, AGAIN)
     return Policy(
-        said.widths,
-        Encoding(np.array(said.scale, np.float32), np.array(said.fades, np.bool_)),
+        described.widths,
+        Encoding(np.array(described.scale, np.float32), np.array(described.fades, np.bool_)),
         models.tensors(artefact),
         (artefact.provenance.model or {})["training"],
     )
 
 
 def _write_state(state: dict[str, Any], path: Path) -> None:
-    """Keep a state, whole or not at all, with its hash."""
+    """Write a state atomically, with its hash."""
     with sealed.writing(path) as stream:
         torch.save(_interned(_each(state, np.ndarray, torch.from_numpy)), stream)
 
 
 def _read_state(path: Path) -> dict[str, Any]:
-    """A state that was kept; the learner's tensors as they were, all else in arrays.
+    """Read a state; the learner's tensors stay tensors, all others become arrays.
 
     Raises:
         DataError: The file is broken.
@@ -330,7 +333,7 @@ def _read_state(path: Path) -> dict[str, Any]:
         learner = state.pop("learner")
     except DataError as error:
         raise DataError(f"{error}: remove it to train again") from error
-    except Exception as error:  # whatever torch's unpickler comes across, or a state without a learner
+    except Exception as error:  # any error of torch's unpickler, or a state without a learner
         raise DataError(
             f"{path}: cannot be read: remove it to train again ({type(error).__name__})"
         ) from error
@@ -338,10 +341,11 @@ def _read_state(path: Path) -> dict[str, Any]:
 
 
 def _interned(nested: Any) -> Any:
-    """The same values with equal texts as one object.
+    """Return the same values with equal texts as one object.
 
-    Pickle writes an object once and refers to it afterwards: texts that were read back are other objects than
-    those of the program, and a training that went on would have other bytes than one that never stopped.
+    Pickle writes an object once and refers to it afterwards.  Texts read back from a file are other objects
+    than those of the program.  Without interning, a continued training would write other bytes than an
+    uninterrupted one.
     """
     if isinstance(nested, str):
         return sys.intern(nested)
@@ -353,7 +357,7 @@ def _interned(nested: Any) -> Any:
 
 
 def _each(nested: Any, kind: type, convert: Any) -> Any:
-    """Nested dicts and lists with every value of a kind converted."""
+    """Convert every value of a kind in nested dicts and lists."""
     if isinstance(nested, kind):
         return convert(nested)
     if isinstance(nested, dict):

@@ -1,9 +1,9 @@
-"""Soft actor-critic (Haarnoja et al. 2018) on TorchRL, with the loss evaluated where its time goes.
+"""Soft actor-critic (Haarnoja et al. 2018) on TorchRL, with a faster evaluation of its loss.
 
-TorchRL holds the networks' functional parameters, the temperature, the target and the replay buffer.  Its
-`SACLoss` spends half of an update on two cores around the matrix products: a vmap over critics, and tables of
-tensors made and unmade.  `TwinLoss` is the same loss of the same parameters (a test holds one to the other):
-both critics in one pass, and no gradient that nobody asks for.
+TorchRL holds the networks' functional parameters, the temperature, the target networks and the replay
+buffer.  On two cores its `SACLoss` spends half of an update outside the matrix products: on a vmap over
+critics, and on temporary tables of tensors.  `TwinLoss` is the same loss of the same parameters; a test
+compares both.  It evaluates both critics in one pass and computes only the gradients that are needed.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from torchrl.objectives import SACLoss, SoftUpdate
 from hydro.core.columns import Array32, Mask
 from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
-from hydro.rl.training.advice import EVERY, Advice, Level, imitate
 from hydro.rl.training.config import SACConfig
+from hydro.rl.training.expert_labels import EVERY, ExpertLabels, Level, imitate
 from hydro.rl.training.memory import pack, unpack
 from hydro.rl.training.policy import Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Transition
@@ -37,15 +37,16 @@ torchrl_logger.setLevel("WARNING")
 
 
 class Losses(NamedTuple):
-    """What an update minimises, and what tells of its state; scalars.
+    """Losses of an update, and quantities that describe its state; scalars.
 
     Attributes:
-        critic: Mean square error of both critics, summed.
-        actor: alpha log pi - Q.
-        temperature: Its sign says whether alpha falls.
+        critic: Mean squared error of both critics, summed.
+        actor: Mean of alpha log pi - Q.
+        temperature: log alpha times (entropy - target entropy); alpha falls while the entropy exceeds its
+            target.
         alpha: Temperature.
-        entropy: Of the policy on the batch [nats].
-        value: Mean of the lesser critic of the policy's actions.
+        entropy: Entropy of the policy on the batch [nats].
+        value: Mean of the smaller critic at the policy's actions.
     """
 
     critic: Tensor
@@ -57,10 +58,10 @@ class Losses(NamedTuple):
 
 
 class TwinLoss(SACLoss):  # type: ignore[misc]
-    """TorchRL's SAC loss, evaluated on tensors: both critics at once, the policy's noise from a generator.
+    """TorchRL's SAC loss on tensors: both critics in one pass, action noise from a generator.
 
     Attributes:
-        target: Moves the critics' targets after them.
+        target: Updater of the target networks.
     """
 
     def __init__(
@@ -75,10 +76,10 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
 
         Args:
             policy: Observations to mean and scale of the normal under the tanh.
-            observations: How many numbers they are.
-            actions: How many an action has.
-            config: What SAC is run with.
-            generator: Of the actions' noise; the global one by default.
+            observations: Number of observations O.
+            actions: Number of actions A.
+            config: SAC settings.
+            generator: Generator of the action noise; the global one by default.
         """
         actor = ProbabilisticActor(
             TensorDictModule(policy, ["observation"], ["loc", "scale"]),
@@ -99,14 +100,14 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
         )
         self.make_value_estimator(gamma=config.discount)
         self._discount, self._generator = config.discount, generator
-        # Beside the parameters, not among them: these are the same tensors.
+        # Assigned through __dict__, so that Module does not register these tensors a second time.
         self.__dict__["target"] = SoftUpdate(self, tau=config.tau)
         self.__dict__["_policy"] = policy
         self.__dict__["_critics"] = _leaves(self.qvalue_network_params)
         self.__dict__["_targets"] = _leaves(self.target_qvalue_network_params)
 
     def sample(self, observations: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions (B, A) of the policy, and their log density (B,), reparameterised."""
+        """Sample actions (B, A) of the policy with their log density (B,), reparameterised."""
         mean, scale = self._policy(observations)
         noise = torch.randn(mean.shape, generator=self._generator, device=mean.device)
         latent = mean + scale * noise
@@ -115,12 +116,12 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
         return latent.tanh(), (log_density - log_slope).sum(-1)
 
     def forward(self, batch: TensorDict) -> Losses:
-        """The losses of a batch of transitions.
+        """Return the losses of a batch of transitions.
 
         Args:
-            batch: `observation` (B, O), `action` (B, A), and over `steps_to_next_obs` (B, 1) steps, under
-                `next`, the `observation`, `reward` (B, 1) and `terminated` (B, 1).  An episode that time
-                alone ended goes on in its value.
+            batch: `observation` (B, O), `action` (B, A) and `steps_to_next_obs` (B, 1); under `next` the
+                `observation`, `reward` (B, 1) and `terminated` (B, 1) after that many steps.  The value of a
+                truncated episode is bootstrapped.
         """
         observations, following = batch["observation"], batch["next"]
         alpha = self.log_alpha.detach().exp()
@@ -142,11 +143,11 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
 
 
 def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Tensor:
-    """Both critics' values (2, B).
+    """Return the values of both critics (2, B).
 
     Args:
-        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last; of a normalisation
-            behind one, (2, out) both.
+        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last; a normalisation after a
+            layer has (2, out) for both.
         observations: (B, O).
         actions: (B, A).
     """
@@ -163,22 +164,22 @@ def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Te
 
 
 class Learner:
-    """A policy that learns from what it is told.
+    """Learner of a policy from transitions and labels.
 
     Attributes:
-        network: Of the policy: encoded observations to mean and scale of the normal under the tanh.
-        loss: Its loss, with critics and temperature.
+        network: Policy network: encoded observations to mean and scale of the normal under the tanh.
+        loss: SAC loss with critics and temperature.
         updates: Updates so far.
     """
 
     def __init__(self, encoding: Encoding, actions: int, config: SACConfig, seed: int) -> None:
-        """Make the networks; the global random state is left as it was.
+        """Make the networks without changing the global random state.
 
         Args:
-            encoding: Of observations (O,); networks and memory have them encoded.
-            actions: Numbers of an action.
-            config: What SAC is run with.
-            seed: Of first weights, of the actions' noise and of the batches.
+            encoding: Encoding of observations (O,) for networks and replay buffers.
+            actions: Number of actions A.
+            config: SAC settings.
+            seed: Seed of initial weights, action noise and batches.
         """
         self.config, self.updates, self._encoding, self._actions = config, 0, encoding, actions
         self._generators = {name: _generator(seed, name) for name in ("actions", "loss", "batches")}
@@ -194,34 +195,34 @@ class Learner:
             for _ in range(2)
         )
         self._memories = {"done": self._replay, "shown": self._shown}
-        self._advice = Advice()
+        self._labels = ExpertLabels()
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
     def ready(self) -> bool:
-        """Whether there is something to learn from."""
+        """Return whether there are transitions to learn from."""
         return len(self._replay) + len(self._shown) > 0
 
     @torch.no_grad()
     def act(self, observations: Array32) -> Array32:
-        """Actions (N, A) at observations (N, O): drawn from the policy."""
+        """Sample actions (N, A) of the policy at observations (N, O)."""
         mean, scale = self.network(torch.from_numpy(self._encoding(observations)))
         noise = torch.randn(mean.shape, generator=self._generators["actions"])
         actions: Array32 = (mean + scale * noise).tanh().numpy()
         return actions
 
     def explore(self, count: int) -> Array32:
-        """Actions (count, A) drawn evenly from the whole range."""
+        """Sample actions (count, A) uniformly from the whole range."""
         drawn = torch.rand((count, self._actions), generator=self._generators["actions"])
         actions: Array32 = (2.0 * drawn - 1.0).numpy()
         return actions
 
     def best(self, observations: Array32) -> Array32:
-        """Actions (N, A) at observations (N, O) of the average policy, without exploration."""
+        """Return actions (N, A) of the averaged policy at observations (N, O), without exploration."""
         return median(self._average.module, self._encoding(observations))
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """What has been learnt, the average by itself, with a word on how."""
+        """Return the averaged policy with a description of its training."""
         weights = {name: each.numpy().copy() for name, each in self._average.module.state_dict().items()}
         return Policy(self.config.layers, self._encoding, weights, training)
 
@@ -234,48 +235,58 @@ class Learner:
         truncated: Mask,
         following: Array32,
     ) -> None:
-        """Keep a step of N vehicles: (N, O), (N, A), (N,), (N,), (N,), (N, O); the oldest go when full.
+        """Store a step of N vehicles; if the buffer is full, the oldest transition is dropped.
 
-        Kept are transitions over `horizon` steps, the last of them that many steps back.
+        The buffer holds transitions over `horizon` steps, so the newest one starts that many steps back.
+
+        Args:
+            observations: (N, O).
+            actions: (N, A).
+            rewards: (N,).
+            terminated: (N,).
+            truncated: (N,).
+            following: Observations after the step (N, O).
         """
         once, ended = np.ones(len(rewards), dtype=np.int64), terminated | truncated
         step = Transition(observations, actions, rewards, terminated, ended, following, once)
         if (made := self._horizon.add(step)) is not None:
             self._keep(made, self._replay)
 
-    def watch(self, steps: Iterable[Transition], level: Level) -> None:
-        """Keep what somebody else has done, step by step of N vehicles, apart from what the policy does.
+    def add_demonstrations(self, steps: Iterable[Transition], level: Level) -> None:
+        """Store demonstrations, step by step of N vehicles, in a buffer of their own.
 
-        What he did is also what should be done there, see `heed`.
+        Their actions are also labels for imitation; see `add_labels`.
         """
         horizon = Horizon(self.config.horizon, self.config.discount)
         for k, step in enumerate(steps):
             if k % EVERY == 0:
-                self._advice.add(level, self._encoding(step.observations), step.actions)
+                self._labels.add(level, self._encoding(step.observations), step.actions)
             if (made := horizon.add(step)) is not None:
                 self._keep(made, self._shown)
 
-    def heed(self, said: Iterable[tuple[Array32, Array32]], level: Level, *, anew: bool = False) -> None:
-        """Keep what should be done at a level, step by step: observations (N, O) and actions (N, A).
+    def add_labels(
+        self, labels: Iterable[tuple[Array32, Array32]], level: Level, *, replace: bool = False
+    ) -> None:
+        """Store labels of a level for imitation, step by step: observations (N, O) and actions (N, A).
 
         Args:
-            said: The steps.
+            labels: The labels.
             level: The level.
-            anew: Whether this counts in place of what was said of it before.
+            replace: Whether they replace earlier labels of the level.
         """
-        if anew:
-            self._advice.forget(level)
-        for k, (observations, actions) in enumerate(said):
+        if replace:
+            self._labels.forget(level)
+        for k, (observations, actions) in enumerate(labels):
             if k % EVERY == 0:
-                self._advice.add(level, self._encoding(observations), actions)
+                self._labels.add(level, self._encoding(observations), actions)
 
     def clone(self, batches: int) -> None:
-        """Make the policy, and its average, do what should be done at all levels, see `advice.imitate`."""
-        imitate(self.network, self._advice, batches, self._generators["batches"])
+        """Train the policy on all labels, and set its average to the result; see `expert_labels.imitate`."""
+        imitate(self.network, self._labels, batches, self._generators["batches"])
         self._average.module.load_state_dict(self.network.state_dict())
 
     def _keep(self, made: Transition, memory: ReplayBuffer) -> None:
-        """Put transitions into a memory, under TorchRL's names."""
+        """Add transitions to a replay buffer, under TorchRL's names."""
         rows = len(made.rewards)
         after = {
             "observation": torch.from_numpy(self._encoding(made.following)),
@@ -290,7 +301,7 @@ class Learner:
         memory.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
 
     def _batch(self) -> TensorDict:
-        """What is learnt from next: of what was shown and of what was done."""
+        """Draw the next batch from demonstrations and from the policy's own transitions."""
         share = self.config.demonstrated if len(self._replay) else 1.0
         shown = round(share * self.config.batch) if len(self._shown) else 0
         parts = [self._shown.sample(shown)] if shown else []
@@ -298,7 +309,7 @@ class Learner:
         return torch.cat(parts) if len(parts) > 1 else parts[0]
 
     def update(self) -> Losses:
-        """Learn from one batch; the losses before."""
+        """Run one update; return the losses before it."""
         losses = self.loss(self._batch())
         self._optimiser.zero_grad()
         (losses.critic + losses.actor + losses.temperature).backward()
@@ -309,7 +320,7 @@ class Learner:
         return Losses(*(loss.detach() for loss in losses))
 
     def state(self) -> dict[str, Any]:
-        """Everything that the future depends on, for `torch.save`; memories packed, see `training.memory`."""
+        """Return the complete state for `torch.save`, with packed buffers; see `training.memory`."""
         return {
             "loss": self.loss.state_dict(),
             "average": self._average.state_dict(),
@@ -319,13 +330,13 @@ class Learner:
                 name: (pack(_transitions(memory)), memory.writer.state_dict())
                 for name, memory in self._memories.items()
             },
-            "advice": self._advice.state(),
+            "advice": self._labels.state(),
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
 
-    def begin_with(self, learnt: Mapping[str, Any]) -> None:
-        """Take over what another learner has learnt, of its `state`: policy, critics, temperature.
+    def load_weights(self, learnt: Mapping[str, Any]) -> None:
+        """Load policy, critics and temperature from the `state` of another learner.
 
         Raises:
             DataError: Its networks have other layers.
@@ -337,8 +348,8 @@ class Learner:
             raise DataError("the training to start from has other layers: give its sac.layers") from error
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from the `state` of a learner of the same choices, bit for bit as that one did."""
-        self.begin_with(state)
+        """Restore the `state` of a learner with the same settings, bit for bit."""
+        self.load_weights(state)
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])
@@ -349,29 +360,29 @@ class Learner:
                 rows = len(transitions["action"])
                 memory.extend(TensorDict(transitions, rows).unflatten_keys("."))
             memory.writer.load_state_dict(writer)
-        self._advice.restore(state["advice"])
+        self._labels.restore(state["advice"])
         self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
         self.updates = state["updates"]
 
 
 def _transitions(memory: ReplayBuffer) -> dict[str, Tensor]:
-    """What a memory holds."""
+    """Return the content of a replay buffer."""
     transitions: dict[str, Tensor] = memory[:].flatten_keys(".").to_dict() if len(memory) else {}
     return transitions
 
 
 def _leaves(parameters: Any) -> list[Tensor]:
-    """Weights and biases of a network's functional parameters, first layer to last."""
+    """Return weights and biases of a network's functional parameters, first layer to last."""
     return [tensor for _, tensor in sorted(parameters.items(True, True), key=_place)]
 
 
 def _place(item: tuple[tuple[str, ...], Tensor]) -> tuple[int, bool]:
-    """Sorts by number of layer, weights before biases."""
+    """Return the sort key of a tensor: the number of its layer, weights before biases."""
     *_, layer, name = item[0]
     return int(layer), name != "weight"
 
 
 def _generator(seed: int, name: str) -> torch.Generator:
-    """A stream of its own for every purpose."""
+    """Return an independent random stream for a purpose."""
     words = np.random.SeedSequence([seed, *name.encode()]).generate_state(1, np.uint64)
     return torch.Generator().manual_seed(int(words[0]))

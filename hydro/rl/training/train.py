@@ -1,7 +1,7 @@
-"""One training: vehicles fly, a policy learns, the curriculum goes on, and curves tell of it.
+"""Training loop: vehicles fly, the policy learns, the curriculum advances, and curves record the progress.
 
-Nothing here knows a clock or a file. The state of a training at an evaluation is all that its future depends
-on: going on from it gives the same bits as never having stopped.
+The loop uses neither clock nor files.  The state at an evaluation is complete: a training that continues
+from it produces the same bits as an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.interfaces import Step
 from hydro.rl.environment.observation import encoding
-from hydro.rl.training.advice import Level
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
-from hydro.rl.training.demonstrations import Pushed, corrections, demonstrations, habits
+from hydro.rl.training.demonstrations import Disturbed, corrections, demonstrations, own_actions
 from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
+from hydro.rl.training.expert_labels import Level
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.sac import Learner, Losses
 from hydro.rl.training.trials import NOMINAL
 
 CURVE_SEED, EXAM_SEED = 900_001, 900_002
-"""Of the tasks of evaluations and of examinations: the same for every training."""
+"""Seeds of the tasks of evaluations and of examinations; the same for every training."""
 SHOWN_SEED, NEXT_SEED = 500_000, 1_000_000
-"""Beyond its own, that of the tasks which a training is shown, and from one lesson to the next."""
+"""Offset of the seed of expert lessons from the training's seed, and its increment per lesson."""
 
 
 Build = Callable[[int, int], Fleet]
-"""A fleet under the training's condition, of a number of vehicles and a seed."""
+"""Function that builds a fleet under the training's condition from a number of vehicles and a seed."""
 
 Progress = Callable[["Training"], None]
 
 Part = Callable[[str], AbstractContextManager[object]]
-"""What surrounds each part of the work, `flying`, `learning` or `evaluating`: a stopwatch, for one."""
+"""Function that returns a context, such as a timer, for `flying`, `learning` or `evaluating`."""
 
 
 class Training:
-    """A training that has reached some step.
+    """Training at some step.
 
     Attributes:
-        config: What it depends on.
-        steps: Control steps of all vehicles together so far, but for examinations.
+        config: Settings.
+        steps: Control steps of all vehicles so far, without examinations.
         episodes: Episodes ended so far.
-        curriculum: Where it stands in its curriculum.
-        watch: Whether it has diverged.
+        curriculum: Progress in the curriculum.
+        watch: Monitor of divergence.
         curves: Points of the curves so far, rows of a table `curves`.
         evaluations: Evaluations so far, rows of a table `evaluations`.
-        masters: The policies that passed the last level of a task since this training was made, by task: what
-            is learnt for the next may undo it.
+        task_policies: Policies that passed the last level of a task, by task, since this object was made.
+            They are kept, because learning the next task may undo the success.
     """
 
     def __init__(
@@ -65,13 +65,13 @@ class Training:
         part: Part = nullcontext,
         learnt: Mapping[str, Any] | None = None,
     ) -> None:
-        """Put the vehicles at their first start.
+        """Reset the vehicles to their first starts.
 
         Args:
-            config: What it depends on.
-            build: Makes its fleets, see `Build`.
-            part: Surrounds each part of the work, see `Part`.
-            learnt: A learner's state to begin with; its policy then flies where actions would be random.
+            config: Settings.
+            build: Builds fleets; see `Build`.
+            part: Context of each part of the work; see `Part`.
+            learnt: State of a learner to start from; its policy then replaces random actions.
         """
         torch.set_num_threads(config.threads)
         self.config, self._build, self._part = config, build, part
@@ -79,13 +79,13 @@ class Training:
         self.curriculum, self.watch = CurriculumProgress(config.curriculum), Watch()
         self.curves: list[dict[str, Any]] = []
         self.evaluations: list[dict[str, Any]] = []
-        self.masters: dict[str, Policy] = {}
+        self.task_policies: dict[str, Policy] = {}
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
         self._learner = Learner(encoding(config.settings), ACTIONS, config.sac, config.seed)
         self._skilled = learnt is not None
         if learnt is not None:
-            self._learner.begin_with(learnt)
+            self._learner.load_weights(learnt)
         self._fleet = build(config.vehicles, config.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()
@@ -93,11 +93,11 @@ class Training:
 
     @property
     def finished(self) -> bool:
-        """Whether the curriculum is passed, the steps are used up, or the losses are no numbers any more."""
+        """Return whether the curriculum is passed, the steps are used up, or a loss is not finite."""
         return self.curriculum.done or self.steps >= self.config.steps or self.watch.broken
 
     def advance(self, progress: Progress = lambda training: None) -> None:
-        """Train to the next evaluation, or to the end, and evaluate.
+        """Train to the next evaluation or to the end, then evaluate.
 
         Args:
             progress: Called at every point of the curves.
@@ -109,28 +109,29 @@ class Training:
                 self._step()
                 if self._due:
                     self._examine()
-            if self.finished or self._over(self.config.record, self._recorded):
+            if self.finished or self._passed_multiple(self.config.record, self._recorded):
                 self._record()
                 progress(self)
-            if self.finished or self._over(self.config.evaluate, self._evaluated):
+            if self.finished or self._passed_multiple(self.config.evaluate, self._evaluated):
                 break
         if not self.watch.broken:
             self._evaluated = self.steps
             self._evaluate("curve", self.config.episodes, CURVE_SEED)
 
-    def _over(self, period: int, before: int) -> bool:
-        """Whether a multiple of a number of steps lies between a step before and now."""
+    def _passed_multiple(self, period: int, before: int) -> bool:
+        """Return whether a multiple of `period` steps was reached since the step `before`."""
         return self.steps // period > before // period
 
     def _lesson(self) -> bool:
-        """Learn from a pilot by hand at the present level, as long as there is a lesson left.
+        """Give the policy one lesson of the expert at the current level, if any remain.
 
-        He flies first and the policy does as he does; then the policy flies, and does what he would have done
-        where it came to.  It is examined after what he has shown, and after each correction from the least
-        number of them on, and once before: what is passed by what was learnt at other levels needs no lesson.
+        The first lesson is imitation of the expert's flights.  In later lessons, the corrections, the policy
+        flies and learns the expert's actions at the states that it visits.  An examination takes place before
+        the first lesson, because training at other levels may suffice.  Others follow after the first lesson,
+        and after each correction from the least number on.
 
         Returns:
-            Whether that was so; else it is for the policy to learn by itself.
+            Whether an examination or a lesson took place; otherwise the policy learns by reinforcement.
         """
         config, level, learner = self.config, self.curriculum.level, self._learner
         if not config.demonstrations or self.curriculum.done or self._lessons > config.corrections:
@@ -138,12 +139,12 @@ class Training:
         if not self._lessons and self._skilled and self._examine():
             return True
         with self._part("flying"):
-            fleet = self._school(level)
+            fleet = self._expert_fleet(level)
             if self._lessons:
-                flying = Pushed(learner.best, config.push, fleet.seed)
-                learner.heed(corrections(fleet, flying, config.manner), level)
+                flying = Disturbed(learner.best, config.push, fleet.seed)
+                learner.add_labels(corrections(fleet, flying, config.manner), level)
             else:
-                learner.watch(demonstrations(fleet, config.manner), level)
+                learner.add_demonstrations(demonstrations(fleet, config.manner), level)
         self._lessons += 1
         if config.clone:
             with self._part("learning"):
@@ -153,8 +154,8 @@ class Training:
                 self._examine()
         return True
 
-    def _school(self, level: Level) -> Fleet:
-        """Vehicles with new tasks of a level, for an episode's time; their steps are counted."""
+    def _expert_fleet(self, level: Level) -> Fleet:
+        """Build vehicles with new tasks of a level for one episode's time; their steps are counted."""
         self._taught += 1
         seed = self.config.seed + SHOWN_SEED + self._taught * NEXT_SEED
         fleet = self._build(self.config.demonstrations, seed)
@@ -164,14 +165,14 @@ class Training:
 
     @property
     def _due(self) -> bool:
-        """Whether it is time for an examination."""
+        """Return whether an examination is due."""
         every = self.config.curriculum.examine
         if self.curriculum.done:
             return False
         return self.steps - self._examined >= every if every else self.curriculum.ready
 
     def policy(self, examined: Level | None = None) -> Policy:
-        """What has been learnt so far, for a level, by default the present one."""
+        """Return the policy so far, labelled with a level, by default the current one."""
         task, level = examined or self.curriculum.level
         return self._learner.policy(
             {
@@ -183,7 +184,7 @@ class Training:
         )
 
     def _step(self) -> None:
-        """One control step of all vehicles, and what is learnt after it."""
+        """Run one control step of all vehicles and the updates after it."""
         learner, sac = self._learner, self.config.sac
         exploring = self.steps < sac.random and not self._skilled
         with self._part("flying"):
@@ -201,7 +202,7 @@ class Training:
         self._observations = step.obs
 
     def _note(self, step: Step) -> None:
-        """Take down the episodes that ended in a step."""
+        """Record the episodes that ended in a step."""
         self._overspeed += int(step.info.overspeed.sum())
         for k in np.flatnonzero(step.terminated | step.truncated):
             self.episodes += 1
@@ -210,46 +211,45 @@ class Training:
             self.curriculum.note(bool(step.info.success[k]))
 
     def _examine(self) -> bool:
-        """Let the policy show without exploration that it has learnt the level, and go on if it has."""
+        """Examine the policy without exploration; advance to the next level if it passes."""
         level, config = self.curriculum.level, self.config
         share = self._evaluate("exam", config.curriculum.window, EXAM_SEED)
         self._examined = self.steps
         examined = self.policy(level)
         if not self.curriculum.examined(share):
             return False
-        if self.curriculum.behind(level[0]):
-            self.masters[level[0]] = examined
+        if self.curriculum.completed(level[0]):
+            self.task_policies[level[0]] = examined
         if config.corrections and self._lessons > config.corrections:
-            self._keep_habits(level)
+            self._label_own_actions(level)
         self._lessons = 0
         if config.corrections and self.curriculum.done:
-            self._rehearse()
+            self._examine_all_tasks()
         self._fleet.set_level(*self.curriculum.level)
         return True
 
-    def _keep_habits(self, level: Level) -> None:
-        """Let what the policy does count as what should be done, where it has found out by itself."""
+    def _label_own_actions(self, level: Level) -> None:
+        """Replace the labels of a level by the policy's own actions, if reinforcement learning passed it."""
         with self._part("flying"):
             best = self._learner.best
-            self._learner.heed(habits(self._school(level), best), level, anew=True)
+            self._learner.add_labels(own_actions(self._expert_fleet(level), best), level, replace=True)
 
-    def _rehearse(self) -> None:
-        """Examine every task once more, and go back to the first whose last level is not passed any more."""
+    def _examine_all_tasks(self) -> None:
+        """Examine every task once more, and return to the first one whose last level fails."""
         for level in self.curriculum.ends.items():
             share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED, level)
             if share < self.config.curriculum.share:
                 self.curriculum.forget(level)
-                self._lessons = max(self.config.lessons, 1)  # it has been shown, and corrected as often
+                self._lessons = max(self.config.lessons, 1)  # earlier lessons at this level count
                 return
-            self.masters[level[0]] = self.policy(level)
+            self.task_policies[level[0]] = self.policy(level)
 
     def _evaluate(
         self, purpose: Literal["curve", "exam"], episodes: int, seed: int, level: Level | None = None
     ) -> float:
-        """Share of episodes at a level, by default the present one, that succeed without exploration.
+        """Return the success rate at a level, by default the current one, without exploration.
 
-        An examination ends with the failure that decides it.  What has been flown at this step is not flown
-        again.
+        An examination stops as soon as a failure decides it.  An evaluation of the same step is not repeated.
         """
         task, number = level or self.curriculum.level
         who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
@@ -269,7 +269,7 @@ class Training:
         return float(found["success"])
 
     def _record(self) -> None:
-        """Add a point to the curves, in place of one at the same step."""
+        """Add a point to the curves; it replaces one at the same step."""
         self._recorded = self.steps
         if self.curves and self.curves[-1]["steps"] == self.steps:
             self.curves.pop()
@@ -292,7 +292,7 @@ class Training:
         self._returns, self._losses = [], []
 
     def tables(self) -> dict[str, pl.DataFrame]:
-        """Curves and evaluations so far, by kind of table."""
+        """Return curves and evaluations so far, by kind of table."""
         return {
             "curves": pl.DataFrame(self.curves, infer_schema_length=None, schema_overrides=_NUMBERS),
             "evaluations": pl.DataFrame(
@@ -303,7 +303,7 @@ class Training:
         }
 
     def state(self) -> dict[str, Any]:
-        """Everything that the future depends on, in numbers, texts and arrays; not a copy."""
+        """Return the complete state in numbers, texts and arrays; not a copy."""
         return {
             "counts": {name: getattr(self, name) for name in _COUNTS},
             "curves": self.curves,
@@ -318,7 +318,7 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from the `state` of a training alike, or of one with fewer steps or another curriculum."""
+        """Restore the `state` of the same training, or of one with fewer steps or another curriculum."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
         self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])
@@ -339,5 +339,5 @@ _NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
 
 
 def _finite(number: float | None) -> float | None:
-    """A number, or nothing where it is none."""
+    """Return a finite number, otherwise None."""
     return number if number is not None and np.isfinite(number) else None

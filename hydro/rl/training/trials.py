@@ -1,4 +1,4 @@
-"""The settings that policies are tested in, and a pilot by hand beside them: as trained, and worse."""
+"""Test settings of policies and pilots: nominal, and harder than in training."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from hydro.core.errors import UsageError
 from hydro.rl.tasks.task import Task
 from hydro.rl.world.config import Randomisation, Settings
 
-NOMINAL = "nominal"
-EVERY = "all"
+NOMINAL = "nominal"  # setting without changes
+EVERY = "all"  # selects all settings that suit a task
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A setting.
+    """Test setting.
 
     Attributes:
-        words: What is other in it.
-        change: The settings with that in them.
-        planless: Whether no planned way is shown.
-        posterior: Whether a covariance of the vehicle file's numbers is needed.
+        words: Description of its difference from the nominal setting.
+        change: Function that applies the difference to the settings.
+        planless: Whether the planned path is hidden.
+        posterior: Whether it requires a covariance of the vehicle file's parameters.
     """
 
     words: str
@@ -30,43 +30,45 @@ class Trial:
     posterior: bool = False
 
     def of(self, settings: Settings) -> Settings:
-        """The settings of the trial: nothing is drawn but what it says."""
+        """Return the settings of the test, without other randomisation."""
         return self.change(replace(settings, randomise=Randomisation()))
 
     def suits(self, task: Task, *, estimates: bool) -> bool:
-        """Whether a task can be flown in it; `estimates`: there is a covariance."""
+        """Return whether a task can be flown in this setting; `estimates`: a covariance is available."""
         return (task.guided or not self.planless) and (estimates or not self.posterior)
 
 
-def _drawn(**what: float | bool) -> Callable[[Settings], Settings]:
-    """Settings with draws of a kind."""
+def _randomised(**what: float | bool) -> Callable[[Settings], Settings]:
+    """Return a function that sets the randomisation."""
     randomise = Randomisation(**what)  # type: ignore[arg-type]
     return lambda settings: replace(settings, randomise=randomise)
 
 
-def _hurried(settings: Settings) -> Settings:
-    """Settings with half the time."""
+def _half_time(settings: Settings) -> Settings:
+    """Return settings with half the time limit."""
     return replace(settings, task=replace(settings.task, steps=max(settings.task.steps // 2, 1)))
 
 
 TRIALS = {
     NOMINAL: Trial("as the vehicle file says"),
-    "no_plan": Trial("the goal is shown, and no planned way", planless=True),
-    "current": Trial("a current of 0.3 m/s, in any direction", _drawn(current=0.3, full=True)),
-    "load": Trial("10 % of the mass more, anywhere on board", _drawn(load=0.1, full=True)),
-    "dead_thruster": Trial("one thruster dead", _drawn(thruster=1.0, full=True)),
+    "no_plan": Trial("the goal is shown, without a planned path", planless=True),
+    "current": Trial("a current of 0.3 m/s, in any direction", _randomised(current=0.3, full=True)),
+    "load": Trial("a payload of 10 % of the mass, anywhere on board", _randomised(load=0.1, full=True)),
+    "dead_thruster": Trial("one thruster dead", _randomised(thruster=1.0, full=True)),
     "posterior": Trial(
-        "numbers drawn from the covariance beside the file", _drawn(posterior=True), posterior=True
+        "parameters drawn from the covariance of the file",
+        _randomised(posterior=True),
+        posterior=True,
     ),
-    "half_time": Trial("half the time", _hurried),
+    "half_time": Trial("half the time", _half_time),
 }
 
 
 def trials_of(names: list[str], task: Task, *, estimates: bool) -> dict[str, Trial]:
-    """Trials by their names, all that suit a task for `all`.
+    """Return trials by their names; for `all`, those that suit a task.
 
     Raises:
-        UsageError: There is no such trial, or it does not suit the task.
+        UsageError: A name is unknown, or its trial does not suit the task.
     """
     if EVERY in names:
         return {name: one for name, one in TRIALS.items() if one.suits(task, estimates=estimates)}
@@ -74,8 +76,7 @@ def trials_of(names: list[str], task: Task, *, estimates: bool) -> dict[str, Tri
         if name not in TRIALS:
             raise UsageError(f"there is no setting {name!r}: choose one of {', '.join(TRIALS)}, or {EVERY}")
         if not TRIALS[name].suits(task, estimates=estimates):
-            lacks = (
-                "a covariance beside the vehicle file" if TRIALS[name].posterior else "a plan to leave out"
-            )
-            raise UsageError(f"{name}: {task.name} is without {lacks}")
+            if TRIALS[name].posterior:
+                raise UsageError(f"{name} needs a covariance of the vehicle file")
+            raise UsageError(f"{name} needs a planned path, and {task.name} has none")
     return {name: TRIALS[name] for name in names}

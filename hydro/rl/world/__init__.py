@@ -1,1 +1,1 @@
-"""Where policies fly and what they may choose: every setting, and ways through the tank."""
+"""World of the policies: all settings, and the path planner."""

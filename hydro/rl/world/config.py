@@ -1,7 +1,7 @@
-"""Every choice of the reinforcement-learning task, with its default; a run prints them and keeps them.
+"""Settings of the reinforcement-learning environment with their defaults; a run prints and stores them.
 
-The reference paper (III-D) fixes the rates, the sensors, the shape of the reward and the three stages; sizes
-and weights that it leaves open are chosen here.
+The reference paper (III-D) fixes the rates, the sensors, the shape of the reward and the three stages.  It
+leaves sizes and some weights open; the defaults here fill these gaps.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from hydro.sim.student import Physics
 
 @dataclass(frozen=True)
 class World:
-    """A tank of water in NED: north 0 to `length`, east 0 to `width`, the surface at 0, the floor at `depth`.
+    """Water tank in NED: north 0 to `length`, east 0 to `width`, surface at 0, floor at `depth`.
 
     Attributes:
         length: [m].
         width: [m].
         depth: [m].
-        pillars: Room for so many in a scene; each stands from the floor to the surface.
+        pillars: Greatest number of pillars in a scene; each stands from the floor to the surface.
         pillar_radius: [m].
     """
 
@@ -34,16 +34,16 @@ class World:
 
 @dataclass(frozen=True)
 class Sonar:
-    """A fan of beams from the hull's skin, level in the body, from port to starboard.
+    """Fan of sonar beams from the hull's surface, level in the body, from port to starboard.
 
-    They look around the hull: a policy without memory hits with flank and stern what has left its bow's sight
-    (docs/adr/0009).
+    The beams cover the flanks and the stern.  Without them, a policy without memory hits pillars that have
+    left the view of its bow (docs/adr/0009).
 
     Attributes:
         fan: Angle between the outermost beams [rad].
-        crowding: How much closer beams stand ahead than abaft: their azimuths go with this power of their
-            number from the middle; 1 spaces them evenly.
-        reach: Greatest range; a beam that meets nothing nearer gives it [m].
+        crowding: Exponent of the beam azimuth as a function of the beam number from the middle.  1 spaces the
+            beams evenly; a larger value concentrates them ahead.
+        reach: Greatest range, and the reading of a beam without an echo [m].
     """
 
     fan: float = math.radians(300.0)
@@ -51,10 +51,10 @@ class Sonar:
     reach: float = 10.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no fan.
+        """Check the angles.
 
         Raises:
-            UsageError: It is wider than a circle, or beams do not go from port to starboard.
+            UsageError: The fan is wider than a circle, or its beams do not run from port to starboard.
         """
         if not 0.0 < self.fan < 2.0 * math.pi:
             raise UsageError(f"sonar.fan is {self.fan:g} rad; give more than 0, less than a full circle")
@@ -67,10 +67,10 @@ class Noise:
     """Gaussian noise of the sensors, 1 sigma (paper III-D).
 
     Attributes:
-        velocity: Of each component of the velocity log [m/s].
-        rate: Of each component of the gyroscope [rad/s].
+        velocity: Each component of the DVL [m/s].
+        rate: Each component of the gyroscope [rad/s].
         depth: [m].
-        range: Of each beam of the sonar [m].
+        range: Each beam of the sonar [m].
     """
 
     velocity: float = 0.05
@@ -81,29 +81,30 @@ class Noise:
 
 @dataclass(frozen=True)
 class Reward:
-    """Weights of the reward (paper eq. 8); everything but success and collision is per control step.
+    """Weights of the reward (paper eq. 8); all except success and collision apply per control step.
 
     Attributes:
         shaping: phi_s, the potential lost over `distance`.
         distance: d_max [m].
-        discount: gamma of the shaping gamma phi_t - phi_{t-1}; 1, as in the paper, lets it sum to its ends.
+        discount: gamma of the shaping term gamma phi_t - phi_{t-1}.  With 1, as in the paper, its sum depends
+            only on the first and last state.
         heading: w_a, for pointing at the target in the horizontal plane.
-        blind: Horizontal distance to the target within which heading has no weight [m].
-        upright: w_u.
-        success: R_s, more than loitering for a whole episode can earn.
-        obstacle: w_d, at the range `near`; falls off by exp(-1.5 (d - near)) up to `far`.
+        blind: Horizontal distance to the target below which the heading term is zero [m].
+        upright: w_u, for a level attitude.
+        success: R_s; it must exceed the reward of loitering for a whole episode.
+        obstacle: w_d, the cost at the range `near`; it decays with exp(-1.5 (d - near)) up to `far`.
         near: d_c [m].
         far: d_w [m].
-        collision: w_col: once where an episode ends in a collision, and a hundredth of it for every step
-            spent within `near`.
-        energy: Of all thrusters at full thrust.
-        action: Of all demands at their limit.
-        smoothness: Of all demands changing by their limit.
+        collision: w_col, once if an episode ends in a collision; each step within `near` costs a hundredth of
+            it.
+        energy: Cost of full thrust of all thrusters.
+        action: Cost of an action with all components at their limit.
+        smoothness: Cost of a change of all components of the action by their limit.
         path: w_c, of the cross-track cost (eq. 9).
-        hold: Of the distance from what is to be held or followed, by the same cost.
-        alignment: For standing as the dock does, within `close` of it.
+        hold: Cost of the distance from a goal that is held or followed, by the function of eq. 9.
+        alignment: Reward for the heading of the dock, within `close` of it.
         close: [m].
-        haste: Of every m/s faster than the distance to the dock allows.
+        haste: Cost of each m/s above the speed that the distance to the dock allows.
     """
 
     shaping: float = 20.0
@@ -129,16 +130,16 @@ class Reward:
 
 @dataclass(frozen=True)
 class Episode:
-    """Where episodes start, where they lead and when they end; what a task of its own has is in its own.
+    """Start, goal and end of episodes; settings of a single task are in its own class.
 
     Attributes:
-        steps: Control steps of an episode at most; a task may give a multiple of them.
-        radius: Distance to the goal that is a success [m].
+        steps: Greatest number of control steps of an episode; a task may use a multiple.
+        radius: Distance to the goal that counts as success [m].
         least: Least distance from start to goal [m].
-        most: Greatest distance in open water [m].
-        margin: Distance that start and goal keep from floor, surface and walls [m].
-        ahead: How far along a planned way the point lies that a vehicle is shown [m].
-        slant: Greatest angle between a course along the tank and the first heading [rad].
+        most: Greatest distance from start to goal in open water [m].
+        margin: Distance of start and goal from floor, surface and walls [m].
+        ahead: Arc length along a planned path from the vehicle to the point that is its target [m].
+        slant: Greatest angle between the course along the tank and the initial heading [rad].
     """
 
     steps: int = 500
@@ -155,8 +156,9 @@ class Row:
     """Pillars in a row, on alternating sides of a course along the tank.
 
     Attributes:
-        spacing: Least distance between pillars along it [m]; the course is as long as they ask for.
-        run_up: Distance from the start to the first pillar, and from the last to the goal [m].
+        spacing: Least distance between pillars along the course [m]; the course is as long as the pillars
+            need.
+        run_up: Distance from the start to the first pillar, and from the last pillar to the goal [m].
         sway: Least and greatest distance of a pillar from the course [m].
     """
 
@@ -167,13 +169,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Slalom:
-    """Baffles of pillars alternately from both long walls: there is no way but between them.
+    """Baffles of pillars, alternately from both long walls; the only path leads between them.
 
     Attributes:
         spacing: Least distance between baffles along the tank [m].
-        run_up: Least distance from the start to the first, and from the last to the goal [m].
-        reach: Least and greatest distance that a baffle reaches from its wall [m].
-        gap: Between the axes of a baffle's pillars [m].
+        run_up: Least distance from the start to the first baffle, and from the last baffle to the goal [m].
+        reach: Least and greatest length of a baffle from its wall [m].
+        gap: Distance between the axes of a baffle's pillars [m].
     """
 
     spacing: float = 4.0
@@ -184,12 +186,12 @@ class Slalom:
 
 @dataclass(frozen=True)
 class Forest:
-    """Pillars at random.
+    """Pillars at random places.
 
     Attributes:
-        spacing: Least distance between their axes [m], which leaves the planner's margin on both sides.
+        spacing: Least distance between the pillars' axes [m]; it leaves the planner's margin on both sides.
         clear: Least distance of a pillar's axis from start and goal [m].
-        blocked: Distance of a pillar's axis from the straight line that stands in its way [m].
+        blocked: Distance of a pillar's axis from the straight line below which it blocks the line [m].
     """
 
     spacing: float = 2.9
@@ -199,13 +201,13 @@ class Forest:
 
 @dataclass(frozen=True)
 class Station:
-    """A place to be held in a current.
+    """Station keeping in a current.
 
     Attributes:
-        current: Least and greatest speed of the current [m/s]; it flows level, in any direction.
-        away: Greatest distance of the start from the place [m].
+        current: Least and greatest speed of the horizontal current [m/s]; its direction is random.
+        away: Greatest distance of the start from the station [m].
         settling: Time after which the error counts [s].
-        within: Root mean square error that is a success [m].
+        within: Greatest root mean square error of a success [m].
     """
 
     current: tuple[float, float] = (0.1, 0.4)
@@ -216,15 +218,15 @@ class Station:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A point that moves along a figure.
+    """Tracking of a point that moves along a figure.
 
     Attributes:
         speed: Least and greatest speed [m/s].
         radius: Least and greatest radius of the circle and of the helix [m].
         half: Least and greatest half length of the lemniscate [m].
-        lead: What is shown for a target is where the point will be in so long [s].
+        lead: Time by which the target in the observation is ahead of the point [s].
         settling: Time after which the error counts [s].
-        within: Root mean square error that is a success [m].
+        within: Greatest root mean square error of a success [m].
     """
 
     speed: tuple[float, float] = (0.3, 0.7)
@@ -237,14 +239,14 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Docking:
-    """A dock that is entered from the south, bow to the north.
+    """Docking from the south, with the bow to the north.
 
     Attributes:
-        within: Distance to the dock that is near enough [m].
-        tilt: Greatest angle between the vehicle's attitude and the dock's, level and to the north [rad].
+        within: Greatest distance to the dock [m].
+        tilt: Greatest angle between the vehicle's attitude and the dock's: level, bow to the north [rad].
         speed: Greatest speed over ground [m/s].
         turning: Greatest angular velocity [rad/s].
-        bearing: Greatest angle between the dock's axis and the way there at the start [rad].
+        bearing: Greatest angle between the dock's axis and the line from the start to the dock [rad].
     """
 
     within: float = 0.25
@@ -256,18 +258,18 @@ class Docking:
 
 @dataclass(frozen=True)
 class Randomisation:
-    """How the vehicle, the water and the sensors of each episode differ from what the file says.
+    """Random differences of vehicle, water and sensors from the vehicle file, drawn for each episode.
 
     Attributes:
-        posterior: Draw the file's estimated numbers from their covariance, which lies beside it.
-        box: Else draw every number of its effects that is not known within so great a share of itself.
-        current: Greatest speed of a level current in any direction [m/s].
-        load: Greatest dry mass of a payload on board, as a share of the vehicle's.
-        thruster: Greatest share of its thrust that one thruster has lost; 1: it may be dead.
-        bias: Standard deviation of the sensors' biases, in multiples of their noise.
+        posterior: Draw the estimated parameters from the covariance file of the vehicle file.
+        box: Otherwise draw every parameter of its effects that is not `known` within this share of its value.
+        current: Greatest speed of a horizontal current in a random direction [m/s].
+        load: Greatest dry mass of a payload, as a share of the vehicle's mass.
+        thruster: Greatest loss of thrust of one thruster, as a share; 1 allows a dead thruster.
+        bias: Standard deviation of the sensor biases, in multiples of the sensor noise.
         delay: Greatest delay of the sensors [s].
         late: Greatest delay of the commands [s].
-        full: Whether all but the vehicle's numbers and the biases are drawn at their greatest alone.
+        full: Use the greatest values of all these instead of drawing them; parameters and biases stay random.
     """
 
     posterior: bool = False
@@ -281,10 +283,10 @@ class Randomisation:
     full: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be drawn.
+        """Check the ranges.
 
         Raises:
-            UsageError: A number is negative, or a share is more than one.
+            UsageError: A number is negative, or a share is above 1.
         """
         for name in ("current", "load", "bias", "delay", "late"):
             if not 0.0 <= getattr(self, name) < math.inf:
@@ -296,25 +298,25 @@ class Randomisation:
 
 @dataclass(frozen=True)
 class Settings:
-    """All choices of the environment.
+    """All settings of the environment.
 
     Attributes:
-        world: The tank.
-        sonar: The sonar.
+        world: Tank.
+        sonar: Sonar.
         noise: Noise of the sensors.
-        reward: Weights.
-        task: Episodes.
-        row: Of the task of that name; likewise what follows.
-        slalom: Likewise.
-        forest: Likewise.
-        station: Of station keeping.
-        trajectory: Of circle, helix and lemniscate.
-        docking: Likewise.
-        randomise: What differs from the vehicle file.
-        history: Observations that are seen at once, the newest first.
+        reward: Weights of the reward.
+        task: Episodes of all tasks.
+        row: Task `pillar_row`.
+        slalom: Task `slalom`.
+        forest: Task `forest`.
+        station: Task `station_keeping`.
+        trajectory: Tasks `circle`, `helix` and `lemniscate`.
+        docking: Task `docking`.
+        randomise: Random differences from the vehicle file.
+        history: Number of stacked observations, the newest first.
         physics: Physics step and integrator; the paper's 500 Hz by default.
         period: Control step [s].
-        overspeed: Speed beyond which steps are counted [m/s]; it ends nothing.
+        overspeed: Speed above which steps are counted [m/s]; it does not end an episode.
     """
 
     world: World = field(default_factory=World)
@@ -335,11 +337,11 @@ class Settings:
     overspeed: float = 5.0
 
     def __post_init__(self) -> None:
-        """Refuse choices that contradict each other.
+        """Check that the settings are consistent.
 
         Raises:
-            UsageError: Loitering pays better than arriving, open water does not fit into the tank, or the
-                control step is no multiple of the physics step.
+            UsageError: Loitering is rewarded more than success, open water does not fit into the tank, or the
+                control step is not a multiple of the physics step.
         """
         loitering = self.task.steps * (self.reward.heading + self.reward.upright)
         if self.reward.success <= loitering:

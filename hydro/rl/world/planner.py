@@ -1,4 +1,4 @@
-"""A* round pillars on a grid (paper III-D): 0.05 m cells, 1.2 m of margin, eight neighbours."""
+"""A* path planner around pillars on a grid (paper III-D): 0.05 m cells, 1.2 m margin, eight neighbours."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from hydro.core.errors import DataError, UsageError
 Cells = NDArray[np.bool_]
 
 RELAXED = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""Shares of the margin that are tried in turn until there is a way."""
+"""Shares of the margin that are tried in turn until a path exists."""
 
 _NEIGHBOURS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])
 
 
 @dataclass(frozen=True)
 class Grid:
-    """The horizontal plane in cells.
+    """Grid of cells in the horizontal plane.
 
     Attributes:
         length: Extent north, from 0 [m].
@@ -39,10 +39,10 @@ class Grid:
     wall: float = 0.6
 
     def __post_init__(self) -> None:
-        """Refuse a grid without cells.
+        """Check that the grid has cells.
 
         Raises:
-            UsageError: An extent or the cell is not positive, or a margin negative.
+            UsageError: An extent or the cell is not positive, or a margin is negative.
         """
         sizes = self.length, self.width, self.cell
         if not (all(each > 0.0 for each in sizes) and self.margin >= 0.0 and self.wall >= 0.0):
@@ -50,21 +50,21 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Cells north and east."""
+        """Return the number of cells north and east."""
         return math.ceil(self.length / self.cell - 1e-9), math.ceil(self.width / self.cell - 1e-9)
 
     def of(self, place: ArrayLike) -> tuple[int, int]:
-        """The cell of a place x, y; the nearest one of a place outside."""
+        """Return the cell of a position x, y [m]; outside the grid, the nearest cell."""
         x, y = np.clip(np.floor(np.asarray(place, float) / self.cell), 0, np.array(self.shape) - 1)
         return int(x), int(y)
 
     def centres(self, cells: NDArray[np.int64]) -> Array:
-        """x, y (K, 2) [m] of the centres of cells (K, 2)."""
+        """Return x, y (K, 2) [m] of the centres of cells (K, 2)."""
         places: Array = self.cell * (cells.astype(np.float64) + 0.5)
         return places
 
     def free(self, pillars: Array, radius: float, share: float = 1.0) -> Cells:
-        """Cells whose centre keeps a share of the margins from all pillars (P, 2) and walls."""
+        """Return a mask of cells whose centres keep a share of the margins from pillars (P, 2) and walls."""
         x, y = (self.cell * (np.arange(count, dtype=np.float64) + 0.5) for count in self.shape)
         wall = share * self.wall
         inside = ((x >= wall) & (x <= self.length - wall))[:, None] & ((y >= wall) & (y <= self.width - wall))
@@ -74,7 +74,10 @@ class Grid:
 
 @jit
 def _clear_of(free: Cells, x: Array, y: Array, pillars: Array, apart: float) -> None:
-    """Take from `free` (X, Y), of centres x (X,), y (Y,), what is nearer to a pillar (P, 2) than `apart`."""
+    """Mark cells closer than `apart` [m] to a pillar (P, 2) as occupied in `free` (X, Y).
+
+    x (X,) and y (Y,) are the coordinates of the cell centres [m].
+    """
     for p in range(len(pillars)):
         first, last = np.searchsorted(x, pillars[p, 0] - apart), np.searchsorted(x, pillars[p, 0] + apart)
         low, high = np.searchsorted(y, pillars[p, 1] - apart), np.searchsorted(y, pillars[p, 1] + apart)
@@ -85,24 +88,24 @@ def _clear_of(free: Cells, x: Array, y: Array, pillars: Array, apart: float) -> 
 
 
 def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radius: float) -> Array:
-    """The shortest way round pillars in the plane, its depth falling evenly from start to goal.
+    """Plan the shortest path around pillars; its depth changes linearly from start to goal.
 
-    Where the margin leaves no way, or start or goal lie within it, less of the margin is kept: of `RELAXED`
-    the greatest share with which there is one.
+    If the full margin leaves no path, or start or goal lie within it, the planner uses the greatest share in
+    `RELAXED` that gives a path.
 
     Args:
         grid: Cells and margins.
         start: (3,), NED [m].
         goal: (3,), NED [m].
-        pillars: Axes x, y (P, 2) [m]; rows of NaN are none.
-        radius: Of the pillars [m].
+        pillars: Axes x, y (P, 2) [m]; rows of NaN are ignored.
+        radius: Radius of the pillars [m].
 
     Returns:
-        Corners of the way (K, 3), from start to goal, K >= 2: the cells of A* with those left out that a
-        straight line within one cell of the margin makes needless.
+        Corners of the path (K, 3), K >= 2, from start to goal.  Cells of A* are dropped if a straight line
+        within one cell of the margin replaces them.
 
     Raises:
-        DataError: There is no way at all.
+        DataError: No path exists without any margin.
     """
     start, goal = np.asarray(start, float), np.asarray(goal, float)
     standing = np.asarray(pillars, float)
@@ -116,13 +119,13 @@ def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radi
             way = np.concatenate([start[None, :2], grid.centres(cells[1:-1]), goal[None, :2]])
             apart = radius + share * grid.margin - grid.cell
             return _with_depth(way[shorten_kernel(way, standing, apart)], start[2], goal[2])
-    raise DataError("no way leads round the pillars from start to goal: leave more room between them")
+    raise DataError("no path leads around the pillars from start to goal: leave more room between them")
 
 
 def astar(free: Cells, start: tuple[int, int], goal: tuple[int, int]) -> NDArray[np.int64]:
-    """Cells (K, 2) of a shortest way between two cells of a grid (X, Y); none where there is no way.
+    """Return the cells (K, 2) of a shortest path between two cells of a grid (X, Y); empty if none exists.
 
-    Eight neighbours; a step across a corner is sqrt(2) long and needs both cells beside it to be free.
+    A cell has eight neighbours.  A diagonal step costs sqrt(2) and requires both adjacent cells to be free.
     """
     return astar_kernel(free, _NEIGHBOURS, start[0], start[1], goal[0], goal[1])
 
@@ -131,7 +134,7 @@ def astar(free: Cells, start: tuple[int, int], goal: tuple[int, int]) -> NDArray
 def astar_kernel(
     free: Cells, neighbours: NDArray[np.int64], sx: int, sy: int, gx: int, gy: int
 ) -> NDArray[np.int64]:
-    """A* with the octile distance, which is consistent: a cell that was taken from the heap is final."""
+    """Run A* with the octile heuristic; it is consistent, so a cell taken from the heap is final."""
     nx, ny = free.shape
     if not (free[sx, sy] and free[gx, gy]):
         return np.empty((0, 2), np.int64)
@@ -170,7 +173,7 @@ def astar_kernel(
 
 @jit
 def _sift_up(keys: Array, cells: NDArray[np.int64], k: int) -> None:
-    """Move the last entry of a binary heap to where it belongs."""
+    """Restore the heap order after an entry was appended at position k."""
     key, cell = keys[k], cells[k]
     while k and keys[(k - 1) // 2] > key:
         keys[k], cells[k] = keys[(k - 1) // 2], cells[(k - 1) // 2]
@@ -180,7 +183,7 @@ def _sift_up(keys: Array, cells: NDArray[np.int64], k: int) -> None:
 
 @jit
 def _sift_down(keys: Array, cells: NDArray[np.int64], size: int) -> None:
-    """Fill the top of a binary heap of `size` with the entry after its end."""
+    """Replace the root of a binary heap of `size` by the entry after its end, and restore the order."""
     key, cell, k = keys[size], cells[size], 0
     while 2 * k + 1 < size:
         child = 2 * k + 1
@@ -195,7 +198,7 @@ def _sift_down(keys: Array, cells: NDArray[np.int64], size: int) -> None:
 
 @jit
 def _back(came: NDArray[np.int64], last: int, ny: int) -> NDArray[np.int64]:
-    """The way to a cell, first cell first."""
+    """Return the path to a cell, first cell first."""
     count, cell = 1, last
     while came[cell] >= 0:
         cell = came[cell]
@@ -210,7 +213,7 @@ def _back(came: NDArray[np.int64], last: int, ny: int) -> NDArray[np.int64]:
 
 @jit
 def shorten_kernel(way: Array, pillars: Array, apart: float) -> NDArray[np.int64]:
-    """Rows of a way (K, 2) that remain when each corner is joined to the furthest one that it sees."""
+    """Return the rows of a path (K, 2) that remain if each corner connects to the furthest visible one."""
     kept = np.empty(len(way), np.int64)
     kept[0], count, k = 0, 1, 0
     while k < len(way) - 1:
@@ -224,7 +227,7 @@ def shorten_kernel(way: Array, pillars: Array, apart: float) -> NDArray[np.int64
 
 @jit
 def _clear(a: Array, b: Array, pillars: Array, apart: float) -> bool:
-    """Whether the line from a to b keeps a distance from all pillars."""
+    """Return whether the line from a to b keeps a distance `apart` from all pillars."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     for p in range(len(pillars)):
@@ -236,7 +239,7 @@ def _clear(a: Array, b: Array, pillars: Array, apart: float) -> bool:
 
 
 def _with_depth(way: Array, first: float, last: float) -> Array:
-    """A way (K, 2) with a depth that changes evenly along it, (K, 3)."""
+    """Add a depth that changes linearly with arc length to a path (K, 2); return (K, 3)."""
     along = np.r_[0.0, np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()]
     share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(way))
     return np.column_stack([way, first + share * (last - first)])

@@ -15,7 +15,7 @@ from hydro.core.errors import DataError
 def test_columns_are_what_a_flight_remembers(window, rows):
     nu = np.random.default_rng(rows).normal(size=(rows, 6))
     columns = history.past(nu, [(0, rows)], window, 1)
-    memory = np.empty(history.remembered(window))
+    memory = np.empty(history.memory_size(window))
     history.begin(nu[0], memory)
     for row in range(rows):
         np.testing.assert_array_equal(columns[row], memory)
@@ -35,5 +35,5 @@ def test_period_and_sample_time():
     assert history.stride(0.04, 0.02) == 2
     assert history.stride(0.04, 0.04) == 1
     for dt in (0.03, 0.1):
-        with pytest.raises(DataError, match=r"0\.04 s apart, which is no multiple"):
+        with pytest.raises(DataError, match=r"0\.04 s apart, which is not a multiple"):
             history.stride(0.04, dt)

@@ -67,9 +67,9 @@ def test_what_was_hung_on_the_vehicle_since_acts_beside_a_model_or_is_refused():
 @pytest.mark.parametrize(
     ("condition", "kind", "word"),
     [
-        ("R_PhysFeat", "mlp", "kind physfeat, and mlp is given"),
+        ("R_PhysFeat", "mlp", "kind physfeat, but mlp is given"),
         ("R_PhysFeat", None, "none is given"),
-        ("R_0", "mlp", "without a residual model"),
+        ("R_0", "mlp", "has no residual model"),
         ("R_water", None, "R_0, R_MLP"),
     ],
 )

@@ -201,7 +201,7 @@ def test_stable_baselines3_trains_on_it():
     [
         ({"vehicle": "no-such"}, DataError, "no-such"),
         ({"condition": "R_1"}, UsageError, "R_1.*R_PhysFeat"),
-        ({"condition": "R_MLP"}, UsageError, "kind mlp, and none"),
+        ({"condition": "R_MLP"}, UsageError, "kind mlp, but none"),
         ({"task": "slalom", "level": 12}, UsageError, "level 12"),
         ({"task": "salom"}, UsageError, "no task 'salom': choose one of slalom"),
     ],

@@ -187,7 +187,7 @@ def test_a_level_counts_from_the_next_episode_on():
     assert np.isnan(subject.pillars).all()
     subject.reset()
     assert (np.isfinite(subject.pillars[:, :, 0]).sum(axis=1) == 5).all()
-    with pytest.raises(UsageError, match="guidance"):
+    with pytest.raises(UsageError, match="needs a path planner"):
         subject.set_level("forest", 5)
 
 

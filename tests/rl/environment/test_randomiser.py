@@ -67,7 +67,7 @@ def test_a_posterior_has_the_covariance_it_is_drawn_from():
 
 
 def test_without_a_covariance_there_is_no_posterior():
-    with pytest.raises(UsageError, match=r"no covariance.*\.covariance\.parquet beside it"):
+    with pytest.raises(UsageError, match=r"no covariance.*together with its \.covariance\.parquet"):
         drawn(1, posterior=True)
 
 
@@ -202,7 +202,7 @@ def test_another_vehicle_may_be_the_truth():
     import msgspec
 
     other = msgspec.structs.replace(vehicle(), thruster=vehicle().thruster[:4])
-    with pytest.raises(UsageError, match="give a truth with the same"):
+    with pytest.raises(UsageError, match="give a true vehicle with the same number"):
         Fleet(QUIET, plant, believed=other)
 
 

@@ -141,7 +141,7 @@ def test_a_hull_collides_where_mujoco_finds_it_touching(model, at, attitude, pil
 @given(attitude=attitudes, x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
 def test_the_distance_to_a_pillar_is_the_least_of_all_points_of_the_hull(attitude, x, y):
     hull, R = geometry.hull_numbers(vehicle().hull), rotation(*attitude)
-    got = geometry.shadow_distance(hull, R.ravel(), x, y)
+    got = geometry.line_distance(hull, R.ravel(), x, y)
 
     def gap(angles):
         a, b = angles

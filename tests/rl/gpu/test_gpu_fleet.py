@@ -70,9 +70,12 @@ def test_the_kernels_compile_for_a_gpu_and_make_no_arrays(monkeypatch):
     outcome = block(Outcome, array("float32", 1), array("boolean", 2))
     for kernel, arguments in (
         (kernels.place, (block(kernels.Pool, 2, 2, 3), starts, scenes, episodes)),
-        (kernels.command, (block(kernels.Crew, 2, 2, 1), demands)),
-        (kernels.look, (senses, motion, scenes, episodes, block(kernels.View, mask, 2, array("float32", 2)))),
-        (kernels.judge, (block(Rules, 1, 1, 2, 1), motion, scenes, episodes, demands, outcome)),
+        (kernels.command, (block(kernels.Allocation, 2, 2, 1), demands)),
+        (
+            kernels.observe,
+            (senses, motion, scenes, episodes, block(kernels.View, mask, 2, array("float32", 2))),
+        ),
+        (kernels.evaluate_step, (block(Rules, 1, 1, 2, 1), motion, scenes, episodes, demands, outcome)),
     ):
         ptx, result = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0))
         text = ptx if isinstance(ptx, str) else ptx.decode()

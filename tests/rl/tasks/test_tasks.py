@@ -188,7 +188,7 @@ def test_loitering_pays_less_than_arriving_in_every_task():
     ("call", "word"),
     [
         (lambda: task_of("slaloms"), "no task 'slaloms': choose one of slalom"),
-        (lambda: TASKS["slalom"].require(9), "level 9 of slalom asks for 9 baffles; choose 0 to 4"),
+        (lambda: TASKS["slalom"].require(9), "level 9 of slalom does not exist: choose 0 to 4 baffles"),
         (lambda: TASKS["docking"].require(1), "level 1 of docking"),
         (lambda: scene("slalom", settings=replace(SETTINGS, world=World(length=15.0))), "lengthen world"),
         (lambda: scene("pillar_row", settings=replace(SETTINGS, world=World(length=15.0))), "lengthen world"),

@@ -13,7 +13,7 @@ from hydro.rl.environment.helmsman import Manner, helmsman
 from hydro.rl.tasks.registry import TASKS
 from hydro.rl.training.build import Builder
 from hydro.rl.training.config import RECIPES, Curriculum, SACConfig, TrainingConfig
-from hydro.rl.training.demonstrations import PUSHED, Pushed, corrections, habits
+from hydro.rl.training.demonstrations import DISTURBANCE, Disturbed, corrections, own_actions
 from hydro.rl.training.train import Training
 from hydro.rl.world.config import Episode, Settings
 
@@ -108,7 +108,7 @@ def test_the_pilot_tells_what_he_would_do_where_another_comes_to():
     for seen, said in told:
         np.testing.assert_allclose(said, np.clip(helmsman(seen), -1.0, 1.0), atol=1e-6)
     assert np.linalg.norm(told[-1][0][:, 3:6], axis=1).max() < 0.3  # he has not swum
-    own = list(habits(Builder(TAUGHT, vehicle())(3, 1), idle))
+    own = list(own_actions(Builder(TAUGHT, vehicle())(3, 1), idle))
     assert all((done == 0.0).all() for _, done in own)
     np.testing.assert_array_equal(own[0][0], told[0][0])
 
@@ -118,7 +118,7 @@ def test_what_was_learnt_before_may_pass_a_level_without_a_lesson():
     assert [level for level, _ in training.asked] == [OPEN, ONE, FOUR, FOREST, OPEN, FOUR, FOREST]
     assert training.curriculum.done
     assert training.steps == 2 * 5
-    assert training._learner._advice.levels == [OPEN]
+    assert training._learner._labels.levels == [OPEN]
 
 
 def test_lessons_go_on_until_a_level_is_passed():
@@ -126,7 +126,7 @@ def test_lessons_go_on_until_a_level_is_passed():
     training = trained({ONE: [False, False, True]})
     assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
     assert training.steps == 2 * 5 + 2 * (2 * 10)
-    assert training._learner._advice.levels == [OPEN, ONE]
+    assert training._learner._labels.levels == [OPEN, ONE]
 
 
 def test_a_level_that_is_not_passed_at_once_takes_so_many_lessons():
@@ -149,7 +149,7 @@ def test_what_the_last_policy_has_unlearnt_is_taught_again():
     ]  # fmt: skip
     assert training.curriculum.done
     for task, level in (OPEN, FOUR, FOREST):
-        kept, last = training.masters[task], training.policy()
+        kept, last = training.task_policies[task], training.policy()
         assert (kept.training["task"], kept.training["level"]) == (task, level)
         assert all(np.array_equal(kept.weights[name], last.weights[name]) for name in last.weights)
 
@@ -160,7 +160,7 @@ def test_a_policy_without_lessons_left_learns_by_itself_and_keeps_its_habits():
     assert [passed for _, passed in training.asked] == [False, False, False, False, True, True]
     shown = 3 * 2 * 5
     assert training.steps > shown + 40
-    observations, said = training._learner._advice._said[OPEN]
+    observations, said = training._learner._labels._labels[OPEN]
     done = np.tanh(training._learner._average.module(observations)[0].detach().numpy())
     np.testing.assert_allclose(said.numpy(), done, atol=1e-5)
     assert len(said) == 2 * 2  # of five steps of two vehicles the first and the fifth
@@ -177,12 +177,12 @@ def test_every_other_vehicle_is_pushed_and_a_push_wanders():
     def idle(observations):
         return np.zeros((len(observations), 6), np.float32)
 
-    flying = Pushed(idle, 0.6, seed=2)
+    flying = Disturbed(idle, 0.6, seed=2)
     done = np.array([flying(np.zeros((40, 36), np.float32)) for _ in range(3000)])
     assert (done[:, ::2] == 0.0).all()
     pushes = done[:, 1::2]
-    np.testing.assert_allclose(pushes.std(axis=(0, 1)), 0.6 * PUSHED, rtol=0.1)
+    np.testing.assert_allclose(pushes.std(axis=(0, 1)), 0.6 * DISTURBANCE, rtol=0.1)
     alike = np.corrcoef(pushes[:-50].ravel(), pushes[50:].ravel())[0, 1]
     assert alike == pytest.approx(np.exp(-1.0), abs=0.1)
-    again = Pushed(idle, 0.6, seed=2)
+    again = Disturbed(idle, 0.6, seed=2)
     np.testing.assert_array_equal(again(np.zeros((40, 36), np.float32)), done[0])

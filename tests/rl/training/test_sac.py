@@ -13,8 +13,8 @@ from torchrl.objectives import SACLoss
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.encoding import Encoding
-from hydro.rl.training.advice import SPREAD
 from hydro.rl.training.config import SACConfig
+from hydro.rl.training.expert_labels import SPREAD
 from hydro.rl.training.memory import unpack
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.returns import Transition
@@ -144,7 +144,7 @@ def law(seen):
 
 def test_a_clone_does_as_was_shown():
     made = Learner(plain(5), 2, replace(SMALL, layers=(32, 32)), 0)
-    made.watch(shown(300, law), OPEN)
+    made.add_demonstrations(shown(300, law), OPEN)
     observations = np.random.default_rng(1).standard_normal((500, 5)).astype(np.float32)
     before = np.abs(made.best(observations) - law(observations)).mean()
     made.clone(1500)
@@ -156,7 +156,7 @@ def test_a_clone_does_as_was_shown():
 def test_a_share_of_every_batch_is_of_what_was_shown():
     """Shown actions are marked by their size; without anything done yet all is of them."""
     made = Learner(ENCODING, 2, replace(SMALL, demonstrated=0.25), 0)
-    made.watch(shown(50, lambda seen: np.full((8, 2), 0.999, np.float32)), OPEN)
+    made.add_demonstrations(shown(50, lambda seen: np.full((8, 2), 0.999, np.float32)), OPEN)
     assert (made._batch()["action"] == 0.999).all()
     feed(made, 200)
     batch = made._batch()
@@ -166,7 +166,7 @@ def test_a_share_of_every_batch_is_of_what_was_shown():
 
 def test_what_was_shown_is_in_the_state():
     made, other = (Learner(ENCODING, 2, SMALL, seed) for seed in (0, 1))
-    made.watch(shown(30, law), OPEN)
+    made.add_demonstrations(shown(30, law), OPEN)
     feed(made, 80)
     made.update()
     other.restore(copy.deepcopy(made.state()))
@@ -278,9 +278,9 @@ def test_what_is_kept_is_the_average_of_the_policies():
 
 def test_tensors_of_other_layers_make_no_policy():
     policy = learner().policy({})
-    with pytest.raises(DataError, match="not those of layers"):
+    with pytest.raises(DataError, match="do not fit layers"):
         Policy((8,), policy.encoding, policy.weights)
-    with pytest.raises(DataError, match="not those of layers"):
+    with pytest.raises(DataError, match="do not fit layers"):
         Policy((16, 16), policy.encoding, {})
 
 

@@ -90,7 +90,7 @@ def test_less_margin_is_kept_where_there_is_no_other_way():
 
 def test_a_wall_of_pillars_cannot_be_passed():
     wall = np.column_stack([np.full(120, 12.0), np.linspace(0.0, 12.0, 120)])
-    with pytest.raises(DataError, match="no way leads round"):
+    with pytest.raises(DataError, match="no path leads around"):
         plan(TANK, [4.0, 6.0, 1.0], [20.0, 6.0, 1.0], wall, 0.1)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from hydro.rl.training.advice import ROWS, Advice, imitate
+from hydro.rl.training.expert_labels import ROWS, ExpertLabels, imitate
 from hydro.rl.training.policy import median, network
 
 OPEN, SLALOM, FOREST = ("point_to_point", 0), ("slalom", 4), ("forest", 12)
@@ -21,7 +21,7 @@ def said(level, rows, seed=0):
 
 
 def advice(*rows):
-    made = Advice()
+    made = ExpertLabels()
     for level, (name, count) in enumerate(zip((OPEN, SLALOM, FOREST), rows, strict=False)):
         made.add(name, *said(level, count))
     return made
@@ -75,7 +75,7 @@ def test_who_learns_a_new_level_keeps_an_earlier_one():
 
 
 def test_what_was_said_comes_back():
-    made, other = advice(40, 60), Advice()
+    made, other = advice(40, 60), ExpertLabels()
     other.restore(made.state())
     assert other.levels == made.levels
     for (one, done), (two, same) in zip(

@@ -1,4 +1,4 @@
-"""The last values of every vehicle: for what arrives late, and for what is remembered."""
+"""History of the last values of every vehicle, for delays and for stacked observations."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from numpy.typing import NDArray
 from hydro.core.columns import Mask, Rows
 
 
-class Past:
+class History:
     """Values of N vehicles over their last steps, newest first.
 
     Attributes:
         values: (N, depth, width).
-        late: By how many steps each vehicle's values arrive late, (N,).
+        late: Delay of each vehicle's values (N,) [steps].
     """
 
     def __init__(self, count: int, depth: int, width: int, dtype: type) -> None:
-        """Make room for `depth` steps of `width` values."""
+        """Allocate `depth` steps of `width` values."""
         self.values: NDArray[Any] = np.zeros((count, depth, width), dtype=dtype)
         self.late: Rows = np.zeros(count, dtype=np.int64)
 
-    def begin(self, mask: Mask, values: NDArray[Any], late: Rows) -> None:
-        """Let some vehicles (N,) have had these values (N, width) for long; theirs arrive so late (N,)."""
+    def fill(self, mask: Mask, values: NDArray[Any], late: Rows) -> None:
+        """Fill the history of some vehicles (N,) with values (N, width), and set their delays (N,)."""
         self.values[mask] = values[mask, None]
         self.late[mask] = late[mask]
 
-    def note(self, mask: Mask, values: NDArray[Any]) -> None:
-        """The values (N, width) of a new step of some vehicles (N,)."""
+    def append(self, mask: Mask, values: NDArray[Any]) -> None:
+        """Append the values (N, width) of a new step of some vehicles (N,)."""
         if self.values.shape[1] > 1:
             self.values[mask, 1:] = self.values[mask, :-1]
         np.copyto(self.values[:, 0], values, where=mask[:, None])
 
-    def seen(self, steps: int = 1) -> NDArray[Any]:
-        """What has arrived of the last steps, newest first (N, steps * width); a copy."""
+    def arrived(self, steps: int = 1) -> NDArray[Any]:
+        """Return a copy of the last steps that have arrived, newest first (N, steps * width)."""
         if not self.late.any():
             return self.values[:, :steps].reshape(len(self.values), -1).copy()
         rows = self.late[:, None] + np.arange(steps)
