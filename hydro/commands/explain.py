@@ -136,6 +136,8 @@ def explain(
     frame, hull = None if other is None else other.frame, earlier.hull if earlier else None
     with about(name):
         recordings = Recordings.of(start, source.frame, frame, hull)
+        if hull is None and not correct_thrusters:
+            recordings.log.require_directions(str(vehicle))
     changes = tell_changes(name, recordings.log.changes)
     if recordings.holdout is not None:
         held_out = tell_changes(called(holdout), recordings.holdout.changes)
