@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
-    from hydro.core.diagnosis.findings import Diagnosis, Prediction
+    from hydro.core.diagnosis.findings import Diagnosis
     from hydro.core.experiment.flight import Flight
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.vehicle.description import Vehicle
@@ -432,42 +432,17 @@ def _recording(provenance: Provenance) -> str:
 
 
 def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
-    """Refuse findings that do not lower the error of predictions of data that they were not fitted to.
-
-    Args:
-        source: The diagnosis.
-        names: Effects that are to be added.
-        alone: Whether they were named one by one: then one of them has to lower it by itself.
+    """Refuse findings that do not lower the held-out prediction error, see `no_better`.
 
     Raises:
         DataError: They do not.
     """
-    import polars as pl
+    from hydro.core.diagnosis.findings import PREDICTION, Prediction, no_better
 
-    from hydro.core.diagnosis.findings import PREDICTION, Prediction
-
-    parameters = source.provenance.parameters
-    if PREDICTION not in parameters or "error_added" not in source.frame.columns:
-        return
-    known = Prediction(**parameters[PREDICTION])
-    told = ", ".join(names)
-    if not alone:
-        if known.added != known.given and not known.falls:
-            raise DataError(_no_better(told, known.added, known))
-        return
-    errors: list[float] = (
-        source.frame.filter(pl.col("effect").is_in(names))["error_added"].drop_nulls().to_list()
-    )
-    if errors and not min(errors) < known.given:
-        raise DataError(_no_better(told, min(errors), known))
-
-
-def _no_better(names: str, error: float, known: Prediction) -> str:
-    """Return why findings are refused."""
-    return (
-        f"adding {names} does not lower the error {known.horizon:g} s ahead of data that it was not fitted "
-        f"to: {known.given:.3g} m/s before, {error:.3g} m/s after; --force adds it all the same"
-    )
+    errors = source.provenance.parameters.get(PREDICTION)
+    prediction = None if errors is None else Prediction(**errors)
+    if why := no_better(source.frame, prediction, names, alone=alone):
+        raise DataError(f"{why}; --force adds it all the same")
 
 
 def _print(found: Diagnosis, context: Context, printing: Printing, details: bool) -> None:

@@ -13,7 +13,7 @@ from hydro.io import vehicle as vehicles
 from hydro.report import diagnosis, plots, recorded, words
 from hydro.report.change import of_change
 from hydro.report.charts import Charts
-from hydro.report.diagnosis import Context
+from hydro.report.diagnosis import OVERLAP, Context, overlapping
 from hydro.report.sources import Named, Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import Value
@@ -44,11 +44,14 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
         others = shown.head(0)
         if taken:
             mine = pl.col("effect").is_in(taken) & (pl.col("effect") != "")
+            if step == 0:  # later diagnoses compare with the values of a step, not of the file
+                mine |= pl.col("verdict") == "retune"
             others = shown.filter(~mine, pl.col("verdict").is_in(NAMES))
             shown = shown.filter(mine)
         groups.append(
             {
                 "title": _group_title(step, last, taken),
+                "overlap": OVERLAP if overlapping(shown.to_dicts()) else "",
                 "cards": [
                     _card(row, f"{step}-{row['rank']}", charts, about, added=bool(taken))
                     for row in shown.iter_rows(named=True)
@@ -144,6 +147,7 @@ def _card(
         "verdict": row["verdict"],
         "label": label,
         "effect": words.effect_name(row["effect"]),
+        "name": row["effect"].partition(":")[0] if row["effect"] in CATALOGUE else "",
         "title": title,
         "sure": diagnosis.sureness(row),
         "sentence": sentence,

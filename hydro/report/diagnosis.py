@@ -24,10 +24,10 @@ from hydro.report.screen import EMPTY, Block, Following, Text, fitted, table
 
 TITLES = {
     "log_fault": "The log has a fault",
-    "missing": "{Effect} is missing",
-    "suspect": "{Effect} may be missing",
-    "retune": "{Effect} has other values than the file",
-    "cannot_tell_apart": "{Members} is missing",
+    "missing": "{Effect}",
+    "suspect": "{Effect}, unconfirmed",
+    "retune": "New values of {effect}",
+    "cannot_tell_apart": "{Members}",
     "not_separable": "No log can separate {effect} from what the file has",
     "none_of_the_known": "An error remains that no effect explains",
     "far_from_noise": "An error remains that no effect explains",
@@ -41,6 +41,8 @@ SILENT = ("nothing_missing", "not_excited", "not_separable")
 MOST_UNSEEN = 4
 """Effects that the line on what is not visible names."""
 MORE = "{count}: add --details."
+OVERLAP = "The shares need not sum to 100 %: each is measured by itself."
+"""Note on the shares of two or more findings."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
 """Options of `hydro diagnose` that `hydro compare` does not have."""
 NOTHING_NEXT = Following()
@@ -102,7 +104,9 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    tail = [EMPTY, Text(about.learned)] if about.learned else []
+    notes = [Text(OVERLAP)] * overlapping(rows) + look_up([row["effect"] for row in rows])
+    tail = [EMPTY, *notes] if notes else []
+    tail += [EMPTY, Text(about.learned)] if about.learned else []
     tail += unseen(frame, about, width)
     if not rows:
         tail += _without_findings(about, width)
@@ -180,7 +184,7 @@ def title(row: Mapping[str, Any], about: Context) -> str:
     members = listed([words.effect_name(name) for name in row["members"]], "or")
     template = names[row["verdict"]]
     if row["verdict"] == "suspect" and about.vehicle.effects(row["effect"]):
-        template = "{Effect} may have other values than the file"
+        template = "New values of {effect}, unconfirmed"
     return template.format(Effect=_capital(effect), effect=effect, Members=_capital(members))
 
 
@@ -193,7 +197,7 @@ def said(row: Mapping[str, Any], about: Context) -> str:
 
 
 def sureness(row: Mapping[str, Any]) -> str:
-    """Return the confidence in a finding; of other values in the file, which may have none, its test."""
+    """Return the confidence in a finding; its test if new values of an effect have no confidence."""
     if not row["parameters"] or row["verdict"] == "cannot_tell_apart":
         return ""
     if row["confidence"] is not None:
@@ -221,6 +225,21 @@ def facts(row: Mapping[str, Any]) -> str:
     if rivals:
         return f"{told}; {listed(rivals)} {'fits' if len(rivals) == 1 else 'fit'} as well."
     return f"{told}; no rival fits as well." if row["verdict"] == "missing" else f"{told}."
+
+
+def overlapping(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether two or more findings have a share, so that the sum needs a note."""
+    return sum(facts(row).startswith("Explains") for row in rows) > 1
+
+
+def look_up(effects: Sequence[str]) -> list[Text]:
+    """Return the line that leads from the name of an effect to its explanation; empty without effects.
+
+    Args:
+        effects: Names of effects, the most important first.
+    """
+    known = [name.partition(":")[0] for name in effects if name in CATALOGUE]
+    return [Text(f"Look up an effect: hydro effects {known[0]}")] if known else []
 
 
 def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:

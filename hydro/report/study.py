@@ -15,6 +15,7 @@ from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step
 from hydro.core.explanation.status import UNCONFIRMED, added
 from hydro.core.explanation.with_hull import FLOOR
 from hydro.report import ladder, words, yardsticks
+from hydro.report.diagnosis import look_up
 from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 WHERE = {"fit": "on the recording", "holdout": "on held-out data"}
@@ -47,6 +48,11 @@ class Outcome:
         return self.folder / f"vehicle-{self.chosen.number}.toml"
 
     @property
+    def chosen_effects(self) -> list[str]:
+        """Return the effects that the steps up to the chosen one added."""
+        return [name for step in self.steps[: self.chosen.number + 1] for name in step.added]
+
+    @property
     def rungs(self) -> pl.DataFrame:
         """Return the ladder of all steps."""
         return pl.concat([step.ladder for step in self.steps], how="diagonal_relaxed")
@@ -70,7 +76,7 @@ def answer(study: Outcome, width: int) -> list[Text]:
     if told := yardsticks.sentence(simple):
         lines.append(Text(told))
     lines += [EMPTY, Text("Steps:", bold=True), *_steps(study)]
-    lines += [Text(f"It ends here: {study.reason}."), EMPTY]
+    lines += [Text(f"It ends here: {study.reason}."), *look_up(study.chosen_effects), EMPTY]
     beyond = study.beyond
     lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond[:MOST]]
     if (more := len(beyond) - MOST) > 0:

@@ -18,32 +18,34 @@ from hydro.core.errors import DataError, listed
 from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {
-    "log_fault": ("Fault in the log", "What the log says of {columns} is impossible."),
-    "missing": ("Missing", "The model lacks {effect}."),
-    "suspect": ("Suspected", "The model may lack {effect}; the recording is not sure."),
-    "retune": ("Other values", "The model has {effect}, but the recording yields other values."),
+    "log_fault": ("Fault in the log", "The log has impossible values in {columns}."),
+    "missing": ("New effect", "The model lacks {effect}."),
+    "suspect": ("Unconfirmed", "The model may lack {effect}; this log does not confirm it."),
+    "retune": ("New values", "This log needs new values of {effect}."),
     "cannot_tell_apart": (
-        "Cannot tell apart",
-        "The model lacks one of {members}; this recording cannot tell.",
+        "Ambiguous",
+        "The model lacks {members}; this log does not tell which.",
     ),
-    "not_separable": ("Not separable", "No recording can tell {effect} from what the model has."),
-    "not_excited": ("Not excited", "This recording does not show whether {effect} is there."),
-    "none_of_the_known": ("Unknown", "Error remains that no effect of the catalogue explains."),
-    "closed_loop": ("Feedback", "The commands answer to the motion, and may hide a disturbance."),
+    "not_separable": ("Not separable", "No log can separate {effect} from effects of the file."),
+    "not_excited": ("Not visible", "The motion in this log cannot show {effect}."),
+    "none_of_the_known": ("Unexplained", "An error remains that no effect of the catalogue explains."),
+    "closed_loop": ("Feedback", "A controller reacts to the motion and may hide a disturbance."),
     "far_from_noise": (
-        "Far from noise",
-        "The fit leaves many times the noise, and no effect of the catalogue earns it.",
+        "Unexplained",
+        "An error of many times the noise remains, and no effect of the catalogue explains it.",
     ),
-    "nothing_missing": ("Nothing missing", "Noise explains the error that is left."),
+    "nothing_missing": ("Nothing missing", "Noise explains the remaining error."),
 }
-"""A verdict's label, and its sentence."""
+"""Label and sentence of each verdict."""
 OF_CHANGE = {
+    "missing": ("Changed", "The {effect} has changed."),
+    "suspect": ("Unconfirmed", "The {effect} may have changed; this log does not confirm it."),
     "nothing_missing": (
         "Nothing changed",
-        "Nothing has changed beyond what the model of the hull leaves of the recording before.",
-    )
+        "No change exceeds the error of the hull-force model.",
+    ),
 }
-"""The same of those that say another thing of what has changed since a recording before."""
+"""Labels and sentences that differ for changes since an earlier recording."""
 
 DATASETS = {"fit": "the recording", "holdout": "held-out data"}
 """What a ladder was measured on."""

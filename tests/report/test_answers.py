@@ -101,7 +101,7 @@ def test_a_wide_terminal_has_no_longer_screen(found):
 
 def test_a_finding_has_its_confidence_share_rivals_and_one_command():
     text = answer([missing("thruster_gain", members=("thruster_gain", "payload"))])
-    assert "Thruster gain is missing: certain, 97 %." in text
+    assert "Thruster gain: certain, 97 %." in text
     assert "Explains 60 % (50 to 70 %) of the explainable error; payload fits as well." in text
     (following,) = pasted_from(text)
     assert following == (
@@ -118,7 +118,7 @@ def test_each_sentence_stands_once():
     text = " ".join(answer([stated, suspected]).split())
     for words in ("of its modelled thrust", "heavier than modelled"):
         assert text.count(words) == 1, text
-    assert "Net buoyancy may be missing: possible, 40 %." in text
+    assert "Net buoyancy, unconfirmed: possible, 40 %." in text
 
 
 def test_stated_findings_share_the_command_that_adds_all():

@@ -17,6 +17,7 @@ from hydro.core.errors import DataError
 from hydro.io import table, vehicle
 from hydro.io.study import NO_FORCES
 from hydro.report import plots, words
+from hydro.report.diagnosis import OVERLAP
 from hydro.report.page import render
 from hydro.report.sources import Named, Sources, gather
 
@@ -92,7 +93,7 @@ def test_a_diagnosis_of_faults_alone_has_the_first_for_its_headline() -> None:
     fault = Finding("log_fault", members=("cmd_1",), advice="thruster 1 pushes opposite to the file")
     found = Diagnosis((fault,), synthetic.vehicle(), (1.0, 1.0, 1.0))
     page = Text(render(alone("diagnosis", found.frame()))).found
-    assert "What the log says of cmd_1 is impossible." in page["head"]
+    assert "The log has impossible values in cmd_1." in page["head"]
 
 
 def test_places_before_and_after_stand_side_by_side(page: dict[str, str]) -> None:
@@ -159,8 +160,18 @@ def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
     assert "(certain, 93 %)" in told
     assert "Probability of as much by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
-    assert "Nothing missing Noise explains the error that is left." in told
+    assert "Nothing missing Noise explains the remaining error." in told
     assert "thruster gain or quadratic damping (20 % of the error)" in told
+    assert "More: hydro effects ocean_current ." in told
+
+
+def test_new_values_of_the_file_are_a_finding_of_the_first_step(page: dict[str, str]) -> None:
+    assert "New values of linear damping" in page["findings"].split("After step 1")[0]
+
+
+def test_shares_of_two_findings_have_a_note() -> None:
+    page = Text(render(alone("diagnosis", studies.found()))).found
+    assert page["findings"].count(OVERLAP) == 1
 
 
 def test_the_ladder_is_a_table_too(page: dict[str, str]) -> None:
@@ -221,7 +232,7 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     [
         ("comparison", studies.comparison(), ["model", "places"], "The model errs by 2.00 m/s 5 s ahead."),
         ("diagnosis", studies.found(), ["findings", "next", "confusions"], "The model lacks ocean current."),
-        ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the error that is left."),
+        ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the remaining error."),
         ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
         ("leftover", studies.leftover(), ["leftover"], "The force of the water on a vehicle"),
         ("sessions", studies.sessions(), ["recorded"], "Sessions of a study."),

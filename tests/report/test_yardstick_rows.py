@@ -97,8 +97,8 @@ def test_what_was_added_is_not_advised_again(sources):
     found = cards.findings(sources, Charts())
     assert found is not None
     added, *_ = found["groups"]
-    assert [card["verdict"] for card in added["cards"]] == ["missing"]
-    assert added["cards"][0]["advice"] == ""
+    assert [card["verdict"] for card in added["cards"]] == ["missing", "retune"]
+    assert [card["advice"] for card in added["cards"]] == ["", ""]
     lone = cards.findings(
         dataclasses.replace(sources, ladder=None, diagnoses=sources.diagnoses[:1]), Charts()
     )

@@ -79,7 +79,7 @@ def test_effects_are_counted_and_each_has_its_sentence():
         Finding("retune", "quadratic_damping", ("quadratic_damping",)),
     ]
     text = status(found, damped(), 0.02).headline
-    assert text.startswith("2 effects are missing and 1 has other values: ")
+    assert text.startswith("The model needs 3 corrections: ")
     assert "hruster 4 delivers 70 %" in text
     assert status(found[:1], damped(), 0.02, 0.7).headline.startswith("1 effect has changed: ")
 
