@@ -1,4 +1,4 @@
-"""A diagnosis in words: headline, errors of predictions, a block for each finding, and what to do next."""
+"""Diagnosis as text: headline, errors of predictions, a block for each finding, and the next command."""
 
 from __future__ import annotations
 
@@ -28,19 +28,20 @@ TITLES = {
     "suspect": "{Effect}, unconfirmed",
     "retune": "New values of {effect}",
     "cannot_tell_apart": "{Members}",
-    "not_separable": "No log can separate {effect} from what the file has",
+    "not_separable": "No log can separate {effect} from effects of the file",
     "none_of_the_known": "An error remains that no effect explains",
     "far_from_noise": "An error remains that no effect explains",
     "closed_loop": "The log was recorded under feedback: a controller may hide a disturbance",
 }
 """Title of a finding by its verdict."""
 CHANGED = {"missing": "{Effect} has changed", "suspect": "{Effect} may have changed"}
-"""The same of what has changed since a recording before."""
+"""Titles that differ for changes since an earlier recording."""
 SILENT = ("nothing_missing", "not_excited", "not_separable")
-"""Verdicts without a block: the headline or the line on what is not visible says it."""
+"""Verdicts without a block: the headline or the line on effects that are not visible has them."""
 MOST_UNSEEN = 4
-"""Effects that the line on what is not visible names."""
+"""Maximum number of effects in the line on effects that are not visible."""
 MORE = "{count}: add --details."
+"""Note on findings that do not fit on the screen."""
 OVERLAP = "The shares need not sum to 100 %: each is measured by itself."
 """Note on the shares of two or more findings."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
@@ -50,18 +51,18 @@ NOTHING_NEXT = Following()
 
 @dataclass(frozen=True)
 class Context:
-    """What an answer needs beside the table of findings.
+    """Data of an answer in addition to the table of findings.
 
     Attributes:
         vehicle: The vehicle file.
         dt: Sample time of the recording [s].
         headline: The status in one line.
-        prediction: Errors before and after; None where they are not known.
+        prediction: Errors before and after; None if they are not known.
         changed: Whether findings are changes since a recording before.
         open: Whether a next flight can be designed.
-        call: The command; None where no command is to follow.
-        learned: What a recording before a change has taught, in words; empty without one.
-        reversed: Thrusters that push opposite to the file, from 0; none where columns are swapped as well.
+        call: The command; None if the answer has no next command.
+        learned: Sentences on the hull-force model of a recording before a change; empty without one.
+        reversed: Thrusters that push opposite to the file, from 0; empty if columns are swapped as well.
     """
 
     vehicle: Vehicle
@@ -86,7 +87,7 @@ class Context:
 
     @property
     def refused(self) -> bool:
-        """Whether `hydro add` refuses what is stated: it does not lower the error."""
+        """Whether `hydro add` refuses the stated findings, because they do not lower the error."""
         known = self.prediction
         return known is not None and known.added != known.given and not known.falls
 
@@ -96,9 +97,9 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
 
     Args:
         frame: Diagnosis table.
-        about: The rest.
+        about: Other data of the answer.
         width: Columns.
-        whole: Whether all findings are shown, however many lines they take.
+        whole: Whether all findings are shown, even if they do not fit on the screen.
     """
     head = [Text(about.headline, bold=True)] if about.headline else []
     if about.prediction is not None:
@@ -115,12 +116,12 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
 
 
 def _has_block(row: Mapping[str, Any]) -> bool:
-    """Whether a finding has a block: of a fault of the log the headline says all but the next command."""
+    """Return whether a finding has a block; a fault of the log has one only for its next command."""
     return row["verdict"] not in SILENT and (row["verdict"] != "log_fault" or is_of_thrusters(row))
 
 
 def errors(known: Prediction) -> Iterator[Text]:
-    """Yield the errors of predictions, an axis in a row: before, after findings are added, by noise alone."""
+    """Yield the errors of predictions, one row per axis: before, with the findings added, and noise floor."""
     after, floor = known.added != known.given, known.floor is not None
     names = ["before", "after"] if after else ["error"]
     rows = [(axis, UNITS[axis], each) for axis, each in known.axes.items()]
@@ -139,7 +140,7 @@ def errors(known: Prediction) -> Iterator[Text]:
 
 
 def _columns(after: bool, floor: bool) -> list[int]:
-    """Return which of the errors given, added and floor are shown."""
+    """Return the indices of the shown errors among given, added and floor."""
     return [0, *([1] if after else []), *([2] if floor else [])]
 
 
@@ -158,15 +159,15 @@ def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
 
 
 def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
-    """Yield a finding: its title, its sentence where the headline has it not, and how sure it is.
+    """Yield the title of a finding with its confidence, its sentence if the headline lacks it, and its share.
 
     Args:
         row: Row of the diagnosis table.
-        about: The rest.
-        number: Its number; 0 where it is the only one.
+        about: Other data of the answer.
+        number: Its number; 0 if it is the only one.
     """
     if is_of_thrusters(row):
-        return  # the headline says it
+        return  # it is in the headline
     place = f"{number}. " if number else ""
     sure = sureness(row)
     yield Text(f"{place}{title(row, about)}{f': {sure}' if sure else ''}.", bold=True)
@@ -189,7 +190,7 @@ def title(row: Mapping[str, Any], about: Context) -> str:
 
 
 def said(row: Mapping[str, Any], about: Context) -> str:
-    """Return the sentence on the values of a finding; empty where it has none."""
+    """Return the sentence on the values of a finding; empty without values."""
     if not row["parameters"] or row["effect"] not in CATALOGUE:
         return ""
     values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))
@@ -243,7 +244,7 @@ def look_up(effects: Sequence[str]) -> list[Text]:
 
 
 def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
-    """Yield what the recording cannot show, with the manoeuvre that would show the first of it."""
+    """Yield the effects that the recording cannot show, with the manoeuvre that would show the first one."""
     names = frame.filter(verdict="not_excited").sort("rank")["effect"].unique(maintain_order=True).to_list()
     if not names:
         return
@@ -286,7 +287,7 @@ def fits(chi2: Sequence[float]) -> str:
 
 
 def _without_findings(about: Context, width: int) -> Iterator[Text]:
-    """Yield the next command where nothing was found."""
+    """Yield the next command of a diagnosis without findings."""
     if about.call is not None:
         yield EMPTY
         again = about.call.again("compare", without=DIAGNOSE_ONLY)
@@ -294,7 +295,7 @@ def _without_findings(about: Context, width: int) -> Iterator[Text]:
 
 
 def _adding(about: Context, count: int) -> Following:
-    """Return the next command of what is stated: add it, or try it step by step where that does not help."""
+    """Return the next command for stated findings: add them, or try single steps if they do not help."""
     if about.call is None:
         return NOTHING_NEXT
     if about.refused:
@@ -306,7 +307,7 @@ def _adding(about: Context, count: int) -> Following:
 
 
 def _following(row: Mapping[str, Any], about: Context) -> Following:
-    """Return the next command of a finding that is not stated."""
+    """Return the next command for a finding that is not stated."""
     call, known = about.call, about.prediction
     if call is None:
         return NOTHING_NEXT
@@ -320,19 +321,18 @@ def _following(row: Mapping[str, Any], about: Context) -> Following:
     if is_of_thrusters(row) and about.reversed:
         return Following("Reverse thrusters in the vehicle file:", call.flipping(about.reversed))
     if is_of_thrusters(row) and not call.options.get("--correct-thrusters"):
-        return Following(
-            "Go on with the thrusters as this log shows them:", call.again("diagnose", "--correct-thrusters")
-        )
+        again = call.again("diagnose", "--correct-thrusters")
+        return Following("Continue with the thrusters as this log shows them:", again)
     if row["verdict"] in UNEXPLAINED:
         return Following("Find the regimes of motion:", call.again("compare", without=DIAGNOSE_ONLY))
     return NOTHING_NEXT
 
 
 def is_of_thrusters(row: Mapping[str, Any]) -> bool:
-    """Whether a fault of the log is that directions or order of its thrusters contradict the file."""
+    """Return whether a fault of the log is in the directions or the order of the thrusters."""
     return row["verdict"] == "log_fault" and row["confidence"] is not None
 
 
 def _capital(text: str) -> str:
-    """Return a text with a capital first."""
+    """Return a text that begins with a capital letter."""
     return text[:1].upper() + text[1:]

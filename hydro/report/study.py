@@ -1,4 +1,4 @@
-"""A study in words: its headline, errors before and after, its steps, and what to do next."""
+"""Study as text: headline, errors before and after, steps, and the next command."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from hydro.report.diagnosis import look_up
 from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 WHERE = {"fit": "on the recording", "holdout": "on held-out data"}
-"""What errors are measured on."""
+"""Names of the data sets in sentences."""
 MOST = 2
-"""Values that are not plausible, of which an answer has a sentence: all has to fit one screen."""
+"""Maximum number of implausible values with a sentence, so that the answer fits one screen."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A study that has ended.
+    """Completed study.
 
     Attributes:
-        steps: Its steps.
-        chosen: The one to use.
-        headline: Its status in one line.
-        reason: Why it ended.
-        folder: Where its files are.
+        steps: Steps of the study.
+        chosen: The step to use.
+        headline: Overall result in one line.
+        reason: Reason why it ended.
+        folder: Folder of its files.
     """
 
     steps: Sequence[Step]
@@ -88,7 +88,7 @@ def answer(study: Outcome, width: int) -> list[Text]:
 
 
 def errors(study: Outcome) -> Iterator[Text]:
-    """Yield the errors of the first and the chosen step, an axis in a row."""
+    """Yield the errors of the first and the chosen step, one row per axis."""
     rungs = study.rungs
     dataset = yardsticks.judged_on(rungs)
     rows = rungs.filter(pl.col("horizon") == HORIZON, dataset=dataset)
@@ -116,7 +116,7 @@ def errors(study: Outcome) -> Iterator[Text]:
 
 
 def _steps(study: Outcome) -> Iterator[Text]:
-    """Yield a line for each step: what it added, whether that is confirmed, and the error that decides."""
+    """Yield a line for each step: added effects, whether they are confirmed, and the decisive error."""
     confirmed = added(study.steps)
     for step in study.steps:
         use = ", the one to use" if step is study.chosen and len(study.steps) > 1 else ""
@@ -124,11 +124,11 @@ def _steps(study: Outcome) -> Iterator[Text]:
 
 
 def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
-    """Return a step in a line: its number, what it added, and the error that decides.
+    """Return a step in a line: its number, the effects that it added, and the decisive error.
 
     Args:
         step: The step.
-        confirmed: Whether a test confirmed each effect that it added.
+        confirmed: Whether a test confirmed each added effect.
     """
     names = [
         words.effect_name(name) + ("" if confirmed[name] else f" ({UNCONFIRMED})") for name in step.added
@@ -137,7 +137,7 @@ def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
 
 
 def deciding(step: Step) -> str:
-    """Return the error by which a step is compared with the others, in words."""
+    """Return the error that decides between the steps, in words."""
     rows = step.ladder
     if not (held := rows.filter(dataset="holdout")).is_empty():
         place, rows = WHERE["holdout"], held

@@ -64,7 +64,7 @@ def test_without_predictors_nothing_is_said():
 
 def test_the_ladder_of_the_terminal_has_them_above_the_noise():
     shown = ladder.errors(judged(), "holdout")
-    assert shown["step"].to_list()[-4:] == [ZERO, CONSTANT, LEAST_SQUARES, "noise alone"]
+    assert shown["step"].to_list()[-4:] == [ZERO, CONSTANT, LEAST_SQUARES, "noise floor"]
     assert shown.row(-2) == (LEAST_SQUARES, *[0.1] * 7)
 
 
