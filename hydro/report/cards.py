@@ -55,7 +55,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
         groups.append(
             {
                 "title": _group_title(step, last, taken),
-                "overlap": OVERLAP if overlapping(shown.to_dicts()) else "",
+                "shares": _shares(shown, step),
                 "cards": [
                     _card(row, f"{step}-{row['rank']}", charts, about, added=bool(taken))
                     for row in shown.iter_rows(named=True)
@@ -116,6 +116,14 @@ def _group_title(step: int, last: int, taken: list[str]) -> str:
         return f"After step {step}" if step else ""
     named = listed([words.effect_name(name) for name in taken])
     return f"Step {step + 1} added {named}" if named else f"Found at step {step}"
+
+
+def _shares(shown: pl.DataFrame, step: int) -> str:
+    """Return the note on the shares of the cards of one diagnosis; empty if they need none."""
+    rows = shown.to_dicts()
+    reference = f"Shares are of the error that remained after step {step}."
+    explained = any(diagnosis.facts(row) for row in rows)
+    return " ".join([reference] * (step > 0 and explained) + [OVERLAP] * overlapping(rows))
 
 
 def _unseen(rows: pl.DataFrame) -> str:
