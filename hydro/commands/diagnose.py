@@ -1,4 +1,4 @@
-"""`diagnose` and `add`: what is missing in a vehicle file, and the file with it."""
+"""Commands `diagnose` and `add`: find the corrections that a vehicle file needs, and add them."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def diagnose(
         hydro add vehicle.toml diagnosis.parquet --effect formula \
           -o vehicle-1.toml
 
-    With --fly the manoeuvres that separate close rivals, or that show what this recording does not, are
+    With --fly the manoeuvres that separate close rivals, or show effects that this recording cannot show, are
     written as commands for hydro simulate or an autopilot. Every predicted position of every rival stays
     within --depth and --space. The answer then has the expected separation of rivals in standard deviations
     of the noise, and the expected standard errors. Diagnose the new recording and this one as sessions of one
@@ -269,7 +269,7 @@ def diagnose(
         if found.estimates is not None and output != STREAM:
             covariance.write(found.estimates, output, stage="diagnose", inputs=inputs, vehicle_text=text)
     if fly is not None and found.question is None:
-        typer.echo("hydro: no flight written: no rivals are left that one could separate", err=True)
+        typer.echo("hydro: no flight written: there are no rivals that a flight could separate", err=True)
     if fly is not None and found.question is not None:
         with about(name):
             flight = advise(found.question, limits)
@@ -279,10 +279,10 @@ def diagnose(
 
 
 def _refuse_beside_each(**given: object) -> None:
-    """Refuse what is of one diagnosis, not of many.
+    """Refuse options that apply to a single diagnosis.
 
     Raises:
-        UsageError: It is given.
+        UsageError: One of them is given.
     """
     if named := [name for name, there in given.items() if there]:
         raise UsageError(f"--each diagnoses every session by itself, without --{named[0]}: leave one out")
@@ -297,7 +297,7 @@ def _diagnose_each(
     corrected: bool,
     details: bool,
 ) -> None:
-    """Diagnose every session of a dataset by itself."""
+    """Diagnose every session of a data set separately."""
     from hydro.io import partitions
     from hydro.study.diagnosing import diagnose_part, warm
 
@@ -395,7 +395,7 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
     """Refuse the diagnosis of another vehicle, or of this one as it was before it was edited.
 
     Raises:
-        DataError: it is, or does not say of which it is.
+        DataError: The vehicle is different, or the diagnosis does not name its vehicle.
     """
     from hydro.io import vehicle as vehicles
 
@@ -413,10 +413,10 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
 
 
 def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
-    """Write the covariance of the added values next to the file; of no other values.
+    """Write the covariance of the added values next to the file.
 
     Raises:
-        DataError: it is of another diagnosis than the one that was read.
+        DataError: The covariance is of another diagnosis.
     """
     from hydro.io import covariance
     from hydro.io import vehicle as vehicles
@@ -427,7 +427,7 @@ def _write_covariance(estimates: Estimates, output: str, source: Artefact, text:
 
 
 def _recording(provenance: Provenance) -> str:
-    """Hash of the recording that a diagnosis was made from; empty where its footer is lost."""
+    """Return the hash of the diagnosed recording; empty if the footer lacks it."""
     return next((one.content for one in provenance.inputs if one.kind == "raw"), "")
 
 
@@ -446,7 +446,7 @@ def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
 
 
 def _print(found: Diagnosis, context: Context, printing: Printing, details: bool) -> None:
-    """Print the answer, or its headline where the table goes into a pipe."""
+    """Print the answer, or only its headline if the table goes into a pipe."""
     from hydro.report.diagnosis import answer, fits
 
     if printing.brief:
@@ -474,7 +474,7 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
 
 def _print_flight(flight: Flight, path: Path, console: Console) -> None:
     """Print the next flight and its expected results."""
-    console.print(f"\nTo fly next ({path}):", style="bold")
+    console.print(f"\nNext flight ({path}):", style="bold")
     for line in flight.lines():
         console.print(line, soft_wrap=True)
 
