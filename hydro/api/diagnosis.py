@@ -165,8 +165,7 @@ def _in_words(known: Prediction) -> str:
         told.append(f"{figure(known.added)} m/s on held-out data with the findings added")
     if known.floor is not None:
         told.append(f"noise floor {figure(known.floor, 2)} m/s")
-    helps = known.added == known.given or known.falls
-    refused = "" if helps else " The findings do not lower it, so `hydro add` refuses them."
+    refused = " The findings do not lower it, so `hydro add` refuses them." if known.refuted else ""
     return f"Error {known.horizon:g} s ahead: {', '.join(told)}.{refused}"
 
 

@@ -88,8 +88,7 @@ class Context:
     @property
     def refused(self) -> bool:
         """Whether `hydro add` refuses the stated findings, because they do not lower the error."""
-        known = self.prediction
-        return known is not None and known.added != known.given and not known.falls
+        return self.prediction is not None and self.prediction.refuted
 
 
 def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = False) -> list[Text]:
@@ -135,7 +134,7 @@ def errors(known: Prediction) -> Iterator[Text]:
         ),
     )
     if after:
-        helps = "" if known.falls else " This does not lower the error, so hydro add refuses it."
+        helps = " This does not lower the error, so hydro add refuses it." if known.refuted else ""
         yield Text(f"after: findings added to the file, on data that they were not fitted to.{helps}")
 
 

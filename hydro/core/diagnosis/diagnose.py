@@ -197,7 +197,8 @@ def answered(
     progress("done", 1.0)
     diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
     left = None if hull is None else diagnosis.chi2[-1]
-    return replace(diagnosis, status=status(diagnosis.findings, vehicle, log.record.dt, left))
+    told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
+    return replace(diagnosis, status=told)
 
 
 def _found_in(

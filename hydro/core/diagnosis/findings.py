@@ -136,6 +136,11 @@ class Prediction:
         """Whether the stated findings lower the error by more than the standard error of the difference."""
         return self.given - self.added > self.spread
 
+    @property
+    def refuted(self) -> bool:
+        """Whether findings are stated but do not lower the error."""
+        return self.added != self.given and not self.falls
+
 
 Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
 """Overall result of a diagnosis.
@@ -300,8 +305,7 @@ def no_better(
         error = min(errors, default=-math.inf)
         lower = error < prediction.given
     else:
-        error = prediction.added
-        lower = error == prediction.given or prediction.falls
+        error, lower = prediction.added, not prediction.refuted
     if lower:
         return ""
     return (

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hydro.core.diagnosis.contenders import RIGHT
-from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Diagnosis, Finding, Status
+from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Diagnosis, Finding, Prediction, Status
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
@@ -17,7 +17,13 @@ LIKELY = 0.6
 """Confidence from which a name that is not stated is called likely; below it, the name is called possible."""
 
 
-def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float | None = None) -> Status:
+def status(
+    findings: Sequence[Finding],
+    vehicle: Vehicle,
+    dt: float,
+    left: float | None = None,
+    prediction: Prediction | None = None,
+) -> Status:
     """Return the overall result of some findings.
 
     Args:
@@ -26,6 +32,7 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
         dt: Sample time of the recording [s].
         left: Squared residual with all changes since an earlier recording, in floors of the hull model; None
             without one.
+        prediction: Held-out errors before and after the stated findings are added; None if not known.
     """
     changed = left is not None
     named = [one for one in findings if one.verdict in (*STATED, "suspect")]
@@ -36,6 +43,9 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
     if stated:
         told = [_sentence(one, vehicle, dt) for one in stated]
         rest = ["An error remains that no effect explains."] if remains else []
+        if prediction is not None and prediction.refuted:
+            they = "it does" if len(stated) == 1 else "they do"
+            rest = [f"Added to the file, {they} not lower the held-out prediction error.", *rest]
         return Status("stated", _counted(len(stated), changed), (*told, *rest, *faults))
     if suspected:
         best = max(suspected, key=_likely)

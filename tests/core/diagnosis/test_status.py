@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from recordings import damped
 
-from hydro.core.diagnosis.findings import SURE, Finding
+from hydro.core.diagnosis.findings import SURE, Finding, Prediction
 from hydro.core.diagnosis.status import in_words, status
 
 STATED = {
@@ -82,6 +83,14 @@ def test_effects_are_counted_and_each_has_its_sentence():
     assert text.startswith("The model needs 3 corrections: ")
     assert "hruster 4 delivers 70 %" in text
     assert status(found[:1], damped(), 0.02, 0.7).headline.startswith("1 effect has changed: ")
+
+
+@pytest.mark.parametrize("added", [0.31, 0.1, 0.3])
+def test_the_headline_says_that_findings_do_not_lower_the_error(added):
+    found = Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters=STATED["net_buoyancy"])
+    known = Prediction(5.0, 0.3, added, 0.01, 0.02)
+    text = status([found], damped(), 0.02, prediction=known).headline
+    assert text.endswith("it does not lower the held-out prediction error.") == (added == 0.31)
 
 
 def test_confidence_in_words():
