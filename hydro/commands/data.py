@@ -83,7 +83,7 @@ def labels(
     noise: NoiseSpec = None,
     subtract: Annotated[
         Literal["inertia", "effects"],
-        typer.Option(help="Subtract added mass alone, or all effects of the file."),
+        typer.Option(help="Subtract only added mass, or all effects of the file."),
     ] = "inertia",
     max_sd_velocity: MaxVelocity = 0.05,
     max_sd_acceleration: MaxAcceleration = 0.25,
@@ -180,9 +180,7 @@ def split(
     ] = None,
     from_: Annotated[
         str | None,
-        typer.Option(
-            "--from", metavar="FILE", help="Repeat the split of this table of blocks, as it was made."
-        ),
+        typer.Option("--from", metavar="FILE", help="Repeat the split of this table of blocks."),
     ] = None,
     output: Output = STREAM,
 ) -> None:
@@ -219,7 +217,7 @@ def features(
     labels: LabelsOrSplit = STREAM,
     set_: Annotated[
         Literal["raw", "physfeat"],
-        typer.Option("--set", help="The twelve states alone, or 45 features with drag and cross products."),
+        typer.Option("--set", help="Only the twelve states, or 45 features with drag and cross products."),
     ] = "physfeat",
     output: Output = STREAM,
 ) -> None:

@@ -38,7 +38,7 @@ Shots = Annotated[
     int,
     typer.Option(
         min=8,
-        help="Most shots of 2 s that are fitted.",
+        help="Maximum number of fitted shots of 2 s.",
     ),
 ]
 

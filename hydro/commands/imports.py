@@ -74,7 +74,8 @@ def import_(
         typer.Option(show_default=False, help="Whose names the columns have.", rich_help_panel=ADVANCED),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Let --write-map replace another map.", rich_help_panel=ADVANCED)
+        bool,
+        typer.Option("--force", help="Overwrite an existing map with --write-map.", rich_help_panel=ADVANCED),
     ] = False,
     output: Output = STREAM,
 ) -> None:

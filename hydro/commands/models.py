@@ -47,7 +47,7 @@ LabelsOrSplit = Annotated[
 
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Most passes over the data; default: 25,000 updates."),
+    typer.Option(min=1, help="Maximum passes over the data; default: 25,000 updates."),
 ]
 Minutes = Annotated[
     float | None,

@@ -36,7 +36,7 @@ ResidualModel = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Residual model, for conditions with one."),
 ]
-Steps = Annotated[int, typer.Option(min=1, help="Most control steps of all vehicles together.")]
+Steps = Annotated[int, typer.Option(min=1, help="Maximum control steps of all vehicles together.")]
 Start = Annotated[
     Path | None,
     typer.Option(
@@ -50,7 +50,7 @@ Recipe = Annotated[
 ]
 TaskAlone = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Learn one task alone; see hydro rl eval."),
+    typer.Option(metavar="NAME", help="Train for one task only; see hydro rl eval."),
 ]
 Randomise = Annotated[
     list[str] | None,
@@ -58,7 +58,7 @@ Randomise = Annotated[
 ]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting, such as sac.batch=256."),
 ]
 
 
@@ -67,7 +67,7 @@ def train(
     output: TrainingFolder,
     condition: ConditionName = "R_effects",
     model: ResidualModel = None,
-    seed: Annotated[int, seed_option("Of weights, exploration, tasks and noise.")] = 0,
+    seed: Annotated[int, seed_option("Seed of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
     task: TaskAlone = None,
     steps: Steps = 500_000,

@@ -30,7 +30,7 @@ Recipe = Annotated[
 ]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting of every training."),
 ]
 
 

@@ -20,7 +20,7 @@ def serve(
         typer.Option("--ardusub", help="Answer ArduSub's SITL (its option --model JSON)."),
     ] = False,
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen on; the machine's own alone by default.")
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; default: this machine only.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port; 0 is any free one.")] = 9002,
     channels: Annotated[
@@ -38,7 +38,7 @@ def serve(
             min=0.0,
             metavar="S",
             show_default=False,
-            help="End after so long without a frame.",
+            help="End after this time without a frame.",
         ),
     ] = None,
 ) -> None:

@@ -42,11 +42,11 @@ Models = Annotated[
 ]
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Most passes over the data; see hydro train."),
+    typer.Option(min=1, help="Maximum passes over the data; see hydro train."),
 ]
 Minutes = Annotated[
     list[float] | None,
-    typer.Option(metavar="MIN", help="Also train on so many minutes; may be repeated."),
+    typer.Option(metavar="MIN", help="Also train on this many minutes; may be repeated."),
 ]
 Noise = Annotated[
     str,

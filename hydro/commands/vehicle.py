@@ -124,7 +124,7 @@ def new(
         Number,
         typer.Option(
             metavar="M",
-            help="Centre of buoyancy over that of gravity [m].",
+            help="Height of the centre of buoyancy above that of gravity [m].",
             rich_help_panel=ADVANCED,
         ),
     ] = None,
