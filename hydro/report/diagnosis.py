@@ -217,7 +217,8 @@ def facts(row: Mapping[str, Any]) -> str:
     low, high = row["share_low"], row["share_high"]
     told = words.percent(share)
     interval = told if low is None or high is None else words.between(low, high)
-    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error"
+    whose = " of the given file" if row["verdict"] == "retune" and low is None else ""
+    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error{whose}"
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
         sure = "" if row["confidence"] is None else f" ({words.percent(row['confidence'])} for the first)"

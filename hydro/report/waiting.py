@@ -23,9 +23,9 @@ BAR = 16
 class Remaining:
     """Estimate of the remaining time, from an initial estimate and the share that is done.
 
-    The duration is the geometric mean of the initial estimate and of the time so far divided by the share
-    done. The weight of the initial estimate is the square of the remaining share. Between two reports the
-    time counts down; it grows if the next report is overdue.
+    The duration is the weighted geometric mean of the initial estimate and of the time so far divided by the
+    share done. The weight of the initial estimate is the square of the remaining share. Between two reports
+    the time counts down; it grows if the next report is overdue.
 
     Attributes:
         expected: Approximate duration of all the work [s]; None if it is not known.

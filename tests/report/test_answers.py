@@ -110,6 +110,14 @@ def test_a_finding_has_its_confidence_share_rivals_and_one_command():
     )
 
 
+def test_shares_of_several_findings_need_not_sum_to_one():
+    changed = replace(missing("quadratic_damping", low=math.nan, high=math.nan), verdict="retune")
+    text = " ".join(answer([missing("thruster_gain"), changed]).split())
+    assert "Explains 60 % of the explainable error of the given file." in text
+    assert text.count("The shares need not sum to 100 %") == 1
+    assert "need not sum" not in answer([missing("thruster_gain")])
+
+
 def test_each_sentence_stands_once():
     stated, suspected = (
         missing("thruster_gain", standard_errors={"g": [0.01] * 8}),
