@@ -108,6 +108,12 @@ def test_values_that_are_not_clear_do_not_deny_what_is_stated():
     assert text.startswith("1 effect has changed: Net buoyancy explains a part of the error. ")
 
 
+def test_gains_that_are_not_determined_do_not_deny_what_is_stated():
+    found = Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"])
+    text = status([found], damped(), 0.02).headline
+    assert "Thruster gain explains a part of the error. Thrusters 1 to 8 are not determined" in text
+
+
 def test_a_formula_comes_before_the_force_that_it_replaces():
     formula = Finding("suspect", "formula", ("formula",), parameters={"forces": ["X u^3"], "force": [-300.0]})
     weight = Finding("suspect", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -30.0}, confidence=0.02)
