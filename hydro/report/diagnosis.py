@@ -260,7 +260,7 @@ def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
-    """Yield the values of each finding: its title, a table of them, and the test and the advice in words.
+    """Yield each finding: its title, a table of its values, and its sentence, test and advice.
 
     Args:
         frame: Diagnosis table.
@@ -273,8 +273,11 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
             ["parameter", "value", "standard error", "unit"],
             orient="row",
         )
-        test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}. "
-        yield f"{effect}: {row['verdict'].replace('_', ' ')}", shown, f"{test}{words.sentence(row['advice'])}"
+        label = words.verdict(row)[0]
+        title = f"{_capital(effect)}: {label.lower()}" if effect else label
+        test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}."
+        told = (row.get("sentence"), test, words.sentence(row["advice"]))
+        yield title, shown, " ".join(filter(None, told))
 
 
 def fits(chi2: Sequence[float]) -> str:

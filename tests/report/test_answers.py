@@ -129,6 +129,17 @@ def test_each_sentence_stands_once():
     assert "Net buoyancy, unconfirmed: possible, 40 %." in text
 
 
+def test_details_have_the_sentence_the_test_and_the_advice():
+    one = missing("net_buoyancy", p_value=0.001, advice="add it", sentence="It is heavier.")
+    nothing = Finding("nothing_missing", advice="chi2 1")
+    found = Diagnosis((one, nothing), damped(), (9.0, 5.0, 1.0)).frame()
+    told = [(title, text) for title, _, text in diagnosis.details(found)]
+    assert told == [
+        ("Net buoyancy: new effect", "It is heavier. p = 0.001. Add it."),
+        ("Nothing missing", "Chi2 1."),
+    ]
+
+
 def test_stated_findings_share_the_command_that_adds_all():
     text = answer(
         [missing("thruster_gain"), missing("ocean_current")], call=replace(CALL, output="d.parquet")

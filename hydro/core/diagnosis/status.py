@@ -68,7 +68,7 @@ def status(
 
 
 def _is_unsure(one: Finding) -> bool:
-    """Return whether a finding is a suspect, or an existing effect with uncertain other values."""
+    """Return whether a finding is a suspect, or an existing effect with uncertain new values."""
     return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
