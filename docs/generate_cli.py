@@ -1,4 +1,4 @@
-"""Write docs/cli.md from the command line itself; `make docs` runs it and a test compares."""
+"""Write docs/cli.md from the help of the commands; `make docs` runs it and a test compares."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ def _row(name: str, annotation: Any, default: Any) -> str:
 
 
 def _default(default: Any) -> str:
-    """What happens without the option, where its help does not say."""
+    """Return the default of an option in words, unless its help states it."""
     if default is inspect.Parameter.empty:
         return " Required."
     return "" if default is None or default in ("", "-") else f" Default: {default}."
 
 
 def _bare(value: Any) -> str:
-    """Name of a type, the one beside None of an optional one."""
+    """Return the name of a type, without None for an optional one."""
     plain = [kind for kind in get_args(value) if kind is not types.NoneType] or [value]
     return str(plain[0].__name__)
 

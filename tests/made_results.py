@@ -72,7 +72,7 @@ def fit(warnings: Sequence[str] = ("one entry is not determined",)) -> hydro.Fit
     return hydro.Fit.of(outcome, VEHICLE, DT)
 
 
-ANSWER = "1 effect is missing: A current of 0.35 m/s (±0.01) flows toward 43° (NE)."
+ANSWER = "The model needs 1 correction: A current of 0.35 m/s (±0.01) flows toward 43° (NE)."
 
 
 def study() -> hydro.Study:

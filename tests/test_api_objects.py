@@ -75,7 +75,7 @@ def test_a_study_has_its_steps_and_the_vehicle_that_predicts_best(
     assert before is not None
     assert after is not None
     assert after < 0.5 * before
-    assert found.headline.startswith("1 effect is missing: Thruster 2 delivers 70 %")
+    assert found.headline.startswith("The model needs 1 correction: Thruster 2 delivers 70 %")
     assert found.ending in repr(found)
     assert found.diagnosis.headline.startswith("Nothing is missing")
 
@@ -84,7 +84,7 @@ def test_each_step_has_its_answers(study: tuple[hydro.Study, list[hydro.Step]], 
     first = study[0][0]
     assert isinstance(first.comparison, hydro.Comparison)
     assert isinstance(first.diagnosis, hydro.Diagnosis)
-    assert first.diagnosis.headline.startswith("1 effect is missing: Thruster 2 delivers 70 %")
+    assert first.diagnosis.headline.startswith("The model needs 1 correction: Thruster 2 delivers 70 %")
     assert first.diagnosis.vehicle == hydro.add(known, first.diagnosis)
     assert study[0].comparison.filter(level="replay", by="all", horizon=5.0, axis="all")["rmse"].item() == (
         study[0].best.error("fit")

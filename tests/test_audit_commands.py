@@ -87,12 +87,17 @@ def test_diagnose_names_no_effect_where_directions_are_wrong(capsys) -> None:
     assert finding["members"] == ["cmd_1", "cmd_5"]
     assert finding["advice"].startswith("thrusters 1 and 5 push opposite to the file")
     assert "add --correct-thrusters" in finding["advice"]
+    assert "vehicle.toml" not in finding["advice"]
+    told = " ".join(capsys.readouterr().err.split())
+    assert "The log has a fault: thrusters 1 and 5 push opposite to the file" in told
+    assert told.count("hydro vehicle flip vehicle.toml --thruster 1,5") == 1
 
 
-def test_explain_stops_where_directions_are_wrong(capsys) -> None:
-    assert run("explain", "vehicle.toml", "turned.parquet", "-o", "study") != 0
+def test_explain_stops_where_directions_are_wrong(folder, capsys) -> None:
+    assert run("explain", folder / "vehicle.toml", "turned.parquet", "-o", "study") != 0
     told = capsys.readouterr().err
     assert "turned.parquet: thrusters 1 and 5 push opposite to the file" in told
+    assert f"`hydro vehicle flip {folder / 'vehicle.toml'} --thruster 1,5 -o flipped.toml`" in told
     assert "--correct-thrusters" in told
 
 

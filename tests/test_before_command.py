@@ -120,7 +120,7 @@ def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
     page = render(gather(["study"]))
     assert "What has changed since the recording earlier?" in page
     assert "with thruster_gain" in page
-    assert "Noise explains the error that is left" not in page
+    assert "Noise explains the remaining error" not in page
     assert run(*line) == 0
     assert "(already done)" in capsys.readouterr().err
     hydro.write(hydro.read("same.parquet").filter(pl.col("session") < "s2"), "unchanged.parquet", "raw")

@@ -169,7 +169,7 @@ def test_progress_and_what_is_ignored_go_to_a_terminal(tmp_path):
     raw = tmp_path / "raw.parquet"
     code, printed = on_terminal("collect", "--vehicle", VEHICLE, "--rows", 3000, "-o", raw, term="xterm")
     assert code == 0
-    assert "stands in for the vehicle file's added_mass, linear_damping, quadratic_damping" in printed
+    assert "simulator replaces the vehicle file's added_mass, linear_damping, quadratic_damping" in printed
     assert "of 3,000 rows" in printed
     assert table.read(raw).frame.height == 3000
 
@@ -180,7 +180,7 @@ def test_many_rows_tell_how_long_they_take_once_their_pace_is_known(capsys):
     tell = collect._foretelling(2_000_000, lambda: next(clock))
     for done in (4_000, 14_000, 24_000, 34_000):
         tell(done)
-    assert capsys.readouterr().err == "hydro: 2,000,000 rows of some 0.2 GB: about 5 hours to go\n"
+    assert capsys.readouterr().err == "hydro: 2,000,000 rows (about 0.2 GB): about 5 hours left\n"
     few = collect._foretelling(1000, lambda: next(clock))
     few(1000)
     assert capsys.readouterr().err == ""

@@ -54,7 +54,7 @@ def test_the_artefact_is_sound_and_knows_where_it_comes_from(work: Path) -> None
 def test_a_pipe_gives_the_bytes_of_files(work: Path) -> None:
     done = piped("compare", VEHICLE, stdin=(work / "raw.parquet").read_bytes())
     (told,) = done.stderr.decode().splitlines()  # the headline, beside the pipe
-    assert re.fullmatch(r"5 s ahead the model errs by \S+ m/s; noise alone would leave \S+ m/s\.", told)
+    assert re.fullmatch(r"5 s ahead the error of the model is \S+ m/s; the noise floor is \S+ m/s\.", told)
     assert done.stdout == (work / "before.parquet").read_bytes()
 
 
@@ -77,7 +77,7 @@ def test_a_terminal_gets_one_screen_and_no_file(work: Path) -> None:
     lines = printed.strip().splitlines()
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 80
-    assert lines[0].startswith("5 s ahead the model errs by")
+    assert lines[0].startswith("5 s ahead the error of the model is")
     (header,) = (line for line in lines if line.startswith("Error 5 s ahead"))
     assert header.split()[-7:] == ["error", "noise", "floor", "least", "squares", "zero", "velocity"]
     rows = [line.split() for line in lines if re.match(r"  (?:[uvwpqr]|all) \[", line)]
@@ -105,7 +105,7 @@ def test_details_have_every_horizon_and_the_forces(work: Path) -> None:
 
 def test_text_goes_to_a_pipe_in_the_place_of_the_table(work: Path) -> None:
     done = piped("compare", VEHICLE, work / "raw.parquet", "--text")
-    assert done.stdout.decode().startswith("5 s ahead the model errs by")
+    assert done.stdout.decode().startswith("5 s ahead the error of the model is")
     assert b"hydro diagnose" in done.stdout
     assert done.stderr == b""
     code, out, error = run("compare", VEHICLE, work / "raw.parquet", "--text", "--json")

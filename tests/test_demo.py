@@ -32,8 +32,8 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     steps = re.findall(r"^\$ hydro (\w+)", printed, re.MULTILINE)
     assert steps[:4] == ["compare", "diagnose", "explain", "report"]
     assert steps[4:] == ["labels", "split", "train", "train", "evaluate", "replay"]
-    assert "Ocean current is missing: certain" in told
-    assert "Thruster gain is missing: certain" in told
+    assert "Ocean current: certain" in told
+    assert "Thruster gain: certain" in told
     assert printed.index("Predicted wrench") < printed.index("Open-loop replay") < printed.index("Written:")
     assert all(name in printed for name in ("mlp", "physfeat", "MJ0", "MJ0+M_A", "MJ1", "MJ4"))
     written = [

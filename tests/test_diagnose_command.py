@@ -243,13 +243,17 @@ def test_the_answer_comes_first(tmp_path: Path, capsys, monkeypatch) -> None:
     line = ["diagnose", str(hidden / "vehicle.toml"), str(hidden / "measured.parquet")]
     assert cli.main([*line, "-o", str(tmp_path / "d.parquet")]) == 0
     told = [one for one in capsys.readouterr().err.splitlines() if not one.startswith("hydro: ")]
-    assert told[0].startswith("2 effects are missing and 1 has other values: Thruster 5 delivers 70 % (±1)")
+    assert told[0].startswith("The model needs 3 corrections: Thruster 5 delivers 70 % (±1) of")
     assert len(told) <= 40
     commands = "    "  # with paths of the test's folder, which cannot be broken
     assert max(len(one) for one in told if not one.startswith(commands)) <= 80
     text = " ".join(told)
     assert "flows toward 323° (NW)" in text
-    assert "1. Thruster gain is missing: certain, 100 %." in text
+    assert "1. Thruster gain: certain, 100 %." in text
+    assert "3. New values of quadratic damping: certain, 100 %." in text
+    assert "Yaw drag is 1.3 times the file's value" in text
+    assert "The shares need not sum to 100 %" in text
+    assert "Look up an effect: hydro effects thruster_gain" in told
     following = pasted_from("\n".join(told))
     target = tmp_path / "d.parquet"
     assert f"hydro add {line[1]} {target} -o vehicle-1.toml" in following
@@ -259,9 +263,10 @@ def test_the_answer_comes_first(tmp_path: Path, capsys, monkeypatch) -> None:
     assert cli.main(shlex.split(following[0])[1:]) == 0, "the first command works as it is printed"
     assert vehicles.read(tmp_path / "vehicle-1.toml")[0].effects("ocean_current")
     kept = table.read(tmp_path / "d.parquet", "diagnosis").provenance.parameters
-    assert kept["headline"].startswith(
-        "2 effects are missing and 1 has other values: Thruster 5 delivers 70 %"
-    )
+    assert kept["headline"].startswith("The model needs 3 corrections: Thruster 5 delivers 70 %")
+    sentences = table.read(tmp_path / "d.parquet", "diagnosis").frame["sentence"]
+    assert sentences[0].startswith("Thruster 5 delivers 70 %")
+    assert all(one in kept["headline"] for one in sentences[:3])
     known = Prediction(**kept["prediction"])
     assert known.falls
     assert known.added == pytest.approx(known.floor, rel=0.2)

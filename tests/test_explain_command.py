@@ -137,7 +137,8 @@ def test_its_answer_is_one_screen(counted, capsys, monkeypatch):
     assert fits(text), text
     lines = text.splitlines()
     assert len(lines) <= 40
-    assert lines[0].startswith("1 effect is missing: A current of 0.22 m/s")
+    assert lines[0].startswith("The model needs 1 correction: A current of 0.22 m/s")
+    assert "Look up an effect: hydro effects ocean_current" in lines
     rows = [line.split() for line in lines if re.match(r"  (?:[uvwpqr]|all) \[", line)]
     assert [row[0] for row in rows] == [*"uvwpqr", "all"]
     before, after, floor = (float(one) for one in rows[-1][2:5])
@@ -150,7 +151,7 @@ def test_its_answer_is_one_screen(counted, capsys, monkeypatch):
 
 def test_text_and_tables_on_request(counted, monkeypatch):
     done = piped(*LINE, "--text")
-    assert done.stdout.decode().startswith("1 effect is missing")
+    assert done.stdout.decode().startswith("The model needs 1 correction")
     assert b"step 1, ocean current" in done.stderr, "steps are told as they are done"
     details = piped(*LINE, "--text", "--details").stdout.decode()
     assert "v_N: 0.20 ± 0.01 [m/s]" in details
@@ -172,7 +173,7 @@ def test_a_step_that_no_test_confirmed_is_called_unconfirmed(counted, monkeypatc
     told = " ".join(capsys.readouterr().err.split())
     assert "Not certain: A current of 0.22 m/s" in told
     assert "step 1, ocean current (unconfirmed)" in told
-    assert "effect is missing" not in told
+    assert "correction" not in told
     assert run("--json") == 0
     made = json.loads(capsys.readouterr().out)
     assert made["headline"].endswith("(unconfirmed).")

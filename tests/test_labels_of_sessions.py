@@ -134,7 +134,7 @@ def test_where_labels_of_a_folder_go(tmp_path, capsys):
         assert words in capsys.readouterr().err
     write(tmp_path / "labels", sessions("z", noise=False))
     assert run(dives, "-o", tmp_path / "labels") == 0
-    assert "sessions of before stay beside these: z" in capsys.readouterr().err
+    assert "earlier sessions stay in this folder: z" in capsys.readouterr().err
 
 
 def test_a_table_becomes_a_folder_of_its_sessions_and_grows_by_others(tmp_path, capsys):

@@ -18,9 +18,9 @@ from hydro.io import table
 
 SCREENS = 6
 """Screens of a phone that the page may take, with its details folded."""
-CHARTS = 1 + 6 + 1 + 7 + 6 + 3
-"""Of the study: by condition, force left over on each axis, values of an effect, the ladder of all axes and
-each, overlays, path, depth and commands."""
+CHARTS = 1 + 6 + 3 + 7 + 6 + 3
+"""Of the study: by condition, unexplained force on each axis, values of two effects in three units, the
+ladder of all axes and each, overlays, path, depth and commands."""
 
 
 @pytest.fixture(scope="module")

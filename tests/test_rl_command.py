@@ -52,7 +52,7 @@ def test_a_vehicle_that_a_pilot_by_hand_cannot_steer_is_refused(
     vehicle, folder = datasets / "vehicles" / "remus100.toml", tmp_path / "no"
     assert rl("train", vehicle, "--steps", 160, *SMALL[:-4], "-o", folder) == 1
     said = " ".join(capsys.readouterr().err.split())
-    assert re.search(r"remus100.toml: a pilot by hand who has the map reaches \d\d ?% of the goals", said)
+    assert re.search(r"remus100.toml: the scripted pilot with a map reaches \d\d ?% of the goals", said)
     assert "--set pilot=0" in said
     assert not folder.exists()
 
@@ -76,9 +76,9 @@ def test_training_tells_its_choices_and_how_it_goes(
         r"80 steps, \d+/s, point_to_point, success 0%, at most 0 min left; without exploration 0% of 3",
         told.err,
     )
-    assert "go on with more --steps" in told.err
+    assert "continue with more --steps" in told.err
     assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", tmp_path / "run") == 0
-    assert "goes on after 80 steps" in capsys.readouterr().err
+    assert "resumes after 80 steps" in capsys.readouterr().err
     steps = table.read(tmp_path / "run" / "curves.parquet").frame["steps"]
     assert steps.to_list() == [40, 80, 120, 160]
 

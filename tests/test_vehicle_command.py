@@ -230,6 +230,6 @@ def test_only_what_is_missing_is_asked_for_and_no_file_is_lost(tmp_path: Path) -
     code, printed = on_terminal(answers, *given, cwd=tmp_path)
     assert code == 0, printed
     assert "Dry mass" not in printed
-    assert "there is such a file already" in printed
+    assert "the file exists already" in printed
     assert (tmp_path / "taken.toml").read_text() == "mine"
     assert len(vehicle.read(tmp_path / "mine.toml")[0].thruster) == 1

@@ -35,7 +35,8 @@ class Diagnosis(Result):
         table: Diagnosis table, one finding per row, the most telling first.
         status: The answer in words: `kind` is `fault`, `stated`, `uncertain`, `unexplained` or `nothing`, and
             `sentences` has one or two for each effect.
-        vehicle: The vehicle with the stated findings, as `hydro.add` gives it; as given where none is stated.
+        vehicle: The vehicle with the stated findings, as `hydro.add` with `force=True` returns it; as given
+            if none is stated.
         chi2: Mean squared residual in units of the noise variance (1: noise alone) of the vehicle as given,
             with its own effects refitted, and with the findings.
         prediction: Errors of predictions before and after the stated findings are added [m/s], measured on
@@ -77,7 +78,7 @@ class Diagnosis(Result):
 
     @property
     def headline(self) -> str:
-        """The answer in one line: how many effects are missing, and a sentence for each."""
+        """The answer in one line: the number of corrections, and a sentence for each."""
         return self.status.headline
 
     @property
@@ -144,8 +145,15 @@ class Diagnosis(Result):
         return (self.headline,) if self.prediction is None else (self.headline, _in_words(self.prediction))
 
     def _below(self) -> Sequence[str]:
+        from hydro.report.diagnosis import OVERLAP, look_up, overlapping
+
+        rows = [row for row in self.table.sort("rank").to_dicts() if row["verdict"] != "not_excited"]
         unseen = ", ".join(self.unseen)
-        return (f"Not visible in this recording: {unseen}.",) if unseen else ()
+        return (
+            *([OVERLAP] if overlapping(rows) else []),
+            *(line.text for line in look_up([row["effect"] for row in rows])),
+            *([f"Not visible in this recording: {unseen}."] if unseen else []),
+        )
 
 
 def _in_words(known: Prediction) -> str:
@@ -157,8 +165,7 @@ def _in_words(known: Prediction) -> str:
         told.append(f"{figure(known.added)} m/s on held-out data with the findings added")
     if known.floor is not None:
         told.append(f"noise floor {figure(known.floor, 2)} m/s")
-    helps = known.added == known.given or known.falls
-    refused = "" if helps else " The findings do not lower it, so `hydro add` refuses them."
+    refused = " The findings do not lower it, so `hydro add` refuses them." if known.refuted else ""
     return f"Error {known.horizon:g} s ahead: {', '.join(told)}.{refused}"
 
 

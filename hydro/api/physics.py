@@ -181,7 +181,11 @@ def diagnose(
 
 
 def add(
-    vehicle: Vehicle, diagnosis: Diagnosis | Fit | pl.DataFrame, effects: Sequence[str] | None = None
+    vehicle: Vehicle,
+    diagnosis: Diagnosis | Fit | pl.DataFrame,
+    effects: Sequence[str] | None = None,
+    *,
+    force: bool = False,
 ) -> Vehicle:
     """Add the effects of a diagnosis or a fit to a vehicle, with their standard errors.
 
@@ -190,18 +194,26 @@ def add(
         diagnosis: result of `hydro.diagnose` or `hydro.fit`, or a diagnosis table.
         effects: names of the effects to add; by default all fitted or stated ones. A suspected effect is
             added only by its name.
+        force: add findings that do not lower the prediction error on held-out data. A table alone does not
+            have that error, so its findings are not checked.
 
     Returns:
         The vehicle with these effects.
 
     Raises:
-        hydro.core.errors.DataError: there is nothing to add, or no effect of such a name.
+        hydro.core.errors.DataError: there is nothing to add, no effect of such a name, or the findings do
+            not lower the prediction error.
     """
-    from hydro.core.diagnosis.findings import extended, tables
+    from hydro.core.diagnosis.findings import extended, no_better, tables
     from hydro.core.errors import DataError
 
     if not isinstance(diagnosis, Fit):
-        return extended(vehicle, tables(frame_of(diagnosis), effects))
+        found = tables(frame_of(diagnosis), effects)
+        if isinstance(diagnosis, Diagnosis) and not force:
+            names = [table["name"] for table in found]
+            if why := no_better(diagnosis.table, diagnosis.prediction, names, alone=bool(effects)):
+                raise DataError(f"{why}; force=True adds it all the same")
+        return extended(vehicle, found)
     fitted = {table["name"]: table for table in diagnosis.tables()}
     wanted = list(effects or fitted)
     if unknown := [name for name in wanted if name not in fitted]:

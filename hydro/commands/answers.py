@@ -1,4 +1,4 @@
-"""`--text`, `--details` and `--json`: where an answer is printed, and whether its table is written."""
+"""Options `--text`, `--details` and `--json`: streams of an answer, and whether its table is written."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ Details = Annotated[bool, typer.Option("--details", help="Print all tables: valu
 
 @dataclass(frozen=True)
 class Printing:
-    """How a command prints its answer.
+    """Streams and files to which a command writes its answer.
 
     Attributes:
-        output: Where the table goes; `-` is stdout.
-        text: Whether the answer goes to stdout in any case.
+        output: File of the table; `-` is stdout.
+        text: Whether the answer always goes to stdout.
         json: Whether JSON goes to stdout.
         folder: Whether the output is a folder, so that nothing else is written to stdout.
 
     Raises:
-        UsageError: Text and JSON are asked for at once.
+        UsageError: Both text and JSON are requested.
     """
 
     output: str
@@ -75,18 +75,18 @@ class Printing:
 
 
 def print_lines(lines: Iterable[Text], console: Console) -> None:
-    """Print the lines of an answer as they are."""
+    """Print the lines of an answer without further wrapping."""
     for line in lines:
         console.print(line.text, style="bold" if line.bold else None, soft_wrap=True)
 
 
 def called_with(vehicle: Path, measured: Sequence[str] | None, output: str = STREAM, **options: Any) -> Call:
-    """Return what a command was called with, for the commands that follow it.
+    """Return the arguments of a command, for the next commands of its answer.
 
     Args:
         vehicle: Vehicle file.
         measured: Recordings.
-        output: Where the answer is written.
+        output: File of the answer.
         options: Options by their Python name, such as `correct_thrusters`; `map_` is `--map`.
     """
     from hydro.report.following import Call

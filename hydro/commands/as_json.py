@@ -1,4 +1,4 @@
-"""`--json`: results for programs, in the place of what a person reads."""
+"""Option `--json`: results for programs."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Json = Annotated[
 
 
 def saves(output: str, as_json: bool) -> bool:
-    """Whether the table itself is written: to a file, or to a pipe that is not for JSON."""
+    """Return whether the table is written: to a file, or to a pipe that does not get JSON."""
     return output != STREAM or not (as_json or shows_table(output))
 
 
 def print_json(**said: Any) -> None:
-    """Print one object; tables become lists of their rows, and numbers that are none become null."""
+    """Print one JSON object; tables become lists of rows, and numbers that are not finite become null."""
     from hydro.report.json_text import json_text
 
     typer.echo(json_text(**said))

@@ -25,7 +25,7 @@ def asks() -> bool:
 
 
 class Asker:
-    """Source of the answers: a person on a terminal, or the defaults.
+    """Source of answers: the user at a terminal, or the defaults.
 
     Args:
         about: Subject of the questions, for error lines.

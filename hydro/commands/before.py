@@ -1,4 +1,4 @@
-"""The options of a recording before a change, and the hull-force model that is fitted to it."""
+"""Options for a recording from before a change, and the hull-force model that is fitted to it."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ ASIDE = "name another recording of the unchanged vehicle"
 
 @dataclass(frozen=True)
 class Earlier:
-    """The hull-force model from a recording before a change.
+    """Hull-force model from a recording before a change.
 
     Attributes:
         hull: The model.
         inputs: The recording, and the network if there is one.
-        parameters: Entry in the footer of a table that was made with it, see `report.change`.
+        parameters: Entry for the footers of tables made with it, see `report.change`.
     """
 
     hull: Hull
@@ -72,15 +72,15 @@ def learnt(
     *,
     discover: bool = False,
 ) -> Earlier | None:
-    """Fit a hull-force model to --before, or take --model for it; None without a recording before.
+    """Fit a hull-force model to --before, or use the network of --model; None without --before.
 
     Args:
         before: Recording before the change.
         model: Network.
         vehicle: Vehicle file.
         source: Recording after the change.
-        logs: How the recording is read.
-        discover: Whether --discover was given, which is for one recording.
+        logs: Settings for reading the recording.
+        discover: Whether --discover was given, which works only without --before.
 
     Raises:
         DataError: Both recordings are the same, or the first does not fit the vehicle or is too short; or the
@@ -116,7 +116,7 @@ def learnt(
 
 
 def _learnt_from(trained: Artefact, recording: Artefact) -> bool:
-    """Whether a network was trained on a recording."""
+    """Return whether a network was trained on a recording."""
     from hydro.io.provenance import lineage
 
     content = recording.provenance.content

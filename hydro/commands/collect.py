@@ -1,4 +1,4 @@
-"""`collect`: teacher data of the embedded simulator or Stonefish, with noise, and with hidden effects."""
+"""Command `collect`: recordings from a reference simulator, with noise and with hidden effects."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     AnyTeacher = Teacher | StonefishTeacher
 
 ROWS = 857_542
-"""Rows that the paper recorded (IV-A)."""
+"""Default number of rows: that of the paper (IV-A)."""
 
 
 MANY = 2 * ROWS
-"""Rows from which on it is said how long they take."""
+"""Minimum number of rows for which the duration is estimated."""
 SHARE = 0.01
-"""Of them, after which their pace is known."""
+"""Share of the rows after which the duration is estimated."""
 
 TeacherKind = Annotated[
     Literal["panel", "stonefish"],
@@ -105,7 +105,7 @@ def collect(
 
 @dataclasses.dataclass(frozen=True)
 class _Given:
-    """What `collect` was called with, but for what is hidden and where results go."""
+    """Arguments of `collect`, except hidden effects and outputs."""
 
     vehicle: Path
     teacher: Literal["panel", "stonefish"]
@@ -118,7 +118,7 @@ class _Given:
 
 
 def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, Artefact]:
-    """The teacher with hidden effects, and its recording."""
+    """Return the reference simulator with hidden effects, and its recording."""
     from hydro.core.simulation.excitation import LOG_RATE, REPLAY, REPLAY_SECONDS
     from hydro.io import table
     from hydro.sim import teacher as sim
@@ -159,7 +159,7 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, 
 
 
 def _teacher(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, str]:
-    """The teacher of a vehicle file, and the file's text; what it stands in for is told on a terminal."""
+    """Return the reference simulator of a vehicle file and the text of the file; print replaced effects."""
     from hydro.io import mesh
     from hydro.io import vehicle as vehicles
 
@@ -172,12 +172,12 @@ def _teacher(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, s
         subject = _with_hidden(build, known, surface, hidden)
     if subject.ignored and sys.stderr.isatty():
         replaced = ", ".join(subject.ignored)
-        typer.echo(f"the {given.teacher} teacher stands in for the vehicle file's {replaced}", err=True)
+        typer.echo(f"the {given.teacher} simulator replaces the vehicle file's {replaced}", err=True)
     return subject, text
 
 
 def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., AnyTeacher]:
-    """What makes the teacher of a vehicle."""
+    """Return the function that builds the reference simulator of a vehicle."""
     if teacher == "stonefish":
         from hydro.sim.stonefish.recorder import stonefish_teacher
 
@@ -188,16 +188,16 @@ def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., AnyTeacher
 
 
 def _stonefish(subject: AnyTeacher) -> dict[str, str]:
-    """Version of Stonefish, where it is the teacher; a missing program is told before any flight."""
+    """Return the version of Stonefish if it is the simulator; fail before any flight if it is missing."""
     from hydro.sim.stonefish.recorder import StonefishTeacher
 
     return {"stonefish": subject.version()} if isinstance(subject, StonefishTeacher) else {}
 
 
 def _foretelling(rows: int, clock: Callable[[], float] = time.monotonic) -> Callable[[int], None]:
-    """What is told how many rows are done, and says once, of many, how long the rest takes at their pace.
+    """Return a function that takes the number of finished rows and prints once the estimated duration.
 
-    The first session does not count: it may have waited for a compiler.
+    The first session is not used for the estimate, because kernels may be compiled in it.
     """
     from hydro.core.recording import extent
 
@@ -214,16 +214,16 @@ def _foretelling(rows: int, clock: Callable[[], float] = time.monotonic) -> Call
             told.append(done)
             left = extent.duration((now - begun) * (rows - done) / (done - before))
             size = rows * extent.BYTES_PER_ROW / 1e9
-            typer.echo(f"hydro: {rows:,} rows of some {size:.1f} GB: about {left} to go", err=True)
+            typer.echo(f"hydro: {rows:,} rows (about {size:.1f} GB): about {left} left", err=True)
 
     return tell
 
 
 def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
-    """Effect tables of `NAME={...}` in inline TOML.
+    """Return effect tables from texts `NAME={...}` with inline TOML.
 
     Raises:
-        UsageError: a text is not that, or names no effect of the catalogue.
+        UsageError: A text has another form, or names an unknown effect.
     """
     import difflib
 
@@ -252,7 +252,7 @@ def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
 def _with_hidden(
     build: Callable[..., AnyTeacher], known: Vehicle, surface: Any, hidden: list[dict[str, Any]]
 ) -> AnyTeacher:
-    """The teacher with hidden effects; what is wrong with one of them is told as of `--hide`."""
+    """Return the reference simulator with hidden effects; errors in them name `--hide`."""
     from hydro.core.effects import CATALOGUE
 
     try:
@@ -265,14 +265,14 @@ def _with_hidden(
 
 
 def _write_truth(path: str, subject: AnyTeacher, hidden: list[dict[str, Any]], content: str) -> None:
-    """Write what made the data and does not stand in their footer: hidden effects, and the teacher's own."""
+    """Write hidden effects and the simulator's own forces, which the footer of the data does not have."""
     import tomlkit
 
     from hydro.io.files import write_bytes
     from hydro.sim.teacher import Teacher
 
     document = tomlkit.document()
-    document.add(tomlkit.comment("What made a recording of `hydro collect` and is not written in it."))
+    document.add(tomlkit.comment("Hidden truth of a recording of `hydro collect`."))
     document.add("format", tomlkit.item("hydro-truth/1"))
     document.add("raw", tomlkit.item(content))
     if isinstance(subject, Teacher):
@@ -288,7 +288,7 @@ def _write_truth(path: str, subject: AnyTeacher, hidden: list[dict[str, Any]], c
 
 
 def _panel(subject: Teacher) -> dict[str, Any]:
-    """Coefficients, size and added mass of the embedded teacher."""
+    """Return coefficients, size and added mass of the embedded reference simulator."""
     from hydro.core.effects.inertia import ADDED_MASS
     from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION
 

@@ -1,4 +1,4 @@
-"""`compare`: measure how well a vehicle file predicts a recording, and where it fails."""
+"""Command `compare`: prediction errors of a vehicle file, and the regimes in which it fails."""
 
 from __future__ import annotations
 
@@ -57,29 +57,29 @@ def compare(
 ) -> None:
     """Measure how well a vehicle file predicts a recording.
 
-    Predictions start again and again along the recording. The answer has their errors 5 s ahead, the errors
-    by sensor noise alone (the noise floor) and those of two simple predictors, and then the regimes of motion
+    Predictions start all along the recording. The answer has their errors 5 s ahead, the errors that sensor
+    noise alone causes (the noise floor), the errors of two simple predictors, and the regimes of motion
     where the model fails most. Add --details for errors at 1 s, 20 s and over whole sessions, and for the
     force that the model does not explain.
 
         hydro compare vehicle.toml raw.parquet
         hydro compare vehicle.toml after.parquet --before before.parquet
 
-    With --before the second one compares with a hull-force model, which is fitted to the recording before a
-    change. An error above the floor means a change, or motion that the first recording does not have.
+    With --before the second command compares with a hull-force model, which is fitted to the recording before
+    a change. An error above the floor means a change, or motion that the first recording does not have.
 
     Details:
 
-    With --before the errors stand in a table, axis by axis: of the file alone, before and after, and of the
+    With --before the answer has a table of errors by axis: of the file alone, before and after, and of the
     file with the hull-force model, before (the floor) and after. The floor is measured on parts of the first
     recording that the model was not fitted to. hydro diagnose --before names what has changed.
 
-    With --against an earlier comparison gives the weights of the axes. Its errors stand beside the new ones,
-    and its regimes are evaluated again.
+    With --against an earlier comparison gives the weights of the axes. Its errors are shown with the new
+    ones, and its regimes are evaluated again.
 
     Errors are those of the cleaned recording, as for diagnose, explain and fit. Impossible readings, the bias
     of a gyro, columns in another frame or unit and exchanged command columns are corrected or left out. Each
-    change is one line on stderr, and stands in the footer of the comparison.
+    change is one line on stderr and an entry in the footer of the comparison.
 
     On a terminal the answer goes to stdout. In a pipe stdout has the table, and stderr the headline.
     """
@@ -129,10 +129,10 @@ def compare(
 
 
 def _former(against: str, source: Artefact) -> Artefact:
-    """The earlier comparison.
+    """Return the earlier comparison.
 
     Raises:
-        DataError: it is of another recording.
+        DataError: It is of another recording.
     """
     earlier = read(against, "comparison")
     # The first recording is the one that was compared with, another the one of --before.
@@ -147,7 +147,7 @@ def _former(against: str, source: Artefact) -> Artefact:
 def _print(
     frame: pl.DataFrame, earlier: Earlier | None, call: Call, printing: Printing, details: bool
 ) -> None:
-    """Print the answer, or its headline where the table goes into a pipe."""
+    """Print the answer, or only its headline if the table goes into a pipe."""
     from hydro.report import change, comparison
 
     learned = "" if earlier is None else change.learnt(earlier.parameters[change.PARAMETER])

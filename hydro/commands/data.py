@@ -1,4 +1,4 @@
-"""`labels`, `split` and `features`: from a recording to what a network trains on."""
+"""Commands `labels`, `split` and `features`: training data of networks from a recording."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def labels(
     noise: NoiseSpec = None,
     subtract: Annotated[
         Literal["inertia", "effects"],
-        typer.Option(help="Subtract added mass alone, or all effects of the file."),
+        typer.Option(help="Subtract only added mass, or all effects of the file."),
     ] = "inertia",
     max_sd_velocity: MaxVelocity = 0.05,
     max_sd_acceleration: MaxAcceleration = 0.25,
@@ -114,9 +114,9 @@ def labels(
     standard deviation. A row has a label if attitude (to 0.05 rad), velocity and acceleration are determined
     to the bounds [m/s, rad/s; m/s^2, rad/s^2]. One line on stderr says how many rows have no label, and why.
 
-    Sessions of a folder are processed one by one: memory is that of one session. The noise of the filter is
-    found once from all of them. With --engine ray the nodes of a Ray cluster share the sessions; the results
-    are the same bytes.
+    Sessions of a folder are processed one by one, so memory is needed for one session. The noise of the
+    filter is estimated once from all of them. With --engine ray the nodes of a Ray cluster share the
+    sessions; the results are the same bytes.
     """
     from hydro.core.distillation.labels_of_samples import Bounds
     from hydro.study.labelling import Labelling, label
@@ -148,7 +148,7 @@ def _labels_of_sessions(
     output: str,
     where: AbstractContextManager[Engine],
 ) -> None:
-    """Labels of a dataset, session by session."""
+    """Write the labels of a data set, session by session."""
     from hydro.io import partitions
     from hydro.study.labelling import Labelling, label_part, shared, warm
 
@@ -180,9 +180,7 @@ def split(
     ] = None,
     from_: Annotated[
         str | None,
-        typer.Option(
-            "--from", metavar="FILE", help="Repeat the split of this table of blocks, as it was made."
-        ),
+        typer.Option("--from", metavar="FILE", help="Repeat the split of this table of blocks."),
     ] = None,
     output: Output = STREAM,
 ) -> None:
@@ -219,13 +217,14 @@ def features(
     labels: LabelsOrSplit = STREAM,
     set_: Annotated[
         Literal["raw", "physfeat"],
-        typer.Option("--set", help="The twelve states alone, or 45 features with drag and cross products."),
+        typer.Option("--set", help="Only the twelve states, or 45 features with drag and cross products."),
     ] = "physfeat",
     output: Output = STREAM,
 ) -> None:
     """Compute the inputs and targets of a residual network.
 
-    For a look at what a network sees, or for training one elsewhere: `hydro train` computes them itself.
+    Use it to inspect the inputs of a network, or to train one in another program; `hydro train` computes them
+    itself.
     """
     from hydro.core.distillation.features import table as compute
     from hydro.io import table

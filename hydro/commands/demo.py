@@ -1,4 +1,4 @@
-"""`demo`: the whole story on bundled recordings, by the very commands that it prints."""
+"""Command `demo`: all stages on bundled recordings, by the commands that it prints."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def demo(
 ) -> None:
     """Run every stage on bundled data in a few minutes.
 
-    First missing physics: a vehicle file is compared with recordings of a vehicle that has more effects than
-    the file. Where does it fail, what does it lack, how far does the error fall once that is added, also on
-    recordings that nothing was fitted to? A report shows the results on one page. Then residual learning:
-    labels, split, two networks, their errors on the test part, and a 90 s manoeuvre replayed open loop in
-    MuJoCo without water forces, with added mass, and with each network. Every step is an ordinary command,
-    printed as it runs.
+    The first part finds missing physics: a vehicle file is compared with recordings of a vehicle that has
+    more effects. The output has the regimes in which the file fails, the missing effects, and the errors
+    before and after they are added, also on held-out data. A report shows the results on one page. The second
+    part trains two residual networks: labels, split, training, errors on the test part, and a 90 s manoeuvre
+    replayed open loop in MuJoCo without water forces, with added mass, and with each network. Every step is
+    an ordinary command, printed as it runs.
     """
     root = context.find_root().command
     typer.echo("The first run after an installation also compiles the physics, a minute or two.")
     typer.echo("\nWhat is missing in a vehicle file?\n")
     report, *missing = _missing(root, folder)
-    typer.echo("\nWhat does a network learn of the water's forces, and how well does it replay?\n")
+    typer.echo("\nHow well do residual networks predict the water forces, and how well do they replay?\n")
     learnt = _learnt(root, folder, epochs)
     typer.echo("Written:")
     for path in [*missing, *learnt]:
@@ -50,7 +50,7 @@ def demo(
 
 
 def _missing(root: Any, folder: Path) -> list[Path]:
-    """Find what hides in the bundled recordings; the report, and the other files and folders written."""
+    """Find the hidden effects of the bundled recordings; return the report and the other written files."""
     data, report, study = _bundled("hidden"), folder / "report.html", folder / "study"
     comparison, diagnosis = folder / "comparison.parquet", folder / "diagnosis.parquet"
     covariance = folder / "diagnosis.covariance.parquet"
@@ -63,7 +63,7 @@ def _missing(root: Any, folder: Path) -> list[Path]:
 
 
 def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:
-    """Learn from the bundled sample and replay; the files written."""
+    """Train networks on the bundled sample and replay them; return the written files."""
     data, out = _bundled("stonefish"), {name: str(folder / f"{name}.parquet") for name in _ARTEFACTS}
     steps = [
         ["labels", str(data / "sample.parquet"), "-o", out["labels"]],
@@ -87,13 +87,13 @@ _ARTEFACTS = ("labels", "blocks", "split", "mlp", "physfeat", "evaluation", "rep
 
 
 def _bundled(name: str) -> Path:
-    """A folder of the bundled recordings, from here."""
+    """Return a folder of bundled recordings, relative to the working folder."""
     data = bundled(name)
     return data.relative_to(Path.cwd()) if data.is_relative_to(Path.cwd()) else data
 
 
 def _run(root: Any, step: list[str]) -> None:
-    """Print one command line, run it in this process, and say how long it took."""
+    """Print one command line, run it in this process, and print its duration."""
     typer.echo(f"$ hydro {shlex.join(step)}")
     started = time.perf_counter()
     root.main(step, prog_name="hydro", standalone_mode=False)
@@ -101,7 +101,7 @@ def _run(root: Any, step: list[str]) -> None:
 
 
 def _draw(out: dict[str, str], folder: Path) -> list[Path]:
-    """Draw the replay's velocities and errors; the paths of the pictures."""
+    """Draw velocities and errors of the replay; return the paths of the pictures."""
     from hydro.report import figures
     from hydro.report.tables import replay_errors
 

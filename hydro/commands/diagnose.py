@@ -1,4 +1,4 @@
-"""`diagnose` and `add`: what is missing in a vehicle file, and the file with it."""
+"""Commands `diagnose` and `add`: find the corrections that a vehicle file needs, and add them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
-    from hydro.core.diagnosis.findings import Diagnosis, Prediction
+    from hydro.core.diagnosis.findings import Diagnosis
     from hydro.core.experiment.flight import Flight
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.vehicle.description import Vehicle
@@ -178,7 +178,7 @@ def diagnose(
         hydro add vehicle.toml diagnosis.parquet --effect formula \
           -o vehicle-1.toml
 
-    With --fly the manoeuvres that separate close rivals, or that show what this recording does not, are
+    With --fly the manoeuvres that separate close rivals, or show effects that this recording cannot show, are
     written as commands for hydro simulate or an autopilot. Every predicted position of every rival stays
     within --depth and --space. The answer then has the expected separation of rivals in standard deviations
     of the noise, and the expected standard errors. Diagnose the new recording and this one as sessions of one
@@ -269,7 +269,7 @@ def diagnose(
         if found.estimates is not None and output != STREAM:
             covariance.write(found.estimates, output, stage="diagnose", inputs=inputs, vehicle_text=text)
     if fly is not None and found.question is None:
-        typer.echo("hydro: no flight written: no rivals are left that one could separate", err=True)
+        typer.echo("hydro: no flight written: there are no rivals that a flight could separate", err=True)
     if fly is not None and found.question is not None:
         with about(name):
             flight = advise(found.question, limits)
@@ -279,10 +279,10 @@ def diagnose(
 
 
 def _refuse_beside_each(**given: object) -> None:
-    """Refuse what is of one diagnosis, not of many.
+    """Refuse options that apply to a single diagnosis.
 
     Raises:
-        UsageError: It is given.
+        UsageError: One of them is given.
     """
     if named := [name for name, there in given.items() if there]:
         raise UsageError(f"--each diagnoses every session by itself, without --{named[0]}: leave one out")
@@ -297,7 +297,7 @@ def _diagnose_each(
     corrected: bool,
     details: bool,
 ) -> None:
-    """Diagnose every session of a dataset by itself."""
+    """Diagnose every session of a data set separately."""
     from hydro.io import partitions
     from hydro.study.diagnosing import diagnose_part, warm
 
@@ -395,7 +395,7 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
     """Refuse the diagnosis of another vehicle, or of this one as it was before it was edited.
 
     Raises:
-        DataError: it is, or does not say of which it is.
+        DataError: The vehicle is different, or the diagnosis does not name its vehicle.
     """
     from hydro.io import vehicle as vehicles
 
@@ -413,10 +413,10 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
 
 
 def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
-    """Write the covariance of the added values next to the file; of no other values.
+    """Write the covariance of the added values next to the file.
 
     Raises:
-        DataError: it is of another diagnosis than the one that was read.
+        DataError: The covariance is of another diagnosis.
     """
     from hydro.io import covariance
     from hydro.io import vehicle as vehicles
@@ -427,51 +427,26 @@ def _write_covariance(estimates: Estimates, output: str, source: Artefact, text:
 
 
 def _recording(provenance: Provenance) -> str:
-    """Hash of the recording that a diagnosis was made from; empty where its footer is lost."""
+    """Return the hash of the diagnosed recording; empty if the footer lacks it."""
     return next((one.content for one in provenance.inputs if one.kind == "raw"), "")
 
 
 def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
-    """Refuse findings that do not lower the error of predictions of data that they were not fitted to.
-
-    Args:
-        source: The diagnosis.
-        names: Effects that are to be added.
-        alone: Whether they were named one by one: then one of them has to lower it by itself.
+    """Refuse findings that do not lower the held-out prediction error, see `no_better`.
 
     Raises:
         DataError: They do not.
     """
-    import polars as pl
+    from hydro.core.diagnosis.findings import PREDICTION, Prediction, no_better
 
-    from hydro.core.diagnosis.findings import PREDICTION, Prediction
-
-    parameters = source.provenance.parameters
-    if PREDICTION not in parameters or "error_added" not in source.frame.columns:
-        return
-    known = Prediction(**parameters[PREDICTION])
-    told = ", ".join(names)
-    if not alone:
-        if known.added != known.given and not known.falls:
-            raise DataError(_no_better(told, known.added, known))
-        return
-    errors: list[float] = (
-        source.frame.filter(pl.col("effect").is_in(names))["error_added"].drop_nulls().to_list()
-    )
-    if errors and not min(errors) < known.given:
-        raise DataError(_no_better(told, min(errors), known))
-
-
-def _no_better(names: str, error: float, known: Prediction) -> str:
-    """Return why findings are refused."""
-    return (
-        f"adding {names} does not lower the error {known.horizon:g} s ahead of data that it was not fitted "
-        f"to: {known.given:.3g} m/s before, {error:.3g} m/s after; --force adds it all the same"
-    )
+    errors = source.provenance.parameters.get(PREDICTION)
+    prediction = None if errors is None else Prediction(**errors)
+    if why := no_better(source.frame, prediction, names, alone=alone):
+        raise DataError(f"{why}; --force adds it all the same")
 
 
 def _print(found: Diagnosis, context: Context, printing: Printing, details: bool) -> None:
-    """Print the answer, or its headline where the table goes into a pipe."""
+    """Print the answer, or only its headline if the table goes into a pipe."""
     from hydro.report.diagnosis import answer, fits
 
     if printing.brief:
@@ -499,7 +474,7 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
 
 def _print_flight(flight: Flight, path: Path, console: Console) -> None:
     """Print the next flight and its expected results."""
-    console.print(f"\nTo fly next ({path}):", style="bold")
+    console.print(f"\nNext flight ({path}):", style="bold")
     for line in flight.lines():
         console.print(line, soft_wrap=True)
 

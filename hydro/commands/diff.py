@@ -1,4 +1,4 @@
-"""`diff`: how two vehicle files differ, in words and in what they predict."""
+"""Command `diff`: differences of two vehicle files, in words and in their predictions."""
 
 from __future__ import annotations
 

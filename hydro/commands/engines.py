@@ -1,4 +1,4 @@
-"""`--engine`: where the work of a command is done, in this process or on the nodes of a Ray cluster."""
+"""Option `--engine`: work of a command in this process, or on the nodes of a Ray cluster."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def engine_for(
     threads: int,
     execute: Callable[[Step], None] | None = None,
 ) -> AbstractContextManager[Engine]:
-    """What does the work, as long as a `with` block holds it.
+    """Return the engine that runs the work, for use in a `with` block.
 
     Args:
         name: `here` or `ray`.
-        address: Of the cluster.
-        threads: Processors of each task there.
-        execute: What runs steps of a study here; each in a process of its own by default.
+        address: Address of the cluster.
+        threads: Number of processors of each task on the cluster.
+        execute: Function that runs steps of a study in this process; by default each has its own process.
 
     Raises:
         UsageError: Ray is not installed or not at the address, or an address is given without `ray`.
@@ -72,10 +72,10 @@ def engine_for(
 def runner(
     context: typer.Context, folder: Path, workers: int, name: str, address: str | None, threads: int
 ) -> Iterator[tuple[Runner, int]]:
-    """What runs the steps of a study, and how many at a time.
+    """Yield the runner of a study's steps, and the number of steps at a time.
 
-    Here it is this process, or each of several side by side in one of its own; a cluster runs as many as it
-    has room for.
+    Without a cluster, one step runs in this process, or several run in parallel in their own processes.  A
+    cluster runs as many steps as it has free processors.
     """
     from hydro.study.steps import Runner, apart
 
@@ -86,10 +86,10 @@ def runner(
 
 
 def refuse_engine(name: str, why: str) -> None:
-    """Refuse a cluster where there is nothing to share out.
+    """Refuse a cluster for work that cannot be divided.
 
     Raises:
-        UsageError: One is asked for.
+        UsageError: A cluster is requested.
     """
     if name != HERE:
         raise UsageError(f"--engine {name}: {why}")

@@ -1,4 +1,4 @@
-"""`explain`: add what is missing, step by step, and watch the error fall."""
+"""Command `explain`: add missing effects step by step, and show the errors."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def explain(
         hydro explain vehicle.toml after.parquet --before before.parquet \
           -o study
 
-    The second one adds what has changed since another recording. An interrupted study resumes
+    The second command adds changes since another recording. An interrupted study resumes
     where it stopped.
 
     Details:
@@ -136,6 +136,8 @@ def explain(
     frame, hull = None if other is None else other.frame, earlier.hull if earlier else None
     with about(name):
         recordings = Recordings.of(start, source.frame, frame, hull)
+        if hull is None and not correct_thrusters:
+            recordings.log.require_directions(str(vehicle))
     changes = tell_changes(name, recordings.log.changes)
     if recordings.holdout is not None:
         held_out = tell_changes(called(holdout), recordings.holdout.changes)
@@ -190,7 +192,7 @@ def explain(
 
 
 def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed) -> None:
-    """Write what these steps make of the recordings, and which sessions those have."""
+    """Write replays, unexplained forces and growth of these steps, and the list of sessions."""
     import polars as pl
 
     from hydro.core.discovery.growth import growth
@@ -208,7 +210,7 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed
         grown = growth(list(vehicles.values())[-1], log.raw, log.observed)
         if not grown.is_empty():
             study.save("growth", grown)
-    except DataError as error:  # too few samples: what else is wrong with a recording has ended the study
+    except DataError as error:  # too few samples; other errors in a recording have ended the study before
         why = str(error)
     listed = [
         sessions(frame).with_columns(dataset=pl.lit(name))
@@ -218,7 +220,7 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed
 
 
 def _save_bands(study: Study, step: Step) -> None:
-    """Write the bands of the step's predictions; none of a file that nothing was fitted in."""
+    """Write the bands of the step's predictions, unless no value was fitted."""
     from hydro.core.evaluation.rolling_prediction import FEW_DRAWS, restarted_bands
 
     if step.estimates is None:
@@ -233,7 +235,7 @@ def _save_bands(study: Study, step: Step) -> None:
 
 
 def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:
-    """The held-out recording.
+    """Return the held-out recording.
 
     Raises:
         DataError: It is the measured one, is too short, or is another vehicle's.
@@ -286,7 +288,7 @@ def _print_details(study: Study, outcome: Outcome, recordings: Recordings, conso
 
 
 def _print_json(outcome: Outcome) -> None:
-    """Print the ladder, what each step fitted, and the file to use, for a program."""
+    """Print the ladder, the fitted values of each step, and the file to use as JSON."""
     from hydro.core.explanation.status import added
 
     confirmed = added(outcome.steps)

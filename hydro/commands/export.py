@@ -1,4 +1,4 @@
-"""`export`: a vehicle file or a trained network for other programs, and what they cannot hold of it."""
+"""Command `export`: files for other programs, and the effects that these cannot represent."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def export(
         ),
     ] = None,
     cost: Annotated[
-        bool, typer.Option("--cost/--no-cost", help="Compute the errors of what is left out.")
+        bool, typer.Option("--cost/--no-cost", help="Compute the errors from effects that are left out.")
     ] = True,
     output: Output = STREAM,
 ) -> None:
@@ -63,7 +63,7 @@ def export(
     Details:
 
     The error is the root mean square of the velocity, axes weighted by inertia; the error of the vehicle file
-    itself stands beside it.
+    itself is shown as well.
 
     A model's graph takes states (N, 12), u v w p q r and their rates in the body frame (forward, right,
     down), and gives tau_res (N, 6) in N and N m; features and scalers are part of it. The vehicle feels
@@ -94,7 +94,7 @@ def export(
 
 
 def _trained(source: str) -> Model | Policy:
-    """A residual network or a policy.
+    """Read a residual network or a policy.
 
     Raises:
         DataError: The table is neither, or its footer does not describe it.
@@ -111,7 +111,7 @@ def _trained(source: str) -> Model | Policy:
 
 
 def _tell_left_out(target: Target, source: str, vehicle: Vehicle, on: str | None, cost: bool) -> None:
-    """Say on stderr what a target cannot hold of a vehicle, and what that costs."""
+    """Print on stderr the effects that a target cannot represent, with the resulting errors."""
     from hydro.commands.tables import person, print_table
     from hydro.export.cost import of_lacks
 

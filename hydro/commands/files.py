@@ -1,4 +1,4 @@
-"""`check` and `show`: check files and audit thrusters, and show what is in a file."""
+"""Commands `check` and `show`: check files and audit thrusters, and show the contents of a file."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ File = Annotated[
     str, typer.Argument(metavar="FILE", show_default=False, help="An artefact; nothing or - is stdin.")
 ]
 SHORT = len("sha256:") + 12
-"""How much of a hash of the lineage is shown."""
+"""Number of characters of a hash that the lineage shows."""
 WHOLE = ("metrics", "ladder", "evaluations")
-"""Kinds of small tables, whose rows are shown instead of their columns."""
+"""Kinds of small tables, which are shown with all rows instead of a list of columns."""
 
 
 def check(
@@ -86,7 +86,7 @@ def check(
 
 
 def _is_vehicle(file: str) -> bool:
-    """Whether a file is taken for a vehicle file, by its suffix."""
+    """Return whether a file is a vehicle file, by its suffix."""
     from hydro.io import logmap
 
     return Path(file).suffix == ".toml" and not logmap.is_map(file)
@@ -120,7 +120,7 @@ def _audit(vehicle: str, file: str, artefact: Artefact, shown: bool) -> bool:
 
 
 def _check(file: str) -> tuple[str, Artefact | None]:
-    """Read one file as what it is, by its suffix a vehicle file or a map, else an artefact; say which."""
+    """Check one file and return its kind: a vehicle file or a map by its suffix, else an artefact."""
     from hydro.core import effects
     from hydro.core.effects.catalogue import implausible
     from hydro.io import logmap, partitions, table, vehicle
@@ -146,13 +146,13 @@ def _check(file: str) -> tuple[str, Artefact | None]:
 
 
 def _told(file: str, artefact: Artefact) -> str:
-    """Check the rows of a table; return what it is."""
+    """Check the rows of a table and return its kind."""
     _check_table(file, artefact)
     return f"a table of kind {artefact.kind}, {artefact.frame.height:,} rows"
 
 
 def _check_table(file: str, artefact: Artefact) -> None:
-    """What there is to say of the rows of a recording; nothing of another table."""
+    """Check the rows of a recording, and print remarks on stderr; ignore other tables."""
     from hydro.core.recording import segments
     from hydro.core.vehicle import likely_units
 
@@ -165,7 +165,7 @@ def _check_table(file: str, artefact: Artefact) -> None:
 
 
 def _rare(artefact: Artefact) -> str:
-    """In how many rows each column that is not always there has a sample; empty where all always are."""
+    """Return the number of samples of each column with nulls, in words; empty without nulls."""
     frame = artefact.frame
     counts = {name: frame.height - frame[name].null_count() for name in frame.columns}
     rare = [f"{name} {count:,}" for name, count in counts.items() if count < frame.height]
@@ -189,7 +189,7 @@ def show(file: File = STREAM) -> None:
 
 
 def columns(artefact: Artefact) -> pl.DataFrame:
-    """One row per column of an artefact: type, unit, frame, samples, smallest and largest value, meaning."""
+    """Return one row per column of an artefact: type, unit, frame, samples, range and meaning."""
     import polars as pl
 
     from hydro.io import schema
@@ -213,7 +213,7 @@ def columns(artefact: Artefact) -> pl.DataFrame:
 
 
 def _print_page(artefact: Artefact) -> None:
-    """Print an artefact for a person: what it is, what it was made from, what is in it."""
+    """Print an artefact: kind, origin and contents."""
     from rich.console import Console
 
     console = Console(highlight=False, markup=False)
@@ -229,7 +229,7 @@ def _print_page(artefact: Artefact) -> None:
 
 
 def _summary(artefact: Artefact) -> Iterator[str]:
-    """Size, seed, vehicle and network, each in one line, where there is one."""
+    """Yield size, seed, vehicle and network, each in one line, as far as they exist."""
     from hydro.io import vehicle
 
     record, frame = artefact.provenance, artefact.frame
@@ -247,7 +247,7 @@ def _summary(artefact: Artefact) -> Iterator[str]:
 
 
 def _network(model: dict[str, Any]) -> Iterator[str]:
-    """What the footer of a residual model or a policy says beside its tensors, in two lines."""
+    """Return two lines on the footer of a residual model or a policy, without its tensors."""
     kept = {name: value for name, value in model.items() if name not in ("training", "architecture")}
     layers = model.get("architecture")
     if isinstance(layers, dict):
@@ -259,7 +259,7 @@ def _network(model: dict[str, Any]) -> Iterator[str]:
 
 
 def _lineage(artefact: Artefact) -> Tree:
-    """The artefact, what it was made from, and what that was made from in turn."""
+    """Return the lineage: the artefact, its inputs, and their inputs in turn."""
     from rich.text import Text
     from rich.tree import Tree
 
@@ -275,7 +275,7 @@ def _lineage(artefact: Artefact) -> Tree:
 
 
 def _named(values: dict[str, Any]) -> str:
-    """Parameters in a few words; long lists by their length."""
+    """Return parameters in a few words; long lists by their length."""
     short = {
         name: f"[{len(value)}]" if isinstance(value, list) and len(value) > 6 else value
         for name, value in values.items()

@@ -1,4 +1,4 @@
-"""`fit`: the parameters of named effects from a recording, written into a vehicle file."""
+"""Command `fit`: estimate the parameters of named effects, and write them into a vehicle file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Shots = Annotated[
     int,
     typer.Option(
         min=8,
-        help="Most shots of 2 s that are fitted.",
+        help="Maximum number of fitted shots of 2 s.",
     ),
 ]
 
@@ -124,13 +124,13 @@ def fit(
 
 
 def _write(found: Fit, text: str, start: Path, output: str, source: Artefact) -> None:
-    """Write the vehicle file, and the covariance of its values beside it.
+    """Write the vehicle file, and next to it the covariance of its values.
 
     Args:
         found: The fit.
-        text: Of the file with it.
-        start: The file that the fit began from, whose other effects keep their covariance.
-        output: Where to write.
+        text: Text of the file with the fitted values.
+        start: The initial file, whose other effects keep their covariance.
+        output: Output file.
         source: The recording.
     """
     from hydro.io import covariance
@@ -149,7 +149,7 @@ def _write(found: Fit, text: str, start: Path, output: str, source: Artefact) ->
 
 
 def _tell(found: Fit) -> None:
-    """The parameters, on a terminal, and what they are to be warned of."""
+    """Print the parameters on a terminal, and warnings on stderr."""
     if sys.stderr.isatty():
         _show(found)
     for warning in found.warnings:
@@ -157,10 +157,10 @@ def _tell(found: Fit) -> None:
 
 
 def _wanted(text: str) -> str | dict[str, Any]:
-    """An effect's name, or its table of `NAME={...}` in inline TOML.
+    """Return an effect's name, or its table from `NAME={...}` with inline TOML.
 
     Raises:
-        UsageError: it is neither.
+        UsageError: The text has neither form.
     """
     from hydro.core import toml_text
 
@@ -177,7 +177,7 @@ def _wanted(text: str) -> str | dict[str, Any]:
 
 
 def _show(found: Fit) -> None:
-    """The parameters with their standard errors, for a person."""
+    """Print the parameters with their standard errors."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table

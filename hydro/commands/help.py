@@ -1,7 +1,7 @@
-"""Help of a command on one screen: examples as they are pasted, and options in named groups.
+"""Help of a command on one screen: examples that can be pasted, and options in named groups.
 
 A docstring has a summary, a paragraph and examples, which are indented.  What follows a line `Details:`
-stands on the page of the documentation alone.
+appears only on the page of the documentation.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typer.core import TyperCommand
 from hydro.report.following import pasted
 
 WIDTH = 78
-"""Columns of an example: the help is indented by two."""
+"""Maximum width of an example: 80 columns less the indentation of the help."""
 DETAILS = "Details:"
-"""Paragraph after which the text is for the page of the documentation."""
+"""Paragraph after which the text appears only on the page of the documentation."""
 KEPT = "\b\n"
-"""What Click takes before a paragraph whose lines it keeps."""
+"""Marker of Click for a paragraph whose line breaks are kept."""
 PLAIN_NUMBER = re.compile(r"<(int|float)( range)?>")
-"""What Typer calls the value of an option that is a number."""
+"""Pattern of Typer's name for the value of a numeric option."""
 ADVANCED, CLUSTER, FLIGHT = "Advanced", "Cluster", "Flight design"
-"""Groups of options that are rarely used."""
+"""Names of the groups of rarely used options."""
 
 
 def paragraphs(text: str) -> list[str]:
@@ -31,7 +31,7 @@ def paragraphs(text: str) -> list[str]:
 
 
 def short(text: str) -> str:
-    """Return what the help shows of a docstring, the lines of its examples kept.
+    """Return the part of a docstring that the help shows, with the line breaks of its examples.
 
     Args:
         text: The docstring, its common indentation removed.
@@ -42,7 +42,7 @@ def short(text: str) -> str:
 
 
 class Pasted:
-    """Command or group whose help shows examples as they are pasted."""
+    """Command or group whose help shows examples with their line breaks."""
 
     help: str | None
 

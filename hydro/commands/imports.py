@@ -1,4 +1,4 @@
-"""`import`: somebody's log to a raw table, and what the log itself says of its frames and signs."""
+"""Command `import`: convert a log to a raw table, and check its frames and signs by kinematics."""
 
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ def import_(
         typer.Option(show_default=False, help="Whose names the columns have.", rich_help_panel=ADVANCED),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Let --write-map replace another map.", rich_help_panel=ADVANCED)
+        bool,
+        typer.Option("--force", help="Overwrite an existing map with --write-map.", rich_help_panel=ADVANCED),
     ] = False,
     output: Output = STREAM,
 ) -> None:
@@ -100,7 +101,7 @@ def import_(
     data contradict the map, a warning says what to write instead. Late stamps of a sensor or of the commands
     are found as well. With --vehicle the thrusters are audited, as by hydro check VEHICLE LOG.
 
-    The first bytes tell the format. Columns of a log of messages are called topic.field, such as
+    The format is recognised by the first bytes. Columns of a log of messages are called topic.field, such as
     /dvl/data.velocity.x or XKF1[0].PN, and time [s]. Several files are merged by time; files that do not
     overlap become sessions with the names of the files.
     """
@@ -135,7 +136,7 @@ def import_(
 def _write_draft(
     names: Sequence[str], blocks: Mapping[str, Any], log: str, path: str, *, force: bool
 ) -> None:
-    """Write the map that the log suggests; never over one that somebody may have edited."""
+    """Write the map that the log suggests; never overwrite a map, which may have been edited."""
     from hydro.io import mapdraft
     from hydro.io.files import write_bytes
 

@@ -1,7 +1,7 @@
-"""An interrupt from the keyboard, remembered for whoever has to say why a command ended.
+"""Record of keyboard interrupts, for the message on why a command ended.
 
-A module written in C that is interrupted while it is being loaded makes of the interrupt what it likes, such
-as `ImportError: initialization failed`.
+A C module that is interrupted while it is loaded may turn the interrupt into another error, such as
+`ImportError: initialization failed`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _SEEN = threading.Event()
 
 @contextmanager
 def noted() -> Iterator[None]:
-    """Note interrupts meanwhile, besides what Python does of itself; not where others handle them."""
+    """Record interrupts during the block, in addition to Python's default; not if another handler is set."""
     _SEEN.clear()
     ours = (
         threading.current_thread() is threading.main_thread()
@@ -33,7 +33,7 @@ def noted() -> Iterator[None]:
 
 
 def seen() -> bool:
-    """Whether there was one."""
+    """Return whether an interrupt was recorded."""
     return _SEEN.is_set()
 
 

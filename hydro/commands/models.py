@@ -1,4 +1,4 @@
-"""`train` and `evaluate`: residual networks from labels, and how well they predict."""
+"""Commands `train` and `evaluate`: residual networks from labels, and their prediction errors."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ LabelsOrSplit = Annotated[
 
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Most passes over the data; default: 25,000 updates."),
+    typer.Option(min=1, help="Maximum passes over the data; default: 25,000 updates."),
 ]
 Minutes = Annotated[
     float | None,
@@ -142,7 +142,7 @@ def train(
 
 
 def _centre_of_gravity(source: Artefact) -> tuple[float, float, float] | None:
-    """Of the vehicle that the labels were made with; None where nobody knows."""
+    """Return the centre of gravity of the vehicle of the labels; None if it is not known."""
     from hydro.io import vehicle
 
     text = source.provenance.vehicle
@@ -150,7 +150,7 @@ def _centre_of_gravity(source: Artefact) -> tuple[float, float, float] | None:
 
 
 def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
-    """Labels, and their split, of so many minutes where they are limited."""
+    """Return the labels and their split, limited to some minutes if requested."""
     from hydro.core.distillation.split import split
     from hydro.learn.rows import for_minutes
 
@@ -162,7 +162,7 @@ def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
 
 
 def _trusted_accelerations(labels: str, frame: pl.DataFrame, noise: Sequence[float] | None) -> bool:
-    """Whether noise leaves the network the accelerations to see; one line where it does not."""
+    """Return whether the noise allows accelerations as inputs; print one line if it does not."""
     from hydro.learn.train import trusted_accelerations
 
     with about(labels):
@@ -237,7 +237,7 @@ def evaluate(
 def _draw(
     models: Sequence[Model], table: pl.DataFrame, part: str, errors: pl.DataFrame, folder: Path
 ) -> None:
-    """Draw what evaluation found into a folder."""
+    """Draw the results of an evaluation into a folder."""
     from hydro.learn import rows
     from hydro.learn.evaluate import predict_rows
     from hydro.report import predictions

@@ -1,4 +1,4 @@
-"""`partition`: a table of sessions as a folder with a file for each, a dataset."""
+"""Command `partition`: convert a table of sessions to a folder with one file for each session."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.commands.places import FOLDER
 from hydro.commands.shell import STREAM, message, read
 
 KINDS = ("raw", "labels", "split")
-"""Kinds of table that have sessions and are worth keeping apart."""
+"""Kinds of table with sessions that can be partitioned."""
 
 Table = Annotated[
     str,

@@ -1,4 +1,4 @@
-"""`simulate` and `effects`: a vehicle file's own physics, and the catalogue that it is written in."""
+"""Commands `simulate` and `effects`: simulation of a vehicle file, and the catalogue of effects."""
 
 from __future__ import annotations
 
@@ -140,8 +140,8 @@ def effects(
 ) -> None:
     """List the physical effects that a vehicle file can hold.
 
-    With a name, everything about that effect: its meaning, its parameters with units and bounds, the motion
-    that determines them, what it is easily mistaken for, its source, and a table for a vehicle file. On a
+    With a name, all about that effect: its meaning, its parameters with units and bounds, the motion that
+    determines them, effects that it is often confused with, its source, and a table for a vehicle file. On a
     terminal as tables, into a pipe as JSON.
     """
     from hydro.core.effects import CATALOGUE
@@ -160,10 +160,10 @@ def effects(
 
 
 def _effect(name: str) -> Effect:
-    """The effect of that name.
+    """Return the effect of a name.
 
     Raises:
-        UsageError: there is none.
+        UsageError: The catalogue does not have it.
     """
     import difflib
 
@@ -177,7 +177,7 @@ def _effect(name: str) -> Effect:
 
 
 def _print_catalogue() -> None:
-    """One line per effect."""
+    """Print one line per effect."""
     import polars as pl
 
     from hydro.core.effects import CATALOGUE
@@ -196,7 +196,7 @@ def _print_catalogue() -> None:
 
 
 def _print_effect(effect: Effect) -> None:
-    """One effect in full."""
+    """Print one effect in full."""
     import polars as pl
 
     from hydro.core.effects import describe
@@ -222,7 +222,7 @@ def _print_effect(effect: Effect) -> None:
     console.print(f"\nplausible by: {'; '.join(sources)}")
     console.print(f"needs: {effect.excitation}")
     console.print(f"easily mistaken for: {', '.join(effect.lookalikes)}")
-    console.print(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
+    console.print(f"source: {effect.source}\n\nin a vehicle file (0: without effect):\n")
     typer.echo(describe.toml(effect), nl=False)
 
 

@@ -1,8 +1,8 @@
-"""Where a command writes: looked at before it reads or computes anything.
+"""Check of the output places of a command, before it reads or computes anything.
 
-A place that cannot be written to is worth knowing of before an hour's work and not after it, and a command
-that is refused leaves nothing behind.  A folder of results is made and held while the command runs
-(`io.lock`): two at once would mix theirs.
+A place that cannot be written to is reported before an hour's work and not after it, and a refused command
+writes nothing.  A folder of results is made and locked while the command runs (`io.lock`), so that two
+commands do not mix their results.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from hydro.core.errors import UsageError
 
 @dataclass(frozen=True)
 class Writes:
-    """Says of an option, in its `Annotated`, that the command writes there.
+    """Mark, in the `Annotated` of an option, for a place to which the command writes.
 
     Attributes:
-        folder: Into a folder, which is made where it is missing; else one file, in a folder that is there.
-        like: An argument: where it is a dataset, a folder of sessions, the command writes one too.
-        where: And that only where this option is given; always by default.
+        folder: Whether it is a folder, which is made if it is missing; else one file in an existing folder.
+        like: Name of an argument: if it is a folder of sessions, the command writes such a folder too.
+        where: Name of an option: `like` applies only if this option is given; always by default.
     """
 
     folder: bool = False
@@ -37,7 +37,7 @@ class Writes:
     where: str = ""
 
     def to_folder(self, given: Mapping[str, Any]) -> bool:
-        """Whether it is a folder that a command writes into which is called like this."""
+        """Return whether a command with these arguments writes into a folder."""
         if self.folder or not self.like or (self.where and not given[self.where]):
             return self.folder
         return any(_is_dataset(one) for one in _each(given[self.like]))
@@ -76,7 +76,7 @@ EachOutput = Annotated[
 
 
 def checked(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, which first refuses places that it could not write to, and holds its folders."""
+    """Return the command with a check of its output places, and a lock on its output folders."""
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
@@ -90,15 +90,15 @@ def checked(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
-    """Look at every place that a command is to write to.
+    """Check every place to which a command would write.
 
     Args:
         command: The command.
-        given: What it is called with.
+        given: Its arguments.
 
     Raises:
-        DataError: a file's folder is missing, cannot be written to, or the place is of the other kind.
-        UsageError: two results are to go into one file, or one over an input.
+        DataError: A folder is missing or cannot be written to, or a folder is given for a file or vice versa.
+        UsageError: Two results would go into one file, or a result would replace an input.
     """
     from hydro.io.files import check_file, check_folder
 
@@ -112,7 +112,7 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
     files = {name: os.path.realpath(place) for name, place in outputs.items() if name not in folders}
     for name, path in files.items():
         if os.path.exists(path) and not os.path.isfile(path):
-            continue  # a device or a pipe takes as much as it is given
+            continue  # a device or a pipe can take several results
         if any(path == other for another, other in files.items() if another != name):
             raise UsageError(f"{outputs[name]}: two results are to go there: name a file for each")
         if path in {os.path.realpath(one) for one in _inputs(given, outputs)}:
@@ -120,7 +120,7 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
 
 
 def _folders(command: Callable[..., None], given: Mapping[str, Any]) -> list[str]:
-    """The folders that a command is to write into, each once."""
+    """Return the folders into which a command would write, each once."""
     marked = {
         name: mark for name, mark in _marks(command).items() if given.get(name) not in (None, STREAM, "")
     }
@@ -129,7 +129,7 @@ def _folders(command: Callable[..., None], given: Mapping[str, Any]) -> list[str
 
 
 def _alone(folder: str) -> AbstractContextManager[None]:
-    """See `io.lock.alone`; imported by the commands alone that write into folders."""
+    """Lock a folder, see `io.lock.alone`; imported only by commands that write into folders."""
     from hydro.io.lock import alone
 
     return alone(folder)
@@ -137,21 +137,21 @@ def _alone(folder: str) -> AbstractContextManager[None]:
 
 @functools.cache
 def _marks(command: Callable[..., None]) -> dict[str, Writes]:
-    """The parameters of a command that are places to write to."""
+    """Return the marks of the parameters that are output places."""
     hints = get_type_hints(command, include_extras=True)
     found = {name: [one for one in get_args(hint) if isinstance(one, Writes)] for name, hint in hints.items()}
     return {name: marks[0] for name, marks in found.items() if marks}
 
 
 def _inputs(given: Mapping[str, Any], outputs: Mapping[str, Any]) -> Iterator[str]:
-    """Everything else that a command is given and that could be a file."""
+    """Yield all other arguments that can be files."""
     for name, value in given.items():
         if name not in outputs:
             yield from (str(one) for one in _each(value) if isinstance(one, str | Path))
 
 
 def _is_dataset(place: object) -> bool:
-    """See `io.partitions.is_dataset`; imported for folders alone."""
+    """Return whether a place is a folder of sessions, see `io.partitions.is_dataset`."""
     if not isinstance(place, str | Path) or not os.path.isdir(place):
         return False
     from hydro.io.partitions import is_dataset
@@ -160,10 +160,10 @@ def _is_dataset(place: object) -> bool:
 
 
 def same(one: str | Path, other: str | Path) -> bool:
-    """Whether two paths lead to one place."""
+    """Return whether two paths are the same place."""
     return os.path.realpath(one) == os.path.realpath(other)
 
 
 def _each(value: Any) -> list[Any]:
-    """A value, or the values of a list."""
+    """Return the values of a list, or a single value as a list."""
     return list(value) if isinstance(value, list | tuple) else [value]

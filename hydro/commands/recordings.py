@@ -1,4 +1,4 @@
-"""A recording for a command: a raw table, or a log of any format with its map, which is imported first."""
+"""Recordings for commands: raw tables, or logs of any format with their map, which are imported first."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ Definitions = Annotated[
 
 
 def _allow(context: typer.Context, gigabytes: float | None) -> None:
-    """Hold the files that a command reads to a limit, until it ends."""
+    """Limit the decompressed size of the files that a command reads, until it ends."""
     from hydro.io.readers.expansion import allowed
 
     context.with_resource(allowed(gigabytes))
@@ -71,13 +71,13 @@ MaxExpanded = Annotated[
 
 @dataclass(frozen=True)
 class Logs:
-    """How the recordings of a command are read.
+    """Settings for reading the recordings of a command.
 
     Attributes:
-        map: The map of those that are logs; None where all are raw tables.
+        map: Map of the logs; None if all recordings are raw tables.
         definitions: Folder with `.msg` files, or None.
-        vehicle: The vehicle file, to which logs are held when they are imported.
-        fill: Values in every row of a log.
+        vehicle: Vehicle file with which imported logs are checked.
+        fill: Whether a log gets values in every row.
     """
 
     map: Path | None = None
@@ -86,16 +86,16 @@ class Logs:
     fill: bool = False
 
     def read(self, sources: Sequence[str] | None, *kinds: str) -> Artefact:
-        """Read a recording; of logs it is told on stderr what the import found.
+        """Read a recording, and print the results of an import on stderr.
 
         Args:
-            sources: A table, a dataset's folder or a log, or the logs of one dive; nothing is stdin.
-            kinds: The kinds of table that will do; `raw` where none is named.
+            sources: A table, a folder of sessions or a log, or the logs of one dive; empty for stdin.
+            kinds: Admissible kinds of table; `raw` by default.
 
         Raises:
-            DataError: a file is missing, broken or of another kind, breaks its schema, or is a log and there
-                is no map or one that does not fit it.
-            UsageError: there are several files that are not logs, or stdin is meant but is a terminal.
+            DataError: A file is missing, broken or of another kind, violates its schema, or is a log without
+                a map that fits it.
+            UsageError: Several files are not logs, or stdin is requested but is a terminal.
         """
         from hydro.io import recordings, table
 
@@ -117,10 +117,10 @@ class Logs:
 
 
 def dataset(sources: Sequence[str] | None) -> str | None:
-    """The folder of sessions that a command is given; None where it is something else.
+    """Return the folder of sessions among the arguments of a command; None without one.
 
     Raises:
-        UsageError: There is one beside other recordings.
+        UsageError: A folder is combined with other recordings.
     """
     from hydro.io import partitions
 
@@ -132,23 +132,23 @@ def dataset(sources: Sequence[str] | None) -> str | None:
 
 
 def tell_strangers(folder: str, sessions: Iterable[str]) -> None:
-    """Say on stderr which sessions of a folder were there before and are none of those just written."""
+    """Print on stderr the sessions of a folder that existed before and were not written now."""
     from hydro.io import partitions
 
     strangers = sorted(set(partitions.sessions(folder)) - set(sessions))
     if strangers:
         named = ", ".join(strangers[:3]) + (f" and {len(strangers) - 3} more" if len(strangers) > 3 else "")
-        message(f"hydro: {folder}: sessions of before stay beside these: {named}")
+        message(f"hydro: {folder}: earlier sessions stay in this folder: {named}")
 
 
 def called(sources: Sequence[str] | None) -> str:
-    """What messages call a recording: its file, or the first of several."""
+    """Return the name of a recording in messages: its file, or the first of several."""
     return sources[0] if sources else STREAM
 
 
 @contextmanager
 def opened(names: Sequence[str], definitions: Path | None) -> Iterator[list[LogFile]]:
-    """The files, ready to be read."""
+    """Open log files for reading."""
     from hydro.io.log import opened
 
     with ExitStack() as stack:
@@ -158,7 +158,7 @@ def opened(names: Sequence[str], definitions: Path | None) -> Iterator[list[LogF
 
 @contextmanager
 def reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
-    """What shows how far a large file is read; nothing for a small one."""
+    """Yield a function that shows the progress of reading a large file; None for a small one."""
     from hydro.io.log_files import LARGE
 
     if file.size < LARGE:

@@ -1,4 +1,4 @@
-"""`replay`: recorded commands flown again in MuJoCo, with and without learned water forces."""
+"""Command `replay`: recorded commands simulated in MuJoCo, with and without learned water forces."""
 
 from __future__ import annotations
 
@@ -103,11 +103,11 @@ def replay(
     state in the middle of this time; with --lead 0, as in the paper, at the state at its beginning.
 
     --conditioning filters a learned wrench at 25 Hz, as the paper does: a low-pass with beta = 0.9, then
-    clipping of each axis at twice what the thrusters can exert there, then a dead band that fades the wrench
-    out below 0.02 m/s and 0.02 rad/s. The paper leaves open what beta weighs. paper-old weighs the old value,
+    clipping of each axis at twice the maximum of the thrusters there, then a dead band that fades the wrench
+    out below 0.02 m/s and 0.02 rad/s. The paper does not define beta. In paper-old it weights the old value,
     a lag of 0.38 s: with a network trained on the full Stonefish recordings the errors of replay90 grow by a
-    factor of 18 to 37. paper-new weighs the new value and changes next to nothing; paper is paper-new.
-    low-pass-old, low-pass-new, clipping and dead-band are one stage alone. The metrics have the share of
+    factor of 18 to 37. In paper-new it weights the new value and changes almost nothing; paper is paper-new.
+    low-pass-old, low-pass-new, clipping and dead-band are single stages. The metrics have the share of
     control steps in which clipping and dead band acted.
     """
     given = _Given(
@@ -127,7 +127,7 @@ def replay(
 
 @dataclass(frozen=True)
 class _Given:
-    """What `replay` was called with, but for where results go."""
+    """Arguments of `replay`, except outputs."""
 
     raw: str
     models: tuple[str, ...]
@@ -140,14 +140,14 @@ class _Given:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """What the footers of the results keep of it."""
+        """Parameters for the footers of the results."""
         kept = ("conditioning", "lead", "integrator", "timestep", "piece")
         return {name: value for name in kept if (value := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True)
 class _Flown:
-    """Time series and errors of all variants, and what their tables are made from."""
+    """Time series and errors of all variants, with the origin of their tables."""
 
     series: pl.DataFrame
     errors: pl.DataFrame
@@ -156,7 +156,7 @@ class _Flown:
     vehicle_text: str
 
     def table(self, kind: str, frame: pl.DataFrame) -> Artefact:
-        """An artefact of these flights."""
+        """Return an artefact of these replays."""
         from hydro.io import table
 
         return table.make(
@@ -170,7 +170,7 @@ class _Flown:
 
 
 def _flown(given: _Given, source: Artefact, file: Path | None) -> _Flown:
-    """Read vehicle and models, and fly them as recorded."""
+    """Read vehicle and models, and replay the recording with them."""
     from hydro.sim import replay as sim
     from hydro.sim.residual.conditioning import preset
     from hydro.sim.student import Physics
@@ -199,7 +199,7 @@ def _flown(given: _Given, source: Artefact, file: Path | None) -> _Flown:
 
 
 def _show(errors: pl.DataFrame, given: _Given) -> None:
-    """Print the errors for a person, and what conditioning did."""
+    """Print the errors, and the shares of steps in which conditioning acted."""
     from hydro.report.tables import conditioning_shares, piece_errors, replay_errors
 
     print_table(replay_errors(errors), REPLAY_TITLE)
@@ -219,15 +219,15 @@ def _draw(series: pl.DataFrame, errors: pl.DataFrame, folder: Path) -> None:
 
 
 def _require_same_effects(name: str, model: Model, known: Vehicle) -> None:
-    """Refuse a model that learnt what other effects leave than those that would fly with it."""
+    """Refuse a model whose labels were computed with other effects than those of the replayed vehicle."""
     from hydro.io.vehicle import vehicle_hash
 
     if model.labelled is None or model.subtract != "effects":
         return
     if vehicle_hash(model.labelled) != vehicle_hash(known):
         raise DataError(
-            f"{name}: its labels left out the effects of another vehicle file: add --vehicle with the file "
-            "that the labels were made with"
+            f"{name}: the effects of another vehicle file were subtracted from its labels: add --vehicle "
+            "with the file that the labels were made with"
         )
 
 

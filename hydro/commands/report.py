@@ -1,4 +1,4 @@
-"""`report`: a study on one page."""
+"""Command `report`: a study as one HTML page."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def report(
     Details:
 
     A table next to each figure has its numbers. For tables made with --before the page names the recording
-    that the hull-force model was fitted to, and what has changed since.
+    that the hull-force model was fitted to, and the changes since.
     """
     from hydro.io.files import write_bytes
     from hydro.report.page import render

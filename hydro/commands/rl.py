@@ -1,4 +1,4 @@
-"""`rl`: policies that steer the vehicle, trained in the student and flown in the student or the teacher."""
+"""Commands `rl`: policies, trained in the MuJoCo model, and tested in it or in the reference simulator."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ResidualModel = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Residual model, for conditions with one."),
 ]
-Steps = Annotated[int, typer.Option(min=1, help="Most control steps of all vehicles together.")]
+Steps = Annotated[int, typer.Option(min=1, help="Maximum control steps of all vehicles together.")]
 Start = Annotated[
     Path | None,
     typer.Option(
@@ -50,7 +50,7 @@ Recipe = Annotated[
 ]
 TaskAlone = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Learn one task alone; see hydro rl eval."),
+    typer.Option(metavar="NAME", help="Train for one task only; see hydro rl eval."),
 ]
 Randomise = Annotated[
     list[str] | None,
@@ -58,7 +58,7 @@ Randomise = Annotated[
 ]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting, such as sac.batch=256."),
 ]
 
 
@@ -67,7 +67,7 @@ def train(
     output: TrainingFolder,
     condition: ConditionName = "R_effects",
     model: ResidualModel = None,
-    seed: Annotated[int, seed_option("Of weights, exploration, tasks and noise.")] = 0,
+    seed: Annotated[int, seed_option("Seed of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
     task: TaskAlone = None,
     steps: Steps = 500_000,
@@ -78,8 +78,8 @@ def train(
 ) -> None:
     """Train a policy by SAC; --recipe demos starts with imitation.
 
-    Stage 1 is point to point, stage 2 a slalom, stage 3 a forest of pillars. DIR gets the policy, every
-    choice and the evaluations. The same command again resumes. --randomise posterior draws the vehicle of
+    Stage 1 is point to point, stage 2 a slalom, stage 3 a forest of pillars. DIR gets the policy, all
+    settings and the evaluations. The same command again resumes. --randomise posterior draws the vehicle of
     each episode from the covariance stored next to its file, --randomise 0.2 from 20 % about its values.
 
         hydro rl train vehicle.toml --recipe demos --randomise posterior -o run
@@ -96,15 +96,15 @@ def train(
     flights of the expert in half of every batch. All levels are rehearsed, and the last policy passes the
     last level of every task. Stage 2 begins with all four baffles.
 
-    DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet at every
+    DIR gets run.parquet with all settings, curves.parquet, evaluations.parquet and policy.parquet at every
     evaluation, and a checkpoint. A resumed training has the same bits as an uninterrupted one; with more
-    --steps, --stages or another curriculum it goes on beyond. With --start a policy of one condition is
+    --steps, --stages or another curriculum it continues. With --start a policy of one condition is
     trained further under another, from the first level.
 
     --randomise current=0.3 draws a current of up to 0.3 m/s, load=0.1 a payload of up to 10 % of the mass,
     thruster=1 the share of thrust that one thruster has lost, bias=1 biases as large as the noise of the
     sensors, delay=0.1 and late=0.1 the delays of sensors and commands [s]. `hydro fit`, `add` and `explain`
-    write the covariance beside the file.
+    write the covariance next to the file.
     """
     given = _Given(
         vehicle, output, condition, model, seed, stages, task or "", steps, start, recipe,
@@ -114,10 +114,10 @@ def train(
 
 
 def _drawn(words: Sequence[str]) -> Iterator[str]:
-    """What is drawn anew, as choices by their names.
+    """Yield the random draws of each episode as settings.
 
     Raises:
-        UsageError: Neither `posterior` nor a share nor a name with a value.
+        UsageError: A word is neither `posterior`, nor a share, nor a name with a value.
     """
     group = "settings.randomise"
     for word in words:
@@ -137,7 +137,7 @@ def _drawn(words: Sequence[str]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class _Given:
-    """What `train` was called with."""
+    """Arguments of `train`."""
 
     vehicle: Path
     output: Path
@@ -153,7 +153,7 @@ class _Given:
 
 
 def _train(given: _Given) -> None:
-    """Begin a training, or go on with it, and tell how it goes."""
+    """Start or resume a training, and print its progress."""
     from hydro.io import table
     from hydro.io.covariance import KIND, beside
     from hydro.io.vehicle import read as read_vehicle
@@ -177,9 +177,9 @@ def _train(given: _Given) -> None:
     folder.begin(run, residual, covariance)
     if state is not None:
         training.restore(state)
-        typer.echo(f"{given.output}: goes on after {training.steps:,} steps", err=True)
+        typer.echo(f"{given.output}: resumes after {training.steps:,} steps", err=True)
     else:
-        print_table(run.frame, f"{given.output}: every choice; --set NAME=VALUE makes another", _stderr())
+        print_table(run.frame, f"{given.output}: all settings; --set NAME=VALUE changes one", _stderr())
     clock.start(training)
     with progress("train") as update:
         while not training.finished:
@@ -190,10 +190,10 @@ def _train(given: _Given) -> None:
 
 
 def _require_ability(config: TrainingConfig, builder: Build, vehicle: Path) -> None:
-    """Refuse a vehicle with which a pilot by hand reaches too few goals of the first level.
+    """Refuse a vehicle with which the scripted pilot reaches too few goals of the first level.
 
     Raises:
-        DataError: He does.
+        DataError: The pilot reaches too few goals.
     """
     from hydro.rl.training.demonstrations import mastered
 
@@ -204,7 +204,7 @@ def _require_ability(config: TrainingConfig, builder: Build, vehicle: Path) -> N
     share = mastered(fleet)
     if share < config.pilot:
         raise DataError(
-            f"{vehicle}: a pilot by hand who has the map reaches {share:.0%} of the goals of "
+            f"{vehicle}: the scripted pilot with a map reaches {share:.0%} of the goals of "
             f"{fleet.task.name} in {fleet.task.steps(fleet.settings)} steps, so that no policy can pass it: "
             "too weak or too slow for the task; give it time with --set settings.task.steps=N, or train it "
             "all the same with --set pilot=0"
@@ -212,7 +212,7 @@ def _require_ability(config: TrainingConfig, builder: Build, vehicle: Path) -> N
 
 
 def _config(given: _Given) -> TrainingConfig:
-    """All choices of a training; a line on stderr for each under the name of an earlier version."""
+    """Return all settings of a training; print a line on stderr for each name of an earlier version."""
     from hydro.rl.training.config import RECIPES
     from hydro.rl.training.runs import changed, current_name
 
@@ -234,7 +234,7 @@ def _config(given: _Given) -> TrainingConfig:
 
 
 def _choice(text: str) -> tuple[str, str]:
-    """Name and value in JSON of a `--set`; a bare word is a text."""
+    """Return the name and the JSON value of a `--set`; a word without quotes is a string."""
     import json
 
     name, equals, value = text.partition("=")
@@ -248,7 +248,7 @@ def _choice(text: str) -> tuple[str, str]:
 
 
 class _Clock:
-    """Tells how fast a training goes, how long it may take at most, and where the time goes."""
+    """Measurement of a training's speed, maximum remaining time, and share of time of each part."""
 
     def __init__(self) -> None:
         self._first, self._started = 0, time.perf_counter()
@@ -266,12 +266,12 @@ class _Clock:
         self._spent[name] = self._spent.get(name, 0.0) + time.perf_counter() - before
 
     def shares(self) -> str:
-        """Where the time has gone."""
+        """Return the shares of time of each part, in words."""
         whole = time.perf_counter() - self._started
         return ", ".join(f"{name} {spent / whole:.0%}" for name, spent in self._spent.items())
 
     def words(self, training: Training) -> str:
-        """Steps, steps per second, success, stage and time left."""
+        """Return steps, steps per second, level, success and maximum remaining time, in words."""
         rate = (training.steps - self._first) / max(time.perf_counter() - self._started, 1e-9)
         left = (training.config.steps - training.steps) / rate if rate else 0.0
         return (
@@ -281,13 +281,13 @@ class _Clock:
 
 
 def _evaluated(training: Training) -> str:
-    """The last evaluation in a few words."""
+    """Return the last evaluation in a few words."""
     last = training.evaluations[-1]
     return f"without exploration {last['success']:.0%} of {last['episodes']}, reward {last['reward']:.3g}"
 
 
 def _ending(training: Training) -> str:
-    """How a training ended."""
+    """Return a sentence on the end of a training."""
     if verdict := training.watch.verdict:
         return f"diverged ({verdict}) by {training.steps:,} steps; {training.watch.episodes} episodes did"
     if training.curriculum.done:
@@ -300,11 +300,11 @@ def _ending(training: Training) -> str:
             f"{exam['success']:.1%} of {exam['episodes']} episodes without exploration "
             f"[{low:.1%}, {high:.1%}]"
         )
-    return f"its steps are used up in {_level(training)}: go on with more --steps"
+    return f"the limit of steps is reached in {_level(training)}: continue with more --steps"
 
 
 def _level(training: Training) -> str:
-    """The level a training stands at, in words."""
+    """Return the present level of a training in words."""
     from hydro.rl.tasks.registry import TASKS
 
     name, level = training.curriculum.level

@@ -1,4 +1,4 @@
-"""`rl eval` and `rl watch`: policies, and a pilot by hand beside them, flown without exploration."""
+"""Commands `rl eval` and `rl watch`: flights of policies and of a scripted pilot, without exploration."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def builder_of(
     estimates: Estimates | None = None,
     truth: Path | None = None,
 ) -> Builder:
-    """What makes a training's fleets."""
+    """Return the builder of a training's fleets."""
     from hydro.core import effects
     from hydro.io import vehicle
     from hydro.io.model import from_artefact
@@ -76,7 +76,7 @@ def builder_of(
 
 
 def _of_vehicle(path: Path, truth: Path | None) -> Builder:
-    """What makes fleets of a vehicle file under its own effects."""
+    """Return the builder of fleets of a vehicle file with the effects of the file."""
     from hydro.io.vehicle import read
     from hydro.rl.training.config import TrainingConfig
 
@@ -85,7 +85,7 @@ def _of_vehicle(path: Path, truth: Path | None) -> Builder:
 
 
 def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, list[Artefact], Builder]:
-    """Policy of a run for a task, its table, and what makes its fleets."""
+    """Return the policy of a run for a task, its table, and the builder of its fleets."""
     from hydro.io import covariance
     from hydro.rl.training.runs import Folder
 
@@ -98,7 +98,7 @@ def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, li
 
 
 def _asked(task: str | None, stage: int | None) -> str | None:
-    """Name of the task that is to be flown, where one was asked for."""
+    """Return the name of the requested task; None if none was requested."""
     from hydro.rl.tasks.registry import STAGES
 
     if task is not None and stage is not None:
@@ -109,7 +109,7 @@ def _asked(task: str | None, stage: int | None) -> str | None:
 def _flight(
     run: Path, wanted: str | None, level: int | None, truth: Path | None = None
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
-    """Policy of a run with its table, or none of a vehicle file; its fleets; task and level to fly."""
+    """Return the policy of a run and its table (none for a vehicle file), its fleets, task and level."""
     alone = run.is_file() or run.suffix == ".toml"
     policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, wanted, truth)
     begun = {"task": "point_to_point", "level": 0}
@@ -120,7 +120,7 @@ def _flight(
 def _task(
     come_to: Mapping[str, Any], builder: Builder, name: str | None, level: int | None
 ) -> tuple[Task, int]:
-    """Task and level to fly, by default those that training has come to."""
+    """Return the task and the level to fly, by default those that the training has reached."""
     from dataclasses import replace
 
     from hydro.rl.tasks.registry import STAGES, task_of
@@ -138,7 +138,7 @@ def eval_(
     run: Flown,
     simulator: In = "student",
     episodes: Annotated[int, typer.Option(min=1, help="Tasks to fly.")] = 200,
-    seed: Annotated[int, seed_option("Of the tasks and the sensors' noise.")] = 1_000_000,
+    seed: Annotated[int, seed_option("Seed of the tasks and the sensors' noise.")] = 1_000_000,
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
@@ -156,7 +156,7 @@ def eval_(
     with its 95 % interval, collisions, time to goal and energy, also of a scripted pilot that flies the same
     tasks.
 
-        task             what is asked
+        task             goal
         point_to_point   a place in open water               (stage 1)
         slalom           baffles from both walls             (stage 2)
         forest           pillars at random, along a plan     (stage 3)
@@ -173,14 +173,14 @@ def eval_(
     pillars are passed on alternating sides. A good policy also wins in a simulator that it was not trained
     in, and against the scripted pilot (the helmsman). The pilot flies once more with a map if there is
     something to avoid. The expert of --recipe demos flies as well if it differs from that. With a vehicle
-    file as RUN the pilot flies alone. On a terminal without -o the result is printed. Stonefish runs in the
+    file as RUN only the pilot flies. On a terminal without -o the result is printed. Stonefish runs in the
     program hydro-stonefish.
 
-    With --stage or --task the policy that passed this task in training flies, if there is one: training for
-    the next stage may undo it.
+    With --stage or --task the policy that passed this task in training flies, if there is one, because
+    training for the next stage may undo it.
 
     Settings: no_plan shows the goal instead of a way, current is 0.3 m/s, load a payload of 10 % of the mass,
-    posterior draws values from the covariance beside the vehicle file; nominal is the file. With --truth
+    posterior draws values from the covariance next to the vehicle file; nominal is the file. With --truth
     another vehicle flies than the one that the policy's demands are made for.
     """
     import polars as pl
@@ -222,7 +222,7 @@ def eval_(
 def _flyers(
     policy: Policy | None, task: Task, config: TrainingConfig, *, pilot: bool, planless: bool
 ) -> list[tuple[str, Callable[[Fleet], Actor], bool]]:
-    """Who flies a task: a name, what makes the actor of a fleet, and whether a planned way is shown."""
+    """Return the name of each actor, the function that makes it, and whether a planned path is shown."""
     from hydro.rl.environment.helmsman import NAME, PLAIN, TAUGHT, WITH_MAP
     from hydro.rl.training.evaluate import POLICY
     from hydro.rl.training.pilots import WithMap, pilot_of
@@ -240,7 +240,7 @@ def _flyers(
 
 
 def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
-    """What flown episodes come to, behind what they are: one row of `evaluations`."""
+    """Return the summary of flown episodes as one row of `evaluations`, with the columns that identify it."""
     import polars as pl
 
     from hydro.rl.training.evaluate import RARE, summary
@@ -255,14 +255,14 @@ def watch(
     run: Flown,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4."), FILE],
     simulator: In = "student",
-    seed: Annotated[int, seed_option("Of the task to fly.")] = 0,
+    seed: Annotated[int, seed_option("Seed of the task to fly.")] = 0,
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
 ) -> None:
     """Draw or film one flight of a policy.
 
-    With a vehicle file in the place of RUN a pilot by hand flies, who has a map.
+    With a vehicle file in the place of RUN the scripted pilot flies, with a map.
 
     A .png shows the path in its tank, from above and from the side. An .mp4 is rendered by MuJoCo
     off-screen, and needs the extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.

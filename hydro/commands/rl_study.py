@@ -1,4 +1,4 @@
-"""`rl study`: all conditions, seeds and stages, and their flights in the teacher, as one command."""
+"""Command `rl study`: trainings under all conditions and seeds, and their tests in both simulators."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Recipe = Annotated[
 ]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting of every training."),
 ]
 
 
@@ -54,20 +54,20 @@ def study(
 ) -> None:
     """Train all conditions with several seeds and compare the policies.
 
-    Each training goes through the curriculum; its policy then flies the task of every stage in the student
-    and in the teacher of VEHICLE, as do scripted pilots. Each step is an ordinary command, printed as it
-    runs. An interrupted study goes on where it stopped, inside a training too.
+    Each training goes through the curriculum; its policy then flies the task of every stage in the MuJoCo
+    model and in the reference simulator of VEHICLE, as do scripted pilots. Each step is an ordinary command,
+    printed as it runs. An interrupted study resumes where it stopped, also within a training.
 
     Details:
 
     Conditions: R_0 without water forces; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
     with the effects of the vehicle file; R_identified with those of a file that was identified from data of
-    the teacher. The same tasks are flown everywhere. Seeds come before conditions, so that a stopped study
-    has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room, and
-    --workers does not count.
+    the reference simulator. All policies fly the same tasks. Trainings run seed by seed, so that a stopped
+    study has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room,
+    and --workers does not count.
 
-    DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line says what is not run
-    because a file is missing.
+    DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line names conditions that
+    are not run because a file is missing.
     """
     from hydro.study import policies
 

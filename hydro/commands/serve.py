@@ -1,4 +1,4 @@
-"""`serve`: a vehicle that answers another program while it moves."""
+"""Command `serve`: live simulation of a vehicle for another program."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def serve(
         typer.Option("--ardusub", help="Answer ArduSub's SITL (its option --model JSON)."),
     ] = False,
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen on; the machine's own alone by default.")
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; default: this machine only.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port; 0 is any free one.")] = 9002,
     channels: Annotated[
@@ -38,7 +38,7 @@ def serve(
             min=0.0,
             metavar="S",
             show_default=False,
-            help="End after so long without a frame.",
+            help="End after this time without a frame.",
         ),
     ] = None,
 ) -> None:
@@ -47,7 +47,7 @@ def serve(
     With --ardusub it speaks the JSON interface of ArduPilot's SITL over UDP: each frame of servo outputs
     moves the vehicle by 1/frame_rate, 0.05 s at most, and is answered with timestamp, imu, position, velocity
     and attitude. SITL waits for the answers and so sets the pace. 1100, 1500 and 1900 us are the commands -1,
-    0 and 1. Frames with a smaller number begin the vehicle anew, and repeated ones are answered again.
+    0 and 1. Frames with a smaller number restart the vehicle, and repeated ones are answered again.
     Packets that are no frames are dropped, and so are frames of a second client while the first one sends.
     Ctrl-C ends and says how many there were.
     """
@@ -65,7 +65,9 @@ def serve(
     def ready(taken: int) -> None:
         message(f"hydro: {known.name} listens on {host}, UDP port {taken}; Ctrl-C ends")
         if not host.startswith(LOOPBACK):
-            message(f"hydro: {host} is no loopback address: whoever reaches this port moves the vehicle")
+            message(
+                f"hydro: {host} is not a loopback address: others can reach this port and move the vehicle"
+            )
 
     try:
         sitl.serve(sub, host, port, ready=ready, ended=lambda since: idle is not None and since >= idle)

@@ -1,6 +1,6 @@
-"""What the commands share: where bytes come from and go to, which vehicle is meant, tables for human eyes.
+"""Functions that commands share: inputs and outputs, the vehicle file, messages and progress.
 
-Binary never goes to a terminal; tables and progress never go into a pipe.
+Binary data never go to a terminal; readable tables and progress never go into a pipe.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 STREAM = "-"
 PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
 REGIME_TITLE = "Predicted wrench by regime of motion, RMSE over all six [N, N m]"
-PIECE_TITLE = "The same by piece of the recording"
+PIECE_TITLE = "Errors by piece of the recording"
 REPLAY_TITLE = "Open-loop replay, RMSE: u v w [m/s], p q r [rad/s]"
 CONDITIONING_TITLE = (
     "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"
 )
 
 LONG = 30.0
-"""Seconds from which on it is said how long something takes."""
+"""Minimum duration of work for which an estimate is printed [s]."""
 
 ModelFile = Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")]
 NoiseSpec = Annotated[
@@ -61,7 +61,7 @@ Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
 
 
 def seed_option(of: str) -> Any:
-    """The option `--seed`: what the seed is of, and the seeds that every generator takes."""
+    """Return the option `--seed` with its help, limited to seeds that every generator takes."""
     return typer.Option(min=0, max=seeds.LARGEST, help=of)
 
 
@@ -72,7 +72,7 @@ VehicleFile = Annotated[
 
 
 def refuse_terminal(output: str) -> None:
-    """Refuse, before any work is done, to write Parquet to a terminal.
+    """Refuse to write Parquet to a terminal, before any work is done.
 
     Raises:
         UsageError: stdout is both the destination and a terminal.
@@ -82,16 +82,16 @@ def refuse_terminal(output: str) -> None:
 
 
 def shows_table(output: str) -> bool:
-    """Whether findings are for a person's eyes: no -o, and stdout is a terminal."""
+    """Return whether a readable table is printed: there is no -o, and stdout is a terminal."""
     return output == STREAM and sys.stdout.isatty()
 
 
 def read(source: str, *kinds: str) -> Artefact:
-    """Read one artefact of one of `kinds` from a file or stdin; of any kind where none is named.
+    """Read one artefact of one of `kinds`, by default of any kind, from a file or stdin.
 
     Raises:
-        DataError: the file is missing, broken, of another kind, or breaks its schema.
-        UsageError: stdin is meant but is a terminal.
+        DataError: The file is missing, broken, of another kind, or violates its schema.
+        UsageError: stdin is requested but is a terminal.
     """
     from hydro.io import table
 
@@ -99,10 +99,10 @@ def read(source: str, *kinds: str) -> Artefact:
 
 
 def network(source: str) -> tuple[Artefact, Model]:
-    """Read a trained network, as its table and as what that describes.
+    """Read a trained network; return its table and the model.
 
     Raises:
-        DataError: as for `read`, or its footer does not describe a network.
+        DataError: As for `read`, or its footer does not describe a network.
     """
     from hydro.io.model import from_artefact
 
@@ -112,17 +112,17 @@ def network(source: str) -> tuple[Artefact, Model]:
 
 
 def write(artefact: Artefact, output: str) -> None:
-    """Write an artefact to a file, whole or not at all, or to stdout."""
+    """Write an artefact to a file, atomically, or to stdout."""
     from hydro.io import table
 
     table.write(artefact, sys.stdout.buffer if output == STREAM else output)
 
 
 def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) -> tuple[Vehicle, str]:
-    """A vehicle file with some effects held as known, and its text with them.
+    """Return a vehicle with some effects held as known, and the text of its file with these marks.
 
-    Standard errors that lie beside the file are put into its tables. Those that come from the very recording
-    which the vehicle is held against are left out: they are no second opinion on it.
+    Standard errors from the covariance file are put into its tables. Those that come from this recording are
+    left out, because they are not independent of it.
 
     Raises:
         DataError: the file is invalid, or has nothing of a name.
@@ -134,7 +134,7 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
 
 
 def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
-    """The same with all standard errors, wherever they come from.
+    """Return the vehicle of `vehicle_to_fit` with all standard errors, from any recording.
 
     Raises:
         DataError: the file is invalid, or has nothing of a name.
@@ -154,7 +154,7 @@ def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]
 
 
 def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
-    """The covariance beside a vehicle file or a diagnosis; None, and a word, where it is of other values."""
+    """Return the covariance next to a vehicle file or a diagnosis; warn if it does not match (None)."""
     from hydro.io import covariance
 
     found, warning = covariance.read(file, vehicle)
@@ -164,7 +164,7 @@ def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estima
 
 
 def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
-    """The vehicle and its file's text: `--vehicle` if given, else the one in the artefact's footer.
+    """Return the vehicle and the text of its file: `--vehicle` if given, else that in the artefact's footer.
 
     Raises:
         DataError: neither says what the vehicle is, or the file is invalid.
@@ -173,7 +173,7 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
 
 
 def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicle, str]:
-    """The same by the text in the footer of a table of some kind, where it has one.
+    """Return the vehicle and its text from the footer of a table, or from a file.
 
     Raises:
         DataError: neither says what the vehicle is, or the file is invalid.
@@ -195,7 +195,7 @@ def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicl
 
 @contextmanager
 def about(source: str) -> Iterator[None]:
-    """Put the input's name before what the pure functions say of its data."""
+    """Put the name of an input in front of errors in its data."""
     try:
         yield
     except DataError as error:
@@ -203,32 +203,32 @@ def about(source: str) -> Iterator[None]:
 
 
 def _name(source: str) -> str:
-    """What messages call an input."""
+    """Return the name of an input in messages."""
     return "stdin" if source == STREAM else source
 
 
 def report_gaps(source: str, frame: pl.DataFrame) -> None:
-    """Say in one line on stderr that an input has gaps in time; nothing where it has none."""
+    """Print one line on stderr if an input has gaps in time."""
     from hydro.core.recording.segments import gaps
 
     report(source, gaps(frame))
 
 
 def report(source: str, words: str) -> None:
-    """Say something of an input in one line on stderr; nothing where there is nothing to say."""
+    """Print a remark on an input on stderr, unless it is empty."""
     if words:
         message(f"hydro: {_name(source)}: {words}")
 
 
 def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
-    """Say on stderr what was changed in a log, one line each, and return it for the footer of an artefact."""
+    """Print the changes made to a log on stderr, and return them for the footer of an artefact."""
     for line in changes:
         report(source, line)
     return {"cleaning": list(changes)} if changes else {}
 
 
 def left_out(frame: pl.DataFrame) -> str:
-    """How many rows of a labels table have no label; empty where all have one."""
+    """Return a remark on rows without a label; empty if all rows have one."""
     from hydro.core.distillation.labels import labelled
 
     missing = frame.height - labelled(frame).height
@@ -236,10 +236,10 @@ def left_out(frame: pl.DataFrame) -> str:
 
 
 def noise_for(text: str) -> Noise:
-    """The noise of a profile's name or of inline TOML.
+    """Return the noise from the name of a profile or from inline TOML.
 
     Raises:
-        UsageError: it is neither.
+        UsageError: The text is neither.
     """
     from dataclasses import fields
 
@@ -264,7 +264,7 @@ def noise_for(text: str) -> Noise:
 
 
 def dataset_name(source: str) -> str:
-    """What metrics call the data of an input: the file's name without its suffix."""
+    """Return the name of a data set in metrics: the name of the file without its suffix."""
     return "stdin" if source == STREAM else Path(source).stem
 
 
@@ -273,11 +273,11 @@ def progress(label: str, expected: float | None = None) -> Iterator[Callable[...
     """Show a progress bar with the remaining time on stderr; nothing elsewhere.
 
     Args:
-        label: What is being done.
+        label: Name of the work.
         expected: How long it takes, about [s]; None where nothing is known beforehand.
 
     Yields:
-        `update(done, total, text)`: how far the work is, and a few words next to the bar.
+        `update(done, total, text)`, which sets the progress and a few words next to the bar.
     """
     if not sys.stderr.isatty():
         yield lambda done, total, text="": None
@@ -289,15 +289,15 @@ def progress(label: str, expected: float | None = None) -> Iterator[Callable[...
 
 
 def message(text: str) -> None:
-    """Print a line on stderr; a progress bar there moves below it, which Click would overwrite."""
+    """Print a line on stderr, above a progress bar; Click would overwrite the bar."""
     print(text, file=sys.stderr, flush=True)
 
 
 def expected_seconds(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> float:
-    """Return how long a diagnosis takes, about [s].
+    """Return the approximate duration of a diagnosis [s].
 
     Args:
-        vehicle: What is diagnosed.
+        vehicle: Diagnosed vehicle.
         frame: The recording.
         steps: Whether it is the first of several, as in `explain`.
     """
@@ -313,12 +313,12 @@ def expected_seconds(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = Fal
 
 
 def is_long(expected: float | None) -> bool:
-    """Whether a person waits at a terminal for something that takes long."""
+    """Return whether long work runs with a terminal on stderr."""
     return expected is not None and expected > LONG and sys.stderr.isatty()
 
 
 def tell_duration(frame: pl.DataFrame, expected: float | None, *, steps: bool = False) -> None:
-    """Print how long a long diagnosis takes, about.
+    """Print the approximate duration of a long diagnosis.
 
     Args:
         frame: The recording.
@@ -337,10 +337,10 @@ def tell_duration(frame: pl.DataFrame, expected: float | None, *, steps: bool = 
 
 
 def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | None:
-    """Return what prints the best candidate of a long diagnosis after its first fits; None of a short one.
+    """Return a function that prints the provisional best candidate of a long diagnosis; None for a short one.
 
     Args:
-        expected: How long the diagnosis takes, about [s].
+        expected: Approximate duration of the diagnosis [s].
     """
     if not is_long(expected):
         return None
@@ -356,12 +356,12 @@ def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | 
 
 
 def here(root: Any) -> Callable[[Step], None]:
-    """Run steps of a study in this process, by a Click command."""
+    """Return a function that runs steps of a study in this process, by a Click command."""
     return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
 
 
 def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
-    """What a recording without some sensors cannot show, on stderr, before anything else is said."""
+    """Print on stderr what a recording without some sensors cannot show."""
     from hydro.core.prediction.visibility import not_shown
 
     tell_voltage(vehicle, frame)
@@ -370,7 +370,7 @@ def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
 
 
 def tell_voltage(vehicle: Vehicle, frame: pl.DataFrame) -> None:
-    """That a recording lacks the supply voltage which a vehicle's thrust curves ask for, on stderr."""
+    """Print on stderr if a recording lacks the supply voltage that the thrust curves need."""
     from hydro.core.recording.supply import unknown_voltage
 
     if words := unknown_voltage(vehicle, frame):

@@ -1,4 +1,4 @@
-"""`start`: guided import, audit, explanation and report of a log, for a first user."""
+"""Command `start`: guided import, audit, explanation and report of a log, for new users."""
 
 from __future__ import annotations
 
@@ -184,14 +184,14 @@ class Given:
 
     @property
     def makes_vehicle(self) -> bool:
-        """Whether options say how a vehicle file is made."""
+        """Whether options define a new vehicle file."""
         return self.preset is not None or self.layout is not None or bool(self.hull)
 
     def check(self) -> None:
-        """Refuse options that say one thing twice.
+        """Refuse options that set the same thing twice.
 
         Raises:
-            UsageError: There are some.
+            UsageError: Two options set the same thing.
         """
         if STREAM in self.logs:
             raise UsageError("hydro start reads the log several times: give a file, not -")
@@ -340,7 +340,7 @@ class _Guide:
         return blocks
 
     def _thrusters(self, map_: Path | None) -> int:
-        """Return how many thrusters the recording has commands of."""
+        """Return the number of command columns of the recording."""
         from hydro.core.columns import COMMAND
         from hydro.core.logs.mixer import thrusters
         from hydro.io import logmap
@@ -447,7 +447,7 @@ def _wanting(log: str, missing: Sequence[str]) -> str:
 
 
 def _count(vehicle: Path) -> int:
-    """Return how many thrusters a vehicle file has."""
+    """Return the number of thrusters of a vehicle file."""
     from hydro.io import vehicle as vehicles
 
     return len(vehicles.read(vehicle)[0].thruster)

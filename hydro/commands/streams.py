@@ -1,4 +1,4 @@
-"""The streams of the process: closed ones, and what is said of one that fails."""
+"""Standard streams of the process: replacement of closed ones, warnings, and messages on failures."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from typing import Any
 from hydro.core.errors import HydroNotice, HydroWarning
 
 _STREAMS = (("stdin", os.O_WRONLY, "r"), ("stdout", os.O_RDONLY, "w"), ("stderr", os.O_WRONLY, "w"))
-"""Name, how the null device takes its place when it is closed, and how it is used."""
+"""Name of each stream, access mode of the null device that replaces it, and mode of its file object."""
 
 
 _OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF, errno.ENXIO}
-"""Errors of a write; what prints is the only writer that names no file."""
+"""Errors of a write to stdout; errors of writes to files name their file."""
 
 
 def replace_closed() -> None:
-    """Put the null device in the place of streams that were closed before the process began.
+    """Replace streams that were closed before the process began by the null device.
 
-    Reading from stdin and writing to stdout then fail as a file does, when a command needs them and not
-    before; a message on stderr is lost, as who closed it wants.
+    Reading from stdin and writing to stdout then fail like a file, and only when a command uses them; a
+    message on stderr is lost, as intended by the caller.
     """
     for name, access, mode in _STREAMS:
         if getattr(sys, name) is None:
@@ -54,7 +54,7 @@ def warnings_in_one_line() -> Iterator[None]:
 
 
 def failure(error: OSError) -> str:
-    """Return the line on an error of the operating system that names no file: writes to files name theirs."""
+    """Return the message for an error of the operating system without a file name."""
     from hydro.io.files import explained
 
     if error.errno in _OF_WRITING:
@@ -67,6 +67,6 @@ def failure(error: OSError) -> str:
 
 
 def leave() -> None:
-    """Let what is left in stdout's buffer go nowhere, so that its flush at the end is no second error."""
+    """Discard the buffer of stdout, so that its flush at exit does not cause a second error."""
     with contextlib.suppress(io.UnsupportedOperation, ValueError):  # a stream of tests has no number
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""`study`: all residual models from raw data to tables and figures, resumable."""
+"""Command `study`: resumable study of all residual models, from raw data to tables and figures."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ Models = Annotated[
 ]
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Most passes over the data; see hydro train."),
+    typer.Option(min=1, help="Maximum passes over the data; see hydro train."),
 ]
 Minutes = Annotated[
     list[float] | None,
-    typer.Option(metavar="MIN", help="Also train on so many minutes; may be repeated."),
+    typer.Option(metavar="MIN", help="Also train on this many minutes; may be repeated."),
 ]
 Noise = Annotated[
     str,
@@ -84,8 +84,8 @@ def study(
     """Train all residual networks with several seeds and compare them.
 
     From raw data: labels, split, training, errors of the predicted wrench, open-loop replay, and Kendall's
-    tau between both errors. Each step is an ordinary command, printed as it runs. An interrupted study goes
-    on where it stopped. `hydro report DIR` shows the results, also while the study runs.
+    tau between both errors. Each step is an ordinary command, printed as it runs. An interrupted study
+    resumes where it stopped. `hydro report DIR` shows the results, also while the study runs.
 
     Details:
 
@@ -96,7 +96,7 @@ def study(
 
     Networks are trained seed by seed. After every seed DIR gets the results so far: evaluation.parquet,
     errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, smallest and
-    largest), replay.parquet and figures/, beside models/ and the errors of every network.
+    largest), replay.parquet, figures/, models/ and the errors of every network.
     """
     from hydro.study.models import MODELS, QUICK_MODELS, Recordings, Study, carry_out, disturb
     from hydro.study.summary import CONDITIONINGS
@@ -120,7 +120,7 @@ def study(
 
 
 def show(summary: dict[str, pl.DataFrame]) -> None:
-    """Print a summary for a person."""
+    """Print a summary."""
     from hydro.report.seeds import conditioning_table, minutes_table, ranking_table
     from hydro.report.tables import prediction_errors, replay_errors
 

@@ -1,4 +1,4 @@
-"""Tables for human eyes, as wide as the terminal: what does not fit beside the rest stands below it."""
+"""Readable tables that fit the width of the terminal; columns that do not fit follow in a second table."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 WIDE = 160
-"""Columns where no terminal says how many it has."""
+"""Width of a table without a terminal [characters]."""
 
 
 def person(aside: bool = False) -> Console:
-    """Where a command whose results are files talks to a person: stdout on a terminal, else stderr."""
+    """Return the console for messages of a command that writes files: stdout on a terminal, else stderr."""
     from rich.console import Console
 
     return Console(stderr=aside or not sys.stdout.isatty(), highlight=False, markup=False)
 
 
 def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = None) -> None:
-    """Print a table for a person: numbers to the right with three significant figures, gaps as dashes.
+    """Print a table: numbers with three significant figures, aligned right; missing values as dashes.
 
-    Where the terminal is narrow, sentences wrap first: numbers and names stay whole.  Columns that do not fit
-    even so follow in a second table below, behind the same names of rows.
+    On a narrow terminal, sentences wrap first; numbers and names are never broken.  Columns that still do not
+    fit follow in a second table with the same row names.
     """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
@@ -49,7 +49,7 @@ def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = 
 
 
 def _side_by_side(cells: dict[str, list[str]], numeric: set[str], width: int) -> Iterator[Sequence[str]]:
-    """The columns in groups that are no wider than so many characters, each behind the names of its rows."""
+    """Yield groups of columns that fit a width [characters], each with the columns that name the rows."""
     keys = list(cells)[:1]
     least = {name: _least(name, column) + 2 for name, column in cells.items()}
     for name in list(cells)[1:]:
@@ -68,7 +68,7 @@ def _side_by_side(cells: dict[str, list[str]], numeric: set[str], width: int) ->
 
 
 def _least(name: str, column: Sequence[str]) -> int:
-    """Characters that a column takes at least: its longest cell, or its longest word where it may wrap."""
+    """Return the minimum width of a column: its longest cell, or its longest word if it may wrap."""
     words = (
         [name, *column] if not _wraps(column) else [word for cell in (name, *column) for word in cell.split()]
     )
@@ -76,12 +76,12 @@ def _least(name: str, column: Sequence[str]) -> int:
 
 
 def _wraps(column: Sequence[str]) -> bool:
-    """Whether a column has sentences."""
+    """Return whether a column has sentences."""
     return any(" " in cell for cell in column)
 
 
 def _cell(value: Any) -> str:
-    """A value as three significant figures at most, in plain notation where that is short."""
+    """Return a value with three significant figures at most, in plain notation if that is short."""
     if value is None:
         return "–"
     if not isinstance(value, float):

@@ -1,4 +1,4 @@
-"""`vehicle new` and `vehicle flip`: make a vehicle file, and reverse thrusters of one."""
+"""Commands `vehicle new` and `vehicle flip`: write a vehicle file, and reverse its thrusters."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ NAME = "vehicle"
 HELP = "Make a vehicle file, or reverse its thrusters."
 NEUTRAL = "neutral"
 T200, VOLTAGE = "t200", 16.0
-"""Curve by the maker's table, and its supply voltage [V] by default: four charged lithium cells."""
+"""Name of the T200's thrust curve, and its default supply voltage [V]: four charged lithium cells."""
 UNEVEN = 0.2
-"""Of the weight: buoyancy that differs more is told."""
+"""Minimum difference of buoyancy and weight for a warning, as a share of the weight."""
 
 Shape = Literal["torpedo", "ellipsoid", "box"]
 Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8", "bluerov2", "bluerov2_heavy"]
@@ -39,7 +39,7 @@ Text = str | None
 
 @dataclass
 class Asked:
-    """What was given or answered so far."""
+    """Options and answers so far."""
 
     name: str | None
     mass: float | None
@@ -53,11 +53,11 @@ class Asked:
 
     @property
     def needs_thrust(self) -> bool:
-        """Whether the largest thrust of a layout has to be given; the T200's curve has its own."""
+        """Whether the maximum thrust of a layout is required; the curve of the T200 contains it."""
         return not self.thrusters and self.layout != "none" and self.thrust is None and self.curve != T200
 
     def missing(self, mesh: bool) -> list[str]:
-        """Options that have to be given, and are not."""
+        """Return the required options that are missing."""
         lacking = ["--mass"] if self.mass is None else []
         if not mesh:
             names = ("--length", "--width", "--height")
@@ -124,7 +124,7 @@ def new(
         Number,
         typer.Option(
             metavar="M",
-            help="Centre of buoyancy over that of gravity [m].",
+            help="Height of the centre of buoyancy above that of gravity [m].",
             rich_help_panel=ADVANCED,
         ),
     ] = None,
@@ -201,19 +201,19 @@ def new(
 
 
 def _place(output: str | None, force: bool) -> str:
-    """Where the file goes.
+    """Return the output place.
 
     Raises:
-        UsageError: There is a file already, and no --force.
+        UsageError: The file exists, and --force is not given.
     """
     place = STREAM if output is None else output
     if place != STREAM and not force and Path(place).exists():
-        raise UsageError(f"{place}: there is such a file already: choose another name or add --force")
+        raise UsageError(f"{place}: the file exists already: choose another name or add --force")
     return place
 
 
 def _ask(asked: Asked, mesh: bool, place: str, force: bool, *, chosen: bool) -> str:
-    """Ask for all that was not given, what may be left out with its default; the file's name last."""
+    """Ask for all missing values, optional ones with their defaults, and return the output place."""
     typer.echo("Lengths in m, masses in kg, forces in N; x forward, y right, z down.", err=True)
     asked.name = asked.name or _prompt("Name of the vehicle", default="vehicle")
     asked.mass = asked.mass if asked.mass is not None else _prompt("Dry mass [kg]", above_0)
@@ -236,7 +236,7 @@ def _ask(asked: Asked, mesh: bool, place: str, force: bool, *, chosen: bool) -> 
 
 
 def _ask_thrusters(asked: Asked) -> None:
-    """A usual layout by its name, or each thruster by its numbers."""
+    """Ask for the name of a layout, or for the numbers of each thruster."""
     from hydro.core.geometry.layouts import LAYOUTS, parsed
 
     def layout(text: str) -> str:
@@ -262,7 +262,7 @@ def _ask_thrusters(asked: Asked) -> None:
 
 
 def _prompt(question: str, check: Callable[[str], Any] = str, default: str | None = None) -> Any:
-    """The checked answer to a question on stderr, asked again until it is one."""
+    """Return the answer to a question on stderr, which is repeated until the answer is valid."""
 
     def checked(text: str) -> Any:
         try:
@@ -274,10 +274,10 @@ def _prompt(question: str, check: Callable[[str], Any] = str, default: str | Non
 
 
 def above_0(text: str) -> float:
-    """A positive, finite number of a text.
+    """Return the positive, finite number in a text.
 
     Raises:
-        UsageError: It is something else.
+        UsageError: The text is not such a number.
     """
     try:
         value = float(text)
@@ -289,7 +289,7 @@ def above_0(text: str) -> float:
 
 
 def _maybe(text: str) -> str:
-    """A number or nothing."""
+    """Return the text of a number, or an empty text."""
     from hydro.core.geometry.layouts import numbers_of
 
     if text:
@@ -298,7 +298,7 @@ def _maybe(text: str) -> str:
 
 
 def _buoyancy_text(text: str) -> str:
-    """A positive number or `neutral`, as it was written."""
+    """Return the text of a positive number, or `neutral`."""
     if text != NEUTRAL:
         above_0(text)
     return text
@@ -315,10 +315,10 @@ def _known(
     density: float,
     place: str,
 ) -> Known:
-    """All that was given, checked.
+    """Return all given values, checked.
 
     Raises:
-        DataError: A number or a thruster is not one.
+        DataError: A number or a thruster is invalid.
     """
     from hydro.core.geometry.estimate import Known
     from hydro.core.vehicle.names import usable_name
@@ -348,7 +348,7 @@ def _known(
 
 
 def _triple(option: str, text: str | None) -> Vector3 | None:
-    """Three numbers of an option's text; None where it was not given."""
+    """Return the three numbers of an option; None if it was not given."""
     from hydro.core.geometry.layouts import numbers_of
 
     if text is None:
@@ -358,7 +358,7 @@ def _triple(option: str, text: str | None) -> Vector3 | None:
 
 
 def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thruster, ...]:
-    """The thrusters by their numbers or layout."""
+    """Return the thrusters from their numbers or from a layout."""
     from hydro.core.geometry.layouts import laid_out, parsed
 
     if asked.thrusters:
@@ -369,7 +369,7 @@ def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thrust
 
 
 def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
-    """A mesh's solid, and its added mass where Capytaine is installed and the mesh not too fine."""
+    """Return the solid of a mesh, and its added mass if Capytaine is installed and the mesh not too fine."""
     from hydro.core.geometry.solid import MOST_FACES, radiated_added_mass, solid, solvable
     from hydro.io.mesh import read_obj
 
@@ -390,7 +390,7 @@ def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
 
 
 def _write(known: Known, hull: Solid | None, mesh: Path | None, radiated: Array | None, place: str) -> None:
-    """Estimate, check and write."""
+    """Estimate, check and write the vehicle."""
     from hydro.core.geometry.estimate import estimate
     from hydro.io import new_vehicle, vehicle
 
@@ -411,7 +411,7 @@ def _write(known: Known, hull: Solid | None, mesh: Path | None, radiated: Array 
 
 
 def _tell(found: Estimate, place: str) -> None:
-    """What was made, and what looks odd, on stderr."""
+    """Print a summary of the vehicle and warnings on stderr."""
     from hydro.core.effects.catalogue import implausible
 
     known = found.vehicle
@@ -468,10 +468,10 @@ def flip(
 
 
 def _numbers(texts: list[str] | None) -> list[int]:
-    """Numbers of thrusters from texts such as `1,2`.
+    """Return the numbers of thrusters from texts such as `1,2`.
 
     Raises:
-        UsageError: There are none, or something else.
+        UsageError: There are no numbers, or a text is not a number.
     """
     parts = [part.strip() for text in texts or () for part in text.split(",")]
     if not parts or not all(part.isdecimal() for part in parts):

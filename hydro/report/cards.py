@@ -1,4 +1,4 @@
-"""Diagnoses in a report: a card for each finding, confusions, and what to fly next."""
+"""Diagnoses in a report: a card for each finding, effects that can be confused, and the next flight."""
 
 from __future__ import annotations
 
@@ -13,25 +13,29 @@ from hydro.io import vehicle as vehicles
 from hydro.report import diagnosis, plots, recorded, words
 from hydro.report.change import of_change
 from hydro.report.charts import Charts
-from hydro.report.diagnosis import Context
+from hydro.report.diagnosis import OVERLAP, Context, overlapping
 from hydro.report.sources import Named, Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import Value
 
 MOST_VALUES = 12
-"""Values of one effect that are drawn; of more, those that stand out from zero, the clearest first."""
+"""Maximum number of drawn values of one effect; beyond it, only the most significant ones are drawn."""
 CLEAR_RATIO = 2.0
-"""Standard errors by which a value stands out."""
+"""Minimum distance of a significant value from zero, in standard errors."""
 ADDED = ("missing", "suspect", "retune")
-"""Verdicts whose advice is to add what was found."""
+"""Verdicts whose advice is to add the finding."""
 ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known", "far_from_noise")
 """Verdicts that ask for another recording."""
 NAMES = ("missing", "suspect", "cannot_tell_apart")
-"""Verdicts that name what the model may lack."""
+"""Verdicts that name an effect which the model may lack."""
 
 
 def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Cards of every diagnosis: of a study, what each step added, and what is left after the last."""
+    """Return cards for every diagnosis of a report.
+
+    Of a study they are the effects that each step added, and all findings of the diagnosis after the step to
+    use.  None without a diagnosis.
+    """
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None
@@ -44,11 +48,14 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
         others = shown.head(0)
         if taken:
             mine = pl.col("effect").is_in(taken) & (pl.col("effect") != "")
+            if step == 0:  # later diagnoses compare with the values of a step, not of the file
+                mine |= pl.col("verdict") == "retune"
             others = shown.filter(~mine, pl.col("verdict").is_in(NAMES))
             shown = shown.filter(mine)
         groups.append(
             {
                 "title": _group_title(step, last, taken),
+                "shares": _shares(shown, step),
                 "cards": [
                     _card(row, f"{step}-{row['rank']}", charts, about, added=bool(taken))
                     for row in shown.iter_rows(named=True)
@@ -61,7 +68,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def confusions(sources: Sources) -> list[dict[str, str]]:
-    """Which effect could be behind each finding as well, and what it is usually mistaken for."""
+    """Return for each finding the effects that fit as well, and those that it is often confused with."""
     rows: dict[str, dict[str, str]] = {}
     for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
         for row in one.frame.sort("rank").iter_rows(named=True):
@@ -83,7 +90,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
 
 
 def to_fly(sources: Sources) -> list[dict[str, str]] | None:
-    """What the diagnosis of the chosen step advises to fly, each advice once; None without a diagnosis."""
+    """Return the advice for the next flight, from the diagnosis of the chosen step; None without one."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None
@@ -96,7 +103,7 @@ def to_fly(sources: Sources) -> list[dict[str, str]] | None:
 
 
 def _taken(sources: Sources, step: int) -> list[str]:
-    """Effects that a step added."""
+    """Return the effects that a step added."""
     if sources.ladder is None:
         return []
     rows = sources.ladder.frame.filter(step=step)
@@ -104,20 +111,28 @@ def _taken(sources: Sources, step: int) -> list[str]:
 
 
 def _group_title(step: int, last: int, taken: list[str]) -> str:
-    """Above the cards of one diagnosis; a lone one needs no title."""
+    """Return the title of the cards of one diagnosis; empty for a single diagnosis."""
     if step == last:
         return f"After step {step}" if step else ""
     named = listed([words.effect_name(name) for name in taken])
     return f"Step {step + 1} added {named}" if named else f"Found at step {step}"
 
 
+def _shares(shown: pl.DataFrame, step: int) -> str:
+    """Return the note on the shares of the cards of one diagnosis; empty if they need none."""
+    rows = shown.to_dicts()
+    reference = f"Shares are of the error that remained after step {step}."
+    explained = any(diagnosis.facts(row) for row in rows)
+    return " ".join([reference] * (step > 0 and explained) + [OVERLAP] * overlapping(rows))
+
+
 def _unseen(rows: pl.DataFrame) -> str:
-    """Effects that the recording could not show, in words."""
+    """Return the effects that the recording cannot show, in words."""
     return listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
 
 
 def _context(one: Named, dt: float) -> Context | None:
-    """Return the vehicle file and the log of a diagnosis, which its sentences need; None without the file."""
+    """Return the vehicle file and sample time of a diagnosis, for its sentences; None without the file."""
     text = one.artefact.provenance.vehicle
     return Context(vehicles.parse(text), dt, changed=of_change(one)) if text else None
 
@@ -133,7 +148,7 @@ def _told(row: dict[str, Any], about: Context | None) -> tuple[str, str, str]:
 def _card(
     row: dict[str, Any], name: str, charts: Charts, about: Context | None, *, added: bool
 ) -> dict[str, Any]:
-    """Return one finding; of one that was added already, without the advice to add it."""
+    """Return the card of one finding, without the advice to add it if a step has added it."""
     label, title, sentence = _told(row, about)
     values = words.values(row["effect"], row["parameters"], row["standard_errors"])
     drawn = [
@@ -144,6 +159,7 @@ def _card(
         "verdict": row["verdict"],
         "label": label,
         "effect": words.effect_name(row["effect"]),
+        "name": row["effect"].partition(":")[0] if row["effect"] in CATALOGUE else "",
         "title": title,
         "sure": diagnosis.sureness(row),
         "sentence": sentence,
@@ -160,7 +176,7 @@ def _card(
 
 
 def _drawn(values: list[Value]) -> list[Value]:
-    """The values that a figure shows, in their order."""
+    """Return the values that a figure shows, in their order."""
     if len(values) <= MOST_VALUES:
         return values
 

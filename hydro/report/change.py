@@ -1,4 +1,4 @@
-"""What a recording from before a change has taught: what the hull's model leaves of it, and after."""
+"""Results with a recording from before a change: residuals of the hull-force model before and after."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from hydro.report.screen import Text, table
 from hydro.report.sources import Named, Sources
 
 PARAMETER = "before"
-"""Key of a table's parameters under which it says what it was told of a recording before."""
+"""Key of the parameters of a table for the recording before a change."""
 
 
 def of_change(one: Named) -> bool:
-    """Whether a table was made with a recording before."""
+    """Return whether a table was made with a recording from before a change."""
     return PARAMETER in one.artefact.provenance.parameters
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """What the page tells of a recording before; None where no table was made with one."""
+    """Return the section on the recording before a change; None if no table was made with one."""
     every = [one.artefact.provenance.parameters for one in sources.everything]
     told = next((given[PARAMETER] for given in every if PARAMETER in given), None)
     if told is None:
@@ -45,10 +45,10 @@ def section(sources: Sources) -> dict[str, Any] | None:
 
 
 def learnt(before: Mapping[str, Any]) -> str:
-    """What the recording before has taught, in a sentence.
+    """Return a sentence on the fit of the hull-force model to the recording before.
 
     Args:
-        before: Its entry of a table's parameters.
+        before: Entry of the recording before in the parameters of a table.
     """
     model = "with the hull-force model, on data that it was not fitted to"
     if "network" in before:
@@ -64,31 +64,31 @@ def told(parameters: Mapping[str, Any], chi2: tuple[float, ...]) -> str:
     """Return sentences on the hull-force model and on the residual after the changes.
 
     Args:
-        parameters: Of the diagnosis.
+        parameters: Parameters of the diagnosis.
         chi2: See `left`.
     """
     return f"{learnt(parameters[PARAMETER])} {left(chi2)}"
 
 
 def left(chi2: tuple[float, ...]) -> str:
-    """What a diagnosis of a change leaves, in a sentence.
+    """Return a sentence on the residuals of the recording after the change.
 
     Args:
-        chi2: Mean squared residuals of the diagnosis, in units of what the model of the hull leaves.
+        chi2: Mean squared residuals of the diagnosis, in units of the residual of the hull-force model.
     """
     found = f", {chi2[-1]:.3g} with the findings added" if chi2[-1] != chi2[0] else ""
     return f"Recording after, in units of that (1: nothing has changed): {chi2[0]:.3g}{found}."
 
 
 def errors(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Errors with the hull's model beside the file, one row per axis; no rows without such a model.
+    """Return errors with the hull-force model, one row per axis; no rows without such a model.
 
     Args:
         comparison: Comparison table.
 
     Returns:
-        `axis`; errors of the file alone, before and after; with the hull, before (the `floor`) and `after`;
-        and how many `times` the floor that is.
+        `axis`; errors of the file alone, before and after; errors with the hull-force model, before (`floor`)
+        and `after`; and `times`, the ratio of the last two.
     """
     rows = comparison.filter(level=LEVEL)
     table = rows.filter(pl.col("axis") != FLOOR).select("axis", "unit").unique(maintain_order=True)
@@ -107,7 +107,7 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield the same as a table of a terminal, an axis in a row."""
+    """Yield these errors as a table for a terminal, one row per axis."""
     shown = errors(comparison)
     seconds = comparison.filter(level=LEVEL)["horizon"][0]
     columns = ("file before", "file after", "floor", "after", "times")
@@ -122,7 +122,7 @@ def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def fall(ladder: pl.DataFrame) -> Iterator[str]:
-    """What every step leaves in units of the floor, a sentence for each set of data; none without a floor.
+    """Yield a sentence for each data set on the error of every step in units of the floor, if there is one.
 
     Args:
         ladder: Ladder table.
@@ -133,22 +133,25 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
         if steps:
             told = [f"{rmse:.2f} {f'with {effect}' if effect else 'as given'}" for rmse, effect in steps]
             yield (
-                f"Root mean square error on {label}, in units of what the model of the hull leaves of the "
+                f"Root mean square error on {label}, in units of the error of the hull-force model on the "
                 f"recording before (1: nothing has changed): {', '.join(told)}."
             )
 
 
 def title(comparison: pl.DataFrame) -> str:
-    """The title of the table of `errors`."""
+    """Return the title of the table of `errors`."""
     seconds = comparison.filter(level=LEVEL).select("horizon").row(0)[0]
     return (
-        f"Errors of predictions over {seconds:.2g} s: of the file alone, and with the hull's model, "
+        f"Errors of predictions over {seconds:.2g} s: of the file alone, and with the hull-force model, "
         "before (the floor) and after"
     )
 
 
 def summary(comparison: pl.DataFrame) -> str:
-    """Whether there is more than the floor, and where most; empty without a model of the hull."""
+    """Return a sentence on the error relative to the floor, and the axis with the largest ratio.
+
+    The text is empty without a hull-force model.
+    """
     table = errors(comparison)
     if table.is_empty():
         return ""

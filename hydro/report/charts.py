@@ -1,4 +1,4 @@
-"""The figures of a page, kept until the page is written."""
+"""Collection of the interactive figures of a page."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 AS_TEXT = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
-"""What could end a script element, written so that it cannot."""
+"""Escapes of characters that could end a script element."""
 
 
 @dataclass
 class Charts:
-    """Figures by their place on the page: for each place one, or one for each choice of a selector."""
+    """Figures by their place on the page: one for each place, or one for each choice of a selector."""
 
     held: dict[str, list[str]] = field(default_factory=dict)
 
     def add(self, name: str, *drawn: Figure) -> str:
-        """Keep the figures of one place; its name."""
+        """Add the figures of one place and return its name."""
         self.held[name] = [one.to_json() for one in drawn]
         return name
 
     def json(self) -> str:
-        """All of them, as JSON that may stand in a script element."""
+        """Return all figures as JSON that is safe in a script element."""
         whole = ",".join(f'"{name}":[{",".join(drawn)}]' for name, drawn in self.held.items())
         for sign, text in AS_TEXT.items():
             whole = whole.replace(sign, text)

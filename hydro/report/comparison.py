@@ -1,4 +1,4 @@
-"""Comparisons laid out for a person: errors by axis and horizon, and where a model fails, in words."""
+"""Comparisons as text and tables: errors by axis and horizon, and the regimes with the largest errors."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from hydro.report.following import Call
 from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 MOTIONS = dict(zip(WRENCH, DOF, strict=True)) | {"all": "all axes"}
-"""What a pilot calls the axes of a wrench."""
+"""Names of motion for the axes of a wrench."""
 WORST = 3
-"""Regimes of motion that an answer names."""
+"""Number of regimes of motion that an answer names."""
 MISSING, CHANGED = "Find what is missing:", "Find what has changed:"
+"""Labels of the next command."""
 DIAGNOSED = ("--against",)
 """Options of `hydro compare` that `hydro diagnose` does not have."""
 
@@ -28,7 +29,7 @@ def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") 
         comparison: Comparison table.
         call: The command.
         width: Columns.
-        learned: What a recording before a change has taught, in words; empty without one.
+        learned: Sentences on the hull-force model of a recording before a change; empty without one.
     """
     changed = not change.errors(comparison).is_empty()
     lines = [Text(headline(comparison), bold=True), EMPTY]
@@ -53,9 +54,9 @@ def judged(comparison: pl.DataFrame) -> pl.DataFrame:
         comparison: Comparison table.
 
     Returns:
-        `axis`, `unit`, `horizon` [s] (null: whole sessions), `error`, `noise floor`, of an earlier comparison
-        `before`, and the errors of `least squares` and `zero velocity`, where they are known. Axes are u v w
-        p q r and all; without velocities x y z phi theta psi and pose.
+        `axis`, `unit`, `horizon` [s] (null: whole sessions), `error`, `noise floor`, and, if they are known,
+        `before` (error of an earlier comparison) and the errors of `least squares` and `zero velocity`. Axes
+        are u v w p q r and all; without velocities they are x y z phi theta psi and pose.
     """
     replayed = comparison.filter(level="replay", by="all")
     axes = (*VELOCITY, "all") if "all" in replayed["axis"] else (*POSE, "pose")
@@ -80,7 +81,7 @@ def judged(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield the table of these errors."""
+    """Yield these errors as a table for a terminal."""
     shown = judged(comparison)
     if shown.is_empty():
         return
@@ -107,7 +108,7 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
-    """The wrench that the model leaves out, one row per axis, with its interval and the noise floor."""
+    """Return the unexplained wrench, one row per axis, with its interval and the noise floor."""
     whole = comparison.filter(level="force", by="all")
     return whole.select(
         pl.col("axis").replace_strict(MOTIONS).alias("force on"),
@@ -115,16 +116,16 @@ def forces(comparison: pl.DataFrame) -> pl.DataFrame:
         "rmse",
         pl.col("low").alias("from"),
         pl.col("high").alias("to"),
-        pl.col("noise_floor").alias("noise alone"),
+        pl.col("noise_floor").alias("noise floor"),
         _percent(pl.col("share")).alias("share"),
         "unit",
     )
 
 
 def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Errors of predictions, one row per axis and one column per horizon.
+    """Return errors of predictions, one row per axis and one column per horizon.
 
-    With each error the one before, `2.1 -> 0.4`, or else in brackets the noise floor, `2.1 (0.01)`.
+    Each cell has the errors before and after, `2.1 -> 0.4`, or the error with the noise floor, `2.1 (0.01)`.
     """
     whole = comparison.filter(level="replay", by="all")
     now = pl.col("rmse").map_elements(_figure, pl.String)
@@ -141,17 +142,17 @@ def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """The places where the model fails, in the order of their rank."""
+    """Return the regimes with the largest errors, in the order of their rank."""
     return _placed(comparison, pl.col("rank").is_not_null()).sort("rank")
 
 
 def former_failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """The places of the earlier comparison that are not among those of this one."""
+    """Return the ranked regimes of the earlier comparison that are not ranked in this one."""
     return _placed(comparison, pl.col("rank").is_null() & (pl.col("by") == "place")).drop("rank")
 
 
 def within_noise(comparison: pl.DataFrame) -> bool:
-    """Whether noise explains the error: no regime stands out, or the error of all axes is below the floor."""
+    """Return whether noise explains the error: no regime is ranked, or the total error is below the floor."""
     shown = judged(comparison)
     below = not shown.is_empty() and shown["error"][-1] <= shown["noise floor"][-1]
     return below or failures(comparison).is_empty()
@@ -167,23 +168,23 @@ def headline(comparison: pl.DataFrame) -> str:
     row = shown.row(-1, named=True)
     far = "Over whole sessions" if row["horizon"] is None else _capital(words.horizon(row["horizon"]))
     error, floor = (f"{words.figure(row[name])} {row['unit']}" for name in ("error", "noise floor"))
-    told = f"{far} the model errs by {error}; noise alone would leave {floor}."
+    told = f"{far} the error of the model is {error}; the noise floor is {floor}."
     return f"The model predicts this log to within its noise. {told}" if exact else told
 
 
 def _capital(text: str) -> str:
-    """Return a text with a capital first."""
+    """Return a text that begins with a capital letter."""
     return text[:1].upper() + text[1:]
 
 
 def worst_place(comparison: pl.DataFrame) -> str:
-    """Return where the model fails most, in a sentence."""
+    """Return a sentence on the regime with the largest share of the error."""
     place, share, time = failures(comparison).select("place", "error", "time").row(0)
     return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained error in {time} of the time."
 
 
 def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:
-    """Rows of places, with words that say the axis too."""
+    """Return the chosen regimes, with the axis in their description."""
     rows = comparison.filter(level="force", by="all")["rows"].max()
     words = pl.concat_str(pl.col("axis").replace_strict(MOTIONS), pl.col("place"), separator=" ")
     return comparison.filter(chosen).select(
@@ -198,14 +199,14 @@ def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:
 
 
 def _percent(share: pl.Expr) -> pl.Expr:
-    """A share as text: `41 %`, `0.6 %`."""
+    """Return a share as text: `41 %`, `0.6 %`."""
     whole = (100.0 * share).round().cast(pl.Int64).cast(pl.String)
     small = (100.0 * share).round(1).cast(pl.String)
     return pl.when(share >= 0.01).then(whole).otherwise(small) + " %"
 
 
 def _figure(value: float) -> str:
-    """Two significant figures: four columns of pairs have to stand side by side."""
+    """Return a number with two significant figures, so that four columns of pairs fit."""
     if value >= 10.0:
         return f"{value:.0f}"
     return f"{value:#.2g}" if value >= 1e-4 else f"{value:.1g}"

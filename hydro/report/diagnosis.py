@@ -1,4 +1,4 @@
-"""A diagnosis in words: headline, errors of predictions, a block for each finding, and what to do next."""
+"""Diagnosis as text: headline, errors of predictions, a block for each finding, and the next command."""
 
 from __future__ import annotations
 
@@ -24,23 +24,26 @@ from hydro.report.screen import EMPTY, Block, Following, Text, fitted, table
 
 TITLES = {
     "log_fault": "The log has a fault",
-    "missing": "{Effect} is missing",
-    "suspect": "{Effect} may be missing",
-    "retune": "{Effect} has other values than the file",
-    "cannot_tell_apart": "{Members} is missing",
-    "not_separable": "No log can separate {effect} from what the file has",
+    "missing": "{Effect}",
+    "suspect": "{Effect}, unconfirmed",
+    "retune": "New values of {effect}",
+    "cannot_tell_apart": "{Members}",
+    "not_separable": "No log can separate {effect} from effects of the file",
     "none_of_the_known": "An error remains that no effect explains",
     "far_from_noise": "An error remains that no effect explains",
     "closed_loop": "The log was recorded under feedback: a controller may hide a disturbance",
 }
 """Title of a finding by its verdict."""
 CHANGED = {"missing": "{Effect} has changed", "suspect": "{Effect} may have changed"}
-"""The same of what has changed since a recording before."""
+"""Titles that differ for changes since an earlier recording."""
 SILENT = ("nothing_missing", "not_excited", "not_separable")
-"""Verdicts without a block: the headline or the line on what is not visible says it."""
+"""Verdicts without a block: the headline or the line on effects that are not visible has them."""
 MOST_UNSEEN = 4
-"""Effects that the line on what is not visible names."""
+"""Maximum number of effects in the line on effects that are not visible."""
 MORE = "{count}: add --details."
+"""Note on findings that do not fit on the screen."""
+OVERLAP = "The shares need not sum to 100 %: each is measured by itself."
+"""Note on the shares of two or more findings."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
 """Options of `hydro diagnose` that `hydro compare` does not have."""
 NOTHING_NEXT = Following()
@@ -48,18 +51,18 @@ NOTHING_NEXT = Following()
 
 @dataclass(frozen=True)
 class Context:
-    """What an answer needs beside the table of findings.
+    """Data of an answer in addition to the table of findings.
 
     Attributes:
         vehicle: The vehicle file.
         dt: Sample time of the recording [s].
         headline: The status in one line.
-        prediction: Errors before and after; None where they are not known.
+        prediction: Errors before and after; None if they are not known.
         changed: Whether findings are changes since a recording before.
         open: Whether a next flight can be designed.
-        call: The command; None where no command is to follow.
-        learned: What a recording before a change has taught, in words; empty without one.
-        reversed: Thrusters that push opposite to the file, from 0; none where columns are swapped as well.
+        call: The command; None if the answer has no next command.
+        learned: Sentences on the hull-force model of a recording before a change; empty without one.
+        reversed: Thrusters that push opposite to the file, from 0; empty if columns are swapped as well.
     """
 
     vehicle: Vehicle
@@ -84,9 +87,8 @@ class Context:
 
     @property
     def refused(self) -> bool:
-        """Whether `hydro add` refuses what is stated: it does not lower the error."""
-        known = self.prediction
-        return known is not None and known.added != known.given and not known.falls
+        """Whether `hydro add` refuses the stated findings, because they do not lower the error."""
+        return self.prediction is not None and self.prediction.refuted
 
 
 def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = False) -> list[Text]:
@@ -94,15 +96,17 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
 
     Args:
         frame: Diagnosis table.
-        about: The rest.
+        about: Other data of the answer.
         width: Columns.
-        whole: Whether all findings are shown, however many lines they take.
+        whole: Whether all findings are shown, even if they do not fit on the screen.
     """
     head = [Text(about.headline, bold=True)] if about.headline else []
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    tail = [EMPTY, Text(about.learned)] if about.learned else []
+    notes = [Text(OVERLAP)] * overlapping(rows) + look_up([row["effect"] for row in rows])
+    tail = [EMPTY, *notes] if notes else []
+    tail += [EMPTY, Text(about.learned)] if about.learned else []
     tail += unseen(frame, about, width)
     if not rows:
         tail += _without_findings(about, width)
@@ -111,12 +115,12 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
 
 
 def _has_block(row: Mapping[str, Any]) -> bool:
-    """Whether a finding has a block: of a fault of the log the headline says all but the next command."""
+    """Return whether a finding has a block; a fault of the log has one only for its next command."""
     return row["verdict"] not in SILENT and (row["verdict"] != "log_fault" or is_of_thrusters(row))
 
 
 def errors(known: Prediction) -> Iterator[Text]:
-    """Yield the errors of predictions, an axis in a row: before, after findings are added, by noise alone."""
+    """Yield the errors of predictions, one row per axis: before, with the findings added, and noise floor."""
     after, floor = known.added != known.given, known.floor is not None
     names = ["before", "after"] if after else ["error"]
     rows = [(axis, UNITS[axis], each) for axis, each in known.axes.items()]
@@ -130,12 +134,12 @@ def errors(known: Prediction) -> Iterator[Text]:
         ),
     )
     if after:
-        helps = "" if known.falls else " This does not lower the error, so hydro add refuses it."
+        helps = " This does not lower the error, so hydro add refuses it." if known.refuted else ""
         yield Text(f"after: findings added to the file, on data that they were not fitted to.{helps}")
 
 
 def _columns(after: bool, floor: bool) -> list[int]:
-    """Return which of the errors given, added and floor are shown."""
+    """Return the indices of the shown errors among given, added and floor."""
     return [0, *([1] if after else []), *([2] if floor else [])]
 
 
@@ -154,15 +158,15 @@ def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
 
 
 def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
-    """Yield a finding: its title, its sentence where the headline has it not, and how sure it is.
+    """Yield the title of a finding with its confidence, its sentence if the headline lacks it, and its share.
 
     Args:
         row: Row of the diagnosis table.
-        about: The rest.
-        number: Its number; 0 where it is the only one.
+        about: Other data of the answer.
+        number: Its number; 0 if it is the only one.
     """
     if is_of_thrusters(row):
-        return  # the headline says it
+        return  # it is in the headline
     place = f"{number}. " if number else ""
     sure = sureness(row)
     yield Text(f"{place}{title(row, about)}{f': {sure}' if sure else ''}.", bold=True)
@@ -180,12 +184,12 @@ def title(row: Mapping[str, Any], about: Context) -> str:
     members = listed([words.effect_name(name) for name in row["members"]], "or")
     template = names[row["verdict"]]
     if row["verdict"] == "suspect" and about.vehicle.effects(row["effect"]):
-        template = "{Effect} may have other values than the file"
+        template = "New values of {effect}, unconfirmed"
     return template.format(Effect=_capital(effect), effect=effect, Members=_capital(members))
 
 
 def said(row: Mapping[str, Any], about: Context) -> str:
-    """Return the sentence on the values of a finding; empty where it has none."""
+    """Return the sentence on the values of a finding; empty without values."""
     if not row["parameters"] or row["effect"] not in CATALOGUE:
         return ""
     values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))
@@ -193,7 +197,7 @@ def said(row: Mapping[str, Any], about: Context) -> str:
 
 
 def sureness(row: Mapping[str, Any]) -> str:
-    """Return the confidence in a finding; of other values in the file, which may have none, its test."""
+    """Return the confidence in a finding; its test if new values of an effect have no confidence."""
     if not row["parameters"] or row["verdict"] == "cannot_tell_apart":
         return ""
     if row["confidence"] is not None:
@@ -213,7 +217,8 @@ def facts(row: Mapping[str, Any]) -> str:
     low, high = row["share_low"], row["share_high"]
     told = words.percent(share)
     interval = told if low is None or high is None else words.between(low, high)
-    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error"
+    whose = " of the given file" if row["verdict"] == "retune" and low is None else ""
+    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error{whose}"
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
         sure = "" if row["confidence"] is None else f" ({words.percent(row['confidence'])} for the first)"
@@ -223,8 +228,23 @@ def facts(row: Mapping[str, Any]) -> str:
     return f"{told}; no rival fits as well." if row["verdict"] == "missing" else f"{told}."
 
 
+def overlapping(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether two or more findings have a share, so that the sum needs a note."""
+    return sum(facts(row).startswith("Explains") for row in rows) > 1
+
+
+def look_up(effects: Sequence[str]) -> list[Text]:
+    """Return the line that leads from the name of an effect to its explanation; empty without effects.
+
+    Args:
+        effects: Names of effects, the most important first.
+    """
+    known = [name.partition(":")[0] for name in effects if name in CATALOGUE]
+    return [Text(f"Look up an effect: hydro effects {known[0]}")] if known else []
+
+
 def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
-    """Yield what the recording cannot show, with the manoeuvre that would show the first of it."""
+    """Yield the effects that the recording cannot show, with the manoeuvre that would show the first one."""
     names = frame.filter(verdict="not_excited").sort("rank")["effect"].unique(maintain_order=True).to_list()
     if not names:
         return
@@ -240,7 +260,7 @@ def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
-    """Yield the values of each finding: its title, a table of them, and the test and the advice in words.
+    """Yield each finding: its title, a table of its values, and its sentence, test and advice.
 
     Args:
         frame: Diagnosis table.
@@ -253,8 +273,11 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
             ["parameter", "value", "standard error", "unit"],
             orient="row",
         )
-        test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}. "
-        yield f"{effect}: {row['verdict'].replace('_', ' ')}", shown, f"{test}{words.sentence(row['advice'])}"
+        label = words.verdict(row)[0]
+        title = f"{_capital(effect)}: {label.lower()}" if effect else label
+        test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}."
+        told = (row.get("sentence"), test, words.sentence(row["advice"]))
+        yield title, shown, " ".join(filter(None, told))
 
 
 def fits(chi2: Sequence[float]) -> str:
@@ -267,7 +290,7 @@ def fits(chi2: Sequence[float]) -> str:
 
 
 def _without_findings(about: Context, width: int) -> Iterator[Text]:
-    """Yield the next command where nothing was found."""
+    """Yield the next command of a diagnosis without findings."""
     if about.call is not None:
         yield EMPTY
         again = about.call.again("compare", without=DIAGNOSE_ONLY)
@@ -275,7 +298,7 @@ def _without_findings(about: Context, width: int) -> Iterator[Text]:
 
 
 def _adding(about: Context, count: int) -> Following:
-    """Return the next command of what is stated: add it, or try it step by step where that does not help."""
+    """Return the next command for stated findings: add them, or try single steps if they do not help."""
     if about.call is None:
         return NOTHING_NEXT
     if about.refused:
@@ -287,7 +310,7 @@ def _adding(about: Context, count: int) -> Following:
 
 
 def _following(row: Mapping[str, Any], about: Context) -> Following:
-    """Return the next command of a finding that is not stated."""
+    """Return the next command for a finding that is not stated."""
     call, known = about.call, about.prediction
     if call is None:
         return NOTHING_NEXT
@@ -301,19 +324,18 @@ def _following(row: Mapping[str, Any], about: Context) -> Following:
     if is_of_thrusters(row) and about.reversed:
         return Following("Reverse thrusters in the vehicle file:", call.flipping(about.reversed))
     if is_of_thrusters(row) and not call.options.get("--correct-thrusters"):
-        return Following(
-            "Go on with the thrusters as this log shows them:", call.again("diagnose", "--correct-thrusters")
-        )
+        again = call.again("diagnose", "--correct-thrusters")
+        return Following("Continue with the thrusters as this log shows them:", again)
     if row["verdict"] in UNEXPLAINED:
         return Following("Find the regimes of motion:", call.again("compare", without=DIAGNOSE_ONLY))
     return NOTHING_NEXT
 
 
 def is_of_thrusters(row: Mapping[str, Any]) -> bool:
-    """Whether a fault of the log is that directions or order of its thrusters contradict the file."""
+    """Return whether a fault of the log is in the directions or the order of the thrusters."""
     return row["verdict"] == "log_fault" and row["confidence"] is not None
 
 
 def _capital(text: str) -> str:
-    """Return a text with a capital first."""
+    """Return a text that begins with a capital letter."""
     return text[:1].upper() + text[1:]

@@ -1,4 +1,4 @@
-"""Errors of models and of their replays on the page: a chart of the axes, and tables that say the same."""
+"""Errors of models and of their replays on the page: a chart of the axes, and tables of the same numbers."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hydro.report.sources import Named
 
 BY_SEEDS = "Means over seeds; in small print the smallest and largest, for a single seed the 95 % interval."
 INTERVALS = "In small print 95 % intervals."
+"""Notes on the small print of a table, for several networks of a model and for one."""
 OF_NETWORKS = {
     "ranking": (
         "Does the better prediction replay better?",
@@ -35,20 +36,21 @@ OF_NETWORKS = {
         seeds.conditioning_table,
     ),
 }
-"""Parts of a study that are a table alone: title, what it says, and the table of its metrics."""
+"""Parts of a study without a chart: title, explanation, and the function that makes the table."""
 
 
 def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
-    """What one metrics table says.
+    """Return the section on one metrics table.
 
     Args:
         one: The table.
-        number: Its place among those of the page.
-        charts: Where its figures are kept.
+        number: Its number on the page.
+        charts: Collection to which its figures are added.
 
     Returns:
-        `title`, `lede`, `charts` (names), `legend` (label, colour), `table`, and `more`, tables that unfold;
-        a table is `about`, `columns` (name, whether of numbers) and `rows` of cells (figure, small print).
+        `title`, `lede`, `charts` (names), `legend` (label, colour), `table`, and `more`, which are folded
+        tables. A table has `about`, `columns` (name, whether of numbers) and `rows` of cells (figure, small
+        print).
     """
     record = one.artefact.provenance
     part = record.parameters.get("part") if record.stage == "study" else None
@@ -63,7 +65,7 @@ def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
 
 
 def _predictions(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, Any]:
-    """Errors of predicted wrenches: the paper's Table II and its Fig. 2, and by regime of motion."""
+    """Return errors of predicted wrenches (Table II and Fig. 2 of the paper), also by regime of motion."""
     whole = frame.filter(pl.col("variant") == "")
     table = _by_axis(whole, "model", number, charts)
     single = tables.prediction_errors(whole).select("MAE", "R2")
@@ -81,7 +83,7 @@ def _predictions(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, 
 
 
 def _replays(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, Any]:
-    """Errors of replayed velocities: the paper's Table III, and by piece of the recording."""
+    """Return errors of replayed velocities (Table III of the paper), also by piece of the recording."""
     whole = frame.filter(~tables.of_a_piece())
     pieces = tables.piece_errors(frame)
     more = [] if pieces.is_empty() else [_table("By piece of the recording", pieces)]
@@ -98,7 +100,7 @@ def _data(frame: pl.DataFrame) -> str:
 
 
 def _by_axis(frame: pl.DataFrame, group: str, number: int, charts: Charts) -> dict[str, Any]:
-    """Chart and table of root mean square errors, translation apart from rotation, all axes together last."""
+    """Return charts of root mean square errors, one per unit, and a table with all axes together last."""
     rows = frame.filter(pl.col("metric") == "rmse")
     axes = [axis for axis in rows["axis"].unique(maintain_order=True) if axis in UNITS]
     own = rows.filter(pl.col("axis").is_in(axes))
@@ -118,7 +120,7 @@ def _by_axis(frame: pl.DataFrame, group: str, number: int, charts: Charts) -> di
 
 
 def _cell(row: dict[str, Any] | None) -> tuple[str, str]:
-    """A figure and, in small print, its interval."""
+    """Return a number and its interval as small print."""
     if row is None:
         return words.figure(None), ""
     ends = [words.figure(row[end], 2) for end in ("low", "high") if row[end] is not None]
@@ -126,7 +128,7 @@ def _cell(row: dict[str, Any] | None) -> tuple[str, str]:
 
 
 def _table(about: str, frame: pl.DataFrame) -> dict[str, Any]:
-    """A data frame as a table of figures."""
+    """Return a data frame as a table of the page."""
     columns = [(name.replace("_", ", "), dtype.is_numeric()) for name, dtype in frame.schema.items()]
     rows = [
         [(words.figure(value) if dtype.is_numeric() else str(value), "") for value, dtype in cells]

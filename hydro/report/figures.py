@@ -1,8 +1,7 @@
-"""Figures of a replay: first the table of what would be drawn, then the drawing.
+"""Figures of a replay: functions that return the drawn data as a table, and functions that draw it.
 
-The tables can be tested and queried; the drawings add nothing to them but ink.  Colours are Okabe and Ito's,
-which readers with any colour vision tell apart; the measured motion is a wide grey band that a true variant
-stays within.
+The tables can be tested and queried, and the figures show nothing else.  Colours are those of Okabe and Ito,
+which readers with any colour vision can distinguish.  The measured motion is a wide grey band.
 """
 
 from __future__ import annotations
@@ -20,14 +19,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch rate", "r": "yaw rate"}
+"""Name of the motion along each velocity axis."""
 MEASURED = "measured"
+"""Name of the measured motion among the variants of a replay."""
 VELOCITY_PANELS = ("u", "p", "v", "q", "w", "r")
+"""Axes in the order of the panels, in rows of two."""
 LABELS = 7
-"""Labels of a legend that fit on one line."""
+"""Maximum number of labels on one line of a legend."""
 HEADROOM = 0.35
-"""How far a panel reaches beyond the measured range, as a share of it."""
+"""Margin of a panel beyond the measured range, as a share of this range."""
 POINTS_IN_PRINT = 3000
-"""Samples drawn per curve; more would not be seen at print resolution."""
+"""Maximum number of samples drawn per curve; more are not visible at print resolution."""
 
 _INK = "#222222"
 COLOURS = (
@@ -57,14 +59,14 @@ STYLE: Any = {
 
 
 def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = VELOCITY_PANELS) -> pl.DataFrame:
-    """What the overlay draws: one row per axis, variant and time.
+    """Return the data of the overlay figure: one row per axis, variant and time.
 
-    A curve ends where its error first exceeds the whole range of the measured motion: from there on it says
-    nothing and would only hide what does.
+    A curve ends where its error first exceeds the whole range of the measured motion: after that it has no
+    information and would hide other curves.
 
     Args:
-        replay: a replay artefact's series; its first session is drawn.
-        axes: velocity columns, one panel each.
+        replay: Replay table; its first session is drawn.
+        axes: Velocity columns, one panel each.
 
     Returns:
         Columns `axis`, `variant`, `t` [s, from the start], `value` [m/s or rad/s], `lost` (true in the last
@@ -125,7 +127,7 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
 
 
 def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
-    """One axis: the measured motion as a wide grey band, variants as thin lines over it."""
+    """Draw one axis: the measured motion as a wide grey band, variants as thin lines over it."""
     axis = rows["axis"][0]
     measured = rows.filter(pl.col("variant") == MEASURED)
     panel.plot(
@@ -146,7 +148,7 @@ def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
 
 
 def draw_errors(table: pl.DataFrame, title: str = "Open-loop replay, RMSE (lower is better)") -> Figure:
-    """Draw the errors of `tables.replay_errors` as a heat map, translation beside rotation."""
+    """Draw the errors of `tables.replay_errors` as a heat map, translation left and rotation right."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -169,7 +171,7 @@ def draw_errors(table: pl.DataFrame, title: str = "Open-loop replay, RMSE (lower
 
 
 def _draw_heat(panel: Axes, table: pl.DataFrame, axes: list[str], unit: str) -> None:
-    """One block of cells on a logarithmic scale, each with its number in a colour that can be read on it."""
+    """Draw one block of cells on a logarithmic scale, each with its number in a contrasting colour."""
     import numpy as np
     from matplotlib.colors import LogNorm
 
@@ -190,7 +192,7 @@ def _draw_heat(panel: Axes, table: pl.DataFrame, axes: list[str], unit: str) -> 
 
 
 def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series, pl.Series]:
-    """How far the interval `low` to `high` reaches below and above a value; 0 where there is none."""
+    """Return the distances from a value to the ends `low` and `high` of its interval; 0 without one."""
     middle = pl.col(of)
     down = (middle - pl.col(f"{prefix}low").fill_null(middle)).clip(0.0)
     up = (pl.col(f"{prefix}high").fill_null(middle) - middle).clip(0.0)
@@ -199,7 +201,7 @@ def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write `figure` as PNG through Agg, whole or not at all; the same figure gives the same bytes."""
+    """Write `figure` as PNG with Agg, atomically; the same figure gives the same bytes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)

@@ -1,4 +1,4 @@
-"""Commands that follow an answer, ready to be pasted: the same files and options as the command before."""
+"""Next commands of an answer, ready to be pasted, with the files and options of the first command."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ from typing import Any
 from hydro.core.errors import in_shell
 
 STREAM = "-"
+"""Argument that means stdin or stdout."""
 PIPE = "|"
+"""Word that joins two commands."""
 INDENT = "    "
-"""Indentation of a printed command: it is not part of the sentence before."""
+"""Indentation of a printed command, which separates it from text."""
 CONTINUED = 2
-"""Columns that a continued line needs for ` \\`."""
+"""Number of columns for ` \\` at the end of a continued line."""
 
 
 @dataclass(frozen=True)
 class Call:
-    """What a command was called with, as far as the next command needs it.
+    """Arguments of a command, as far as the next command needs them.
 
     Attributes:
         vehicle: Vehicle file.
-        measured: Recording, or the logs of one dive; none is stdin.
-        options: Values of the options that say how recordings are read, by their name; lists are repeated,
+        measured: Recording, or the logs of one dive; empty for stdin.
+        options: Values of the options for reading recordings, by their name; lists are repeated options, and
             `True` is a flag.
-        output: Where the answer was written; `-` where it was not saved.
+        output: File of the answer; `-` if it was not saved.
     """
 
     vehicle: Path
@@ -37,7 +39,7 @@ class Call:
 
     @property
     def repeatable(self) -> bool:
-        """Whether the inputs are still there: stdin is read once."""
+        """Whether the command can be run again: stdin can be read only once."""
         return bool(self.measured) and STREAM not in self.measured
 
     def command(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str]:
@@ -45,7 +47,7 @@ class Call:
 
         Args:
             name: Name of the command.
-            more: Words at the end.
+            more: Words to append.
             without: Options that the command does not have.
         """
         words = ["hydro", name, str(self.vehicle), *self.measured]
@@ -57,10 +59,10 @@ class Call:
         return [*words, *more]
 
     def adding(self, *effects: str) -> list[str] | None:
-        """Return the words of `hydro add`, for all that is stated or for some effects.
+        """Return the words of `hydro add`, for all stated findings or for some effects.
 
         Returns:
-            The words; None where the diagnosis was not saved and its inputs are gone.
+            The words; None if the diagnosis was not saved and cannot be repeated.
         """
         named = [word for effect in effects for word in ("--effect", effect)]
         target = ["-o", next_file(self.vehicle)]
@@ -77,7 +79,7 @@ class Call:
         return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]
 
     def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
-        """Return a command on the same inputs; None where they are gone."""
+        """Return a command on the same inputs; None if they cannot be read again."""
         return self.command(name, *more, without=without) if self.repeatable else None
 
     def of(self, vehicle: Path) -> Call:
@@ -101,12 +103,14 @@ def quoted(words: Sequence[str]) -> list[str]:
 
 
 def pasted(words: Sequence[str], width: int, indent: str = INDENT) -> Iterator[str]:
-    """Yield the lines of a command that a shell reads as one, no wider than a terminal where words allow.
+    """Yield the lines of a command that a shell reads as one, each as wide as the terminal at most.
+
+    Only a single word can be wider. An option and its value stay on one line.
 
     Args:
-        words: Its words as a shell reads them. An option and its value stay on one line.
+        words: Quoted words.
         width: Columns.
-        indent: What each line begins with.
+        indent: Indentation of each line.
     """
     units: list[str] = []
     for word in words:

@@ -1,4 +1,4 @@
-"""How the force of the water grows with velocity: a sentence for each axis, and the powers with intervals."""
+"""Growth of the water force with velocity: a sentence for each axis, and the powers with intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.report.sources import Sources
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Sentences and rows; None without a growth table."""
+    """Return sentences and rows of the section; None without a growth table."""
     if sources.growth is None:
         return None
     rows = sources.growth.frame.to_dicts()
@@ -29,7 +29,7 @@ def _interval(row: dict[str, Any]) -> str:
 
 
 def _line(row: dict[str, Any]) -> dict[str, Any]:
-    """A term as a row of a table."""
+    """Return a term as a row of a table."""
     i, against = WRENCH.index(row["axis"]), row["against"]
     own = VELOCITY[i]
     law = f"|{against}|^n" if against == own else f"|{against}|^n {own}"

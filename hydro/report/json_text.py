@@ -1,4 +1,4 @@
-"""Results as JSON text, of the command line and of Python alike."""
+"""Results as JSON text, for the command line and for Python."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import polars as pl
 from hydro.core import toml_text
 
 INLINE = ("parameters", "standard_errors")
-"""Columns that hold values of an effect as one line of TOML."""
+"""Columns with the values of an effect as inline TOML."""
 
 
 def json_text(**said: Any) -> str:

@@ -1,4 +1,4 @@
-"""The ladder of a study, laid out for a person: the error of each step, and what it added."""
+"""Ladder of a study as text and tables: the error of each step, and the effects that it added."""
 
 from __future__ import annotations
 
@@ -19,20 +19,22 @@ TITLES = {
     "fit": "Errors of predictions {:g} s ahead on the data: {}",
     "holdout": "The same on held-out data, to which nothing was fitted",
 }
+"""Titles of the tables of errors, by data set."""
 AS_GIVEN = "as given"
+"""Name of step 0."""
 PLAIN_ERRORS = 3.0
-"""Standard errors that an entry of a list must differ from 0 by to be shown."""
+"""Minimum distance of a shown entry of a list from 0, in standard errors."""
 
 
 def title(ladder: pl.DataFrame, dataset: str) -> str:
-    """The title of the table of `errors`, with its units."""
+    """Return the title of the table of `errors`, with its units."""
     moving = "all" in measured(ladder.filter(dataset=dataset))
     units = "u v w [m/s], p q r [rad/s], all [m/s]" if moving else "x y z [m], phi theta psi [rad], pose [m]"
     return TITLES[dataset].format(HORIZON, units)
 
 
 def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.DataFrame:
-    """One row per step, one column per axis, and last what simple predictors do and noise alone would leave.
+    """Return errors with one row per step, then simple predictors and the noise floor; one column per axis.
 
     Args:
         ladder: Ladder table.
@@ -40,8 +42,9 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
         horizon: Horizon of the predictions [s].
 
     Returns:
-        `step` with what it added; root mean square errors of u v w [m/s], p q r [rad/s], and `all`, of all
-        together as one speed [m/s]; without velocities of x y z [m], phi theta psi [rad] and `pose` [m].
+        `step` with the effects that it added; root mean square errors of u v w [m/s], p q r [rad/s], and of
+        `all` axes as one speed [m/s]. Without velocities they are of x y z [m], phi theta psi [rad] and
+        `pose` [m].
     """
     rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
     axes = measured(rows)
@@ -54,7 +57,7 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
         for name in PREDICTORS
         if column(name) in rows.columns and last[column(name)].count()
     ]
-    noise = last.with_columns(name=pl.lit("noise alone"), rmse="noise_floor")
+    noise = last.with_columns(name=pl.lit("noise floor"), rmse="noise_floor")
     wide = pl.concat([rows, *simple, noise]).pivot(
         on="axis", index="name", values="rmse", maintain_order=True
     )
@@ -62,7 +65,7 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
 
 
 def measured(rows: pl.DataFrame) -> tuple[str, ...]:
-    """The axes of a ladder that a table shows: of velocity; of the pose where no velocity was measured."""
+    """Return the axes that a table shows: those of velocity, or of the pose if no velocity was measured."""
     there = set(rows["axis"].unique())
     if "all" in there:
         return tuple(axis for axis in (*VELOCITY, "all") if axis in there)
@@ -70,7 +73,7 @@ def measured(rows: pl.DataFrame) -> tuple[str, ...]:
 
 
 def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
-    """What a figure of a ladder draws: each data set that is there, its label, and its errors step by step.
+    """Yield each data set of a ladder, its label, and its errors step by step.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.
@@ -81,10 +84,10 @@ def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
 
 
 def values(table: Mapping[str, Any]) -> Iterator[str]:
-    """A fitted effect, a line for each parameter: values ± standard errors and their unit.
+    """Yield a line for each parameter of a fitted effect: values ± standard errors and their unit.
 
-    Of a list, the entries that differ plainly from 0, counted from 1.  The others are near 0 where their
-    standard errors say so, and else not determined.
+    Of a list, only entries that differ significantly from 0 are shown, numbered from 1.  The others are near
+    0 if their standard errors are small, and else not determined.
     """
     effect = CATALOGUE[table["name"]]
     texts = effect.written(table)
@@ -103,7 +106,7 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _others(value: Any, error: Any, shown: Sequence[tuple[int, ...]], scale: tuple[Any, ...]) -> str:
-    """Return what is said of the entries that are not shown: near 0, or not determined by the data."""
+    """Return a remark on the entries that are not shown: near 0, or not determined by the data."""
     others = [i for i in np.ndindex(*value.shape) if i not in shown]
     sizes = [abs(value[i]) for i in shown] + [one for one in scale if isinstance(one, int | float)]
     size = max(sizes, default=np.inf)
@@ -122,7 +125,7 @@ def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
 
 
 def _name_of(terms: Sequence[str]) -> Callable[[tuple[int, ...]], str]:
-    """How a number of a list is told from the others: by its term, or by its place."""
+    """Return the function that labels a number of a list: by its term, or by its position."""
     return (lambda index: f"{terms[index[0]]} ") if terms else _numbered
 
 
@@ -131,7 +134,7 @@ def _numbered(index: tuple[int, ...]) -> str:
 
 
 def _sized(value: float, error: float) -> str:
-    """A value to the place of its standard error's first figure, and that: `-0.3001 ± 0.0001`."""
+    """Return a value and its standard error, both to the first figure of the error: `-0.3001 ± 0.0001`."""
     if error == 0.0:
         return f"{value:g} (known)"
     places = max(0, -int(np.floor(np.log10(max(error, 1e-12)))))

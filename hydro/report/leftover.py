@@ -1,4 +1,4 @@
-"""The force left over against velocity: a panel for each axis, and in words where it stands out."""
+"""Unexplained force against velocity: a panel for each axis, and sentences on significant bins."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from hydro.report.plots import FOUND, GIVEN, NOISE
 from hydro.report.sources import Sources
 
 TOLD = 4
-"""Most bins told of in words, one a panel."""
+"""Maximum number of bins with a sentence, one for each panel."""
 HEADROOM = 1.25
+"""Half height of a panel relative to the largest value in it."""
 MARKS = ("circle", "diamond")
+"""Marks of the first and the last step."""
 COLOURS = (GIVEN, FOUND)
+"""Colours of the first and the last step."""
 
 Row = dict[str, Any]
 
 
 def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Panels, words and tables, or why there are none; None where nothing says."""
+    """Return panels, sentences and tables, or the reason why there are none; None without either."""
     if sources.leftover is None:
         record = None if sources.sessions is None else sources.sessions.artefact.provenance
         why = "" if record is None else record.parameters.get(NO_FORCES, "")
@@ -56,11 +59,11 @@ def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def panel(rows: pl.DataFrame, *, curve: bool) -> go.Figure:
-    """Mean force left over in each bin, before and after, and the file's own force as lines.
+    """Draw the mean unexplained force in each bin, before and after, and the force of the file as lines.
 
     Args:
         rows: Rows of a leftover table of one axis and velocity.
-        curve: Whether to draw the file's own force too.
+        curve: Whether to draw the force of the file.
     """
     drawn, first = go.Figure(), rows.row(0, named=True)
     unit, speed = first["unit"], first["velocity_unit"]
@@ -77,7 +80,7 @@ def panel(rows: pl.DataFrame, *, curve: bool) -> go.Figure:
                 y=line["model"].to_list(),
                 mode="lines",
                 line={"color": colour, "width": 1.8, "dash": "solid" if step == steps[0] else "dot"},
-                hovertemplate=f"%{{y:.3g}} {unit}, the file's own, {label}<extra></extra>",
+                hovertemplate=f"%{{y:.3g}} {unit}, force of the file, {label}<extra></extra>",
             )
         bins = one.filter(pl.col("force").is_not_null())
         below, above = error_bars(bins, "force")
@@ -112,7 +115,7 @@ def panel(rows: pl.DataFrame, *, curve: bool) -> go.Figure:
 
 
 def _reach(rows: pl.DataFrame, *, curve: bool) -> float:
-    """Half the height of a panel: all means, most intervals, and the curve where it is drawn."""
+    """Return half the height of a panel, which shows all means, most intervals, and the curve if drawn."""
     bins = rows.filter(pl.col("force").is_not_null())
     sizes = [bins["force"].abs().max(), (bins["high"] - bins["force"]).median()]
     if curve:
@@ -121,28 +124,28 @@ def _reach(rows: pl.DataFrame, *, curve: bool) -> float:
 
 
 def _plainest(bins: pl.DataFrame) -> Row | None:
-    """The bin of one panel whose force stands out most from zero; None where none has an interval."""
+    """Return the bin of one panel with the most significant force; None if no bin has an interval."""
     half = pl.col("high") - pl.col("force")
     sure = bins.filter(half > 0.0).sort(pl.col("force").abs() / half, descending=True)
     return None if sure.is_empty() else sure.row(0, named=True)
 
 
 def _told(most: list[Row]) -> Iterator[str]:
-    """Sentences about bins that stand out."""
+    """Yield sentences on significant bins."""
     for row in most[:TOLD]:
         unit, at = row["unit"], f"{TITLES[row['against']]} {words.figure(row['velocity'], 2)}"
-        told = f"{row['axis']} at {at} {row['velocity_unit']}: the file's own force is "
+        told = f"{row['axis']} at {at} {row['velocity_unit']}: the force of the file is "
         told += f"{words.figure(row['model'])} {unit}, and {words.figure(row['force'])} {unit} "
-        told += f"({_interval(row)}) is left over"
+        told += f"({_interval(row)}) is unexplained"
         share = abs(row["force"]) / max(abs(row["model"]), 1e-300)
         if share < 1.0:
             what = "more" if row["force"] * row["model"] > 0.0 else "less"
-            told += f": the recording asks for {words.percent(share)} {what}"
+            told += f": this log needs {words.percent(share)} {what}"
         yield f"{told}."
 
 
 def _line(row: Row, bins: pl.DataFrame | None) -> Row:
-    """A bin as a row of a table, with the force left over at that velocity after the last step."""
+    """Return a bin as a row of a table, with the unexplained force at that velocity after the last step."""
     after = None if bins is None else _after(row, bins)
     return {
         "axis": row["axis"],
@@ -159,7 +162,7 @@ def _line(row: Row, bins: pl.DataFrame | None) -> Row:
 
 
 def _after(row: Row, bins: pl.DataFrame) -> Row | None:
-    """The bin nearest in velocity after the last step; None where there is but one step."""
+    """Return the bin with the nearest velocity after the last step; None if there is only one step."""
     later = bins.filter(
         pl.col("step") == bins["step"].max(),
         pl.col("step") != row["step"],
@@ -172,7 +175,7 @@ def _after(row: Row, bins: pl.DataFrame) -> Row | None:
 
 
 def _interval(row: Row) -> str:
-    """`−39.6 to −13.3`, or that there is none."""
+    """Return an interval in words, `−39.6 to −13.3`, or `no interval`."""
     if row["low"] is None:
         return "no interval"
     return f"{words.figure(row['low'])} to {words.figure(row['high'])}"

@@ -69,7 +69,7 @@ def _thinned(laid: pl.DataFrame, every: int) -> pl.DataFrame:
 
 
 def draw(rows: pl.DataFrame, title: str) -> Figure:
-    """Draw a recording: the track on the left if it is known, other quantities over time.
+    """Draw a recording: the track on the left if it is known, and other quantities over time.
 
     Args:
         rows: Result of `overview`.

@@ -1,7 +1,7 @@
-"""The report: one HTML page that holds everything, in the order in which the story is told.
+"""Report: one self-contained HTML page.
 
-Each section is made from the artefacts that it needs and is left out where they are not there.  What a figure
-shows stands in words or in a table too.
+Each section is made from its artefacts and omitted without them.  The numbers of every figure are also in
+text or in a table.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from hydro.report.words import DATASETS
 Section = dict[str, Any] | None
 
 FIRST_PLACES = 3
-"""Number of places that are shown at once; the others unfold."""
+"""Number of regimes that are visible; the others are folded."""
 MOST_SESSIONS = 12
-"""Sessions of a replay that can be chosen on the page."""
+"""Maximum number of sessions of a replay that can be chosen on the page."""
 BEHIND = {"raw": "recording", "vehicle": "vehicle file"}
-"""What a table that others were made from is called on the page."""
+"""Names of input tables on the page."""
 CONDITIONS = ("speed", "acceleration", "drift", "turn", "depth", "heading", "frequency", "session")
-"""Kinds of condition that the errors are shown by first, in this order."""
+"""Kinds of condition in the order of the selector; other kinds follow."""
 
 
 def render(sources: Sources) -> str:
-    """The page.
+    """Return the page.
 
     Args:
-        sources: What there is to report on.
+        sources: Artefacts of the report.
 
     Returns:
-        HTML that needs nothing from elsewhere.
+        HTML that loads no other file.
 
     Raises:
-        DataError: an artefact contradicts itself, such as values that are not TOML.
+        DataError: An artefact is inconsistent, for instance its values are not TOML.
     """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
@@ -98,13 +98,13 @@ def _template() -> str:
 
 
 def _title(sources: Sources) -> str:
-    """The vehicle's name, or what the page is."""
+    """Return the title of the page: the vehicle's name, if it is known."""
     text = sources.vehicle_text()
     return vehicles.parse(text).name if text else "Report"
 
 
 def _model(sources: Sources) -> Section:
-    """Figures at a glance, and the errors at every horizon."""
+    """Return the section on prediction errors: main figures, all horizons, and simple predictors."""
     found = standing.standings(sources)
     if not found:
         return None
@@ -118,7 +118,7 @@ def _model(sources: Sources) -> Section:
 
 
 def _simple(sources: Sources) -> Section:
-    """The model beside simple predictors, on held-out data where there are some."""
+    """Return the comparison with simple predictors, on held-out data if there are any."""
     dataset = "fit"
     if sources.ladder is not None:
         ladder = sources.ladder.frame
@@ -142,15 +142,15 @@ def _simple(sources: Sources) -> Section:
 
 
 def _places(sources: Sources, charts: Charts) -> Section:
-    """Ranked places of the model as given and of the chosen one, and the errors by kind of condition."""
+    """Return the ranked regimes of the given and of the chosen model, and the errors by kind of condition."""
     if not sources.comparisons:
         return None
     first = sources.comparisons[0].frame
-    lists = [{"title": "The model as given", "found": False, "places": list(_ranked(first))}]
+    lists = [{"title": "The given model", "found": False, "places": list(_ranked(first))}]
     rows, step = first.filter(level="force", axis="all"), _last_comparison(sources)
     if step:
         frame = sources.comparisons[step].frame
-        lists.append({"title": "With what was found", "found": True, "places": list(_ranked(frame))})
+        lists.append({"title": "With the findings added", "found": True, "places": list(_ranked(frame))})
         key = ["by", "place"]
         before = rows.select(*key, before="rmse", before_low="low", before_high="high")
         rows = frame.filter(level="force", axis="all").drop("before", strict=False)
@@ -165,12 +165,12 @@ def _places(sources: Sources, charts: Charts) -> Section:
 
 
 def _last_comparison(sources: Sources) -> int:
-    """Number of the comparison with what was found; 0 where there is none but that of the file as given."""
+    """Return the number of the comparison with the findings added; 0 if only the given file was compared."""
     return min(chosen_step(sources) or 0, len(sources.comparisons) - 1)
 
 
 def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
-    """Places in the order of their rank, their shares as widths of bars."""
+    """Yield the regimes in the order of their rank, with their shares as widths of bars."""
     rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
     everything = comparison.filter(level="force", by="all").select(pl.col("rows").max()).item()
     for row in rows.iter_rows(named=True):
@@ -183,18 +183,18 @@ def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
         }
 
 
-# What happened when it was added.
+# Errors after each step.
 
 
 def _ladder(sources: Sources, charts: Charts) -> Section:
-    """Errors step by step: a large figure of all axes together, and a small one of each."""
+    """Return the errors step by step: a large figure of all axes together, and a small one of each."""
     if sources.ladder is None:
         return None
     frame = sources.ladder.frame
     horizons = frame.filter(axis="all")["horizon"].unique().sort(nulls_last=True).to_list()
 
     def at(axis: str) -> list[pl.DataFrame]:
-        """Rows of one axis at every horizon."""
+        """Return the rows of one axis at every horizon."""
         rows = frame.filter(axis=axis)
         return [rows.filter(pl.col("horizon").eq_missing(pl.lit(one, pl.Float64))) for one in horizons]
 
@@ -218,7 +218,7 @@ def _ladder(sources: Sources, charts: Charts) -> Section:
 
 
 def _rungs(frame: pl.DataFrame) -> Iterator[dict[str, Any]]:
-    """The table beside the figure: every step and data set, its errors at the horizon of the headline."""
+    """Yield the rows of the table: every step and data set, with its errors at the main horizon."""
     rows = standing.at_horizon(frame)
     for (step, dataset), one in rows.group_by(["step", "dataset"], maintain_order=True):
         errors = dict(one.select("axis", "rmse").iter_rows())
@@ -232,7 +232,7 @@ def _rungs(frame: pl.DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def _joint(sources: Sources) -> Iterator[dict[str, Any]]:
-    """Values in the resulting vehicle file, from the fit of everything together."""
+    """Yield the values in the resulting vehicle file, from the fit of all effects together."""
     for table in vehicles.parse(text).effect if (text := _resulting(sources)) else ():
         if "standard_error" not in table:
             continue
@@ -249,7 +249,7 @@ def _joint(sources: Sources) -> Iterator[dict[str, Any]]:
 
 
 def _resulting(sources: Sources) -> str | None:
-    """Text of the vehicle file with what was found; None where nothing was added or nothing says."""
+    """Return the text of the vehicle file with the findings; None if nothing was added or it is not known."""
     step = _last_comparison(sources)
     return sources.comparisons[step].artefact.provenance.vehicle if step > 0 else None
 
@@ -258,7 +258,7 @@ def _resulting(sources: Sources) -> str | None:
 
 
 def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
-    """Velocities of every session, measured and simulated."""
+    """Return the section on one replay: measured and simulated motion of every session."""
     one = sources.replays[number]
     of_study = one.artefact.provenance.stage == "explain"
     held_out = sources.ladder is not None and "holdout" in sources.ladder.frame["dataset"]
@@ -292,7 +292,7 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
 
 
 def _thrusters(replay: Named) -> list[str]:
-    """Names of the thrusters whose commands a replay has; none where it has no commands."""
+    """Return the names of the thrusters; empty for a replay without commands."""
     columns = [name for name in replay.frame.columns if name.startswith(COMMAND)]
     if not columns or MEASURED not in replay.frame["variant"]:
         return []
@@ -302,7 +302,7 @@ def _thrusters(replay: Named) -> list[str]:
 
 
 def _replay_errors(frame: pl.DataFrame, sessions: Sequence[str], variants: Sequence[str]) -> Iterator[Any]:
-    """Root mean square error of every variant and axis over the sessions shown."""
+    """Yield the root mean square error of every variant and axis over the shown sessions."""
     if MEASURED not in variants:
         return
     rows = frame.filter(pl.col("session").is_in(list(sessions)))
@@ -319,7 +319,7 @@ def _replay_errors(frame: pl.DataFrame, sessions: Sequence[str], variants: Seque
 
 
 def _provenance(sources: Sources) -> dict[str, Any]:
-    """Files of the page, what they were made from, and the resulting vehicle file."""
+    """Return the files of the page, their inputs, and the resulting vehicle file."""
     files, inputs = [], dict[str, str]()
     for one in sources.everything:
         record = one.artefact.provenance

@@ -1,4 +1,4 @@
-"""The figures of a report as PNG files, for a paper or a slide."""
+"""Figures of a report as PNG files, for a paper or a slide."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 
 def draw(sources: Sources, folder: Path) -> list[Path]:
-    """Draw what there is: places, findings, ladder, replays and errors.
+    """Draw a figure for each available table: places, findings, ladder, replays and errors.
 
     Args:
-        sources: What there is to report on.
-        folder: Where to write; made if need be.
+        sources: Artefacts of the report.
+        folder: Output folder, which is made if necessary.
 
     Returns:
-        The files, in the order in which the page tells of them.
+        The files, in the order of the page.
 
     Raises:
-        DataError: the operating system refuses.
+        DataError: The files cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -48,7 +48,7 @@ def draw(sources: Sources, folder: Path) -> list[Path]:
 
 
 def _all(sources: Sources) -> Iterator[tuple[str, Figure]]:
-    """Name and figure of every picture."""
+    """Yield the name and the figure of every picture."""
     if sources.comparisons:
         yield "places", draw_places(sources.comparisons[0].frame)
     if (
@@ -68,7 +68,7 @@ def _all(sources: Sources) -> Iterator[tuple[str, Figure]]:
 
 
 def draw_places(comparison: pl.DataFrame) -> Figure:
-    """Ranked places where the model fails, as bars of their shares of the unexplained error."""
+    """Draw the regimes with the largest errors, as bars of their shares of the unexplained error."""
     rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
     names = [f"{MOTIONS[axis]} {place}" for axis, place in rows.select("axis", "place").rows()]
 
@@ -82,7 +82,7 @@ def draw_places(comparison: pl.DataFrame) -> Figure:
 
 
 def draw_findings(diagnosis: pl.DataFrame) -> Figure:
-    """What every finding explains of the error, with its 95 % interval."""
+    """Draw the share of the error that every finding explains, with its 95 % interval."""
     rows = diagnosis.filter(pl.col("share_of_error_explained").is_not_null()).sort("rank")
     names = [
         f"{words.verdict(row)[0].lower()}: {words.effect_name(row['effect'])}" for row in rows.to_dicts()
@@ -107,7 +107,7 @@ def draw_findings(diagnosis: pl.DataFrame) -> Figure:
 
 
 def draw_ladder(ladder: pl.DataFrame) -> Figure:
-    """Error of every axis after each step, on the recording and on held-out data, above noise alone."""
+    """Draw the error of every axis after each step, on the recording and held-out data, with noise floors."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -129,18 +129,18 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
 
 
 def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
-    """One axis of a ladder."""
+    """Draw one axis of a ladder."""
     for name, label, one in by_dataset(rows):
         (colour, _, dash), spread = DATASET_STYLES[name], figures.error_bars(one, "rmse")
         panel.errorbar(one["step"], one["rmse"], yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
         style = {"dot": ":", "dash": "--"}[dash]
-        panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")
+        panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise floor, {label}")
     panel.set_xticks(rows["step"].unique().sort().to_list())
     panel.set_title(f"{figures.TITLES[axis]} {axis} [{UNITS[axis]}]")
 
 
 def _listed(paint: Callable[[Axes], None], count: int, title: str) -> Figure:
-    """A figure of one panel with a row for each thing, the first on top."""
+    """Return a figure of one panel with a row for each item, the first on top."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

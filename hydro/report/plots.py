@@ -1,8 +1,7 @@
-"""Interactive figures of a report, each from the rows that it shows; the page gives them its light or dark.
+"""Interactive figures of a report, each from the rows that it shows; the page sets light or dark colours.
 
-A colour means one thing on the whole page: grey what was measured and what noise alone would leave, orange
-the model as given, blue the model with what was found, green held-out data.  All stand out from white and
-black.
+Colours mean the same on the whole page: grey for measurements and noise floors, orange for the given model,
+blue for the model with the findings, green for held-out data.  All contrast with white and with black.
 """
 
 from __future__ import annotations
@@ -21,28 +20,28 @@ from hydro.report.words import Value, figure
 
 GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"
 BAND = "rgba(47, 135, 208, 0.25)"
-"""What the parameters of the model with what was found leave open."""
+"""Colour of the band due to uncertain parameters of the model with the findings."""
 MANY = (
     *("#D9662B", "#2F87D0", "#149E78", "#B55FA3", "#B08A00", "#5C6BC0"),
     *("#C0504D", "#4FA3B8", "#8A6A4F", "#7FA33A", "#D977A8", "#4A6B8A"),
 )
-"""Where there are more models than two."""
+"""Colours for more than two models."""
 POINTS_ON_SCREEN = 1000
-"""Samples drawn per curve and session: as many as a screen is wide."""
+"""Maximum number of samples drawn per curve and session: about the pixels across a screen."""
 SPAN = 10.0
-"""Ratio of the greatest to the least error from which on an axis is logarithmic."""
+"""Minimum ratio of the largest to the smallest error for a logarithmic axis."""
 CROWDED = 150.0
-"""Ratio from which a logarithmic axis has numbers at powers of ten alone, not also at 2 and 5."""
+"""Ratio above which a logarithmic axis has numbers only at powers of ten, not at 2 and 5."""
 DATASET_STYLES = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
-"""Colour, mark and dashes of the noise of what a ladder was measured on."""
+"""Colour and mark of each data set of a ladder, and the dashes of its noise floor."""
 
 
 def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
-    """Error after each step, with its interval, and what noise alone would leave.
+    """Draw the error after each step, with its interval and the noise floor.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.
-        logarithmic: Whether equal factors are equal heights.
+        logarithmic: Whether the vertical axis is logarithmic.
     """
     drawn = go.Figure()
     for name, label, one in by_dataset(rows):
@@ -50,10 +49,10 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
         drawn.add_scatter(
             x=one["step"].to_list(),
             y=one["noise_floor"].to_list(),
-            name=f"noise alone, {label}",
+            name=f"noise floor, {label}",
             mode="lines",
             line={"color": NOISE, "width": 1.5, "dash": dash},
-            hovertemplate=f"%{{y:.2g}} {one['unit'][0]}, noise alone, {label}<extra></extra>",
+            hovertemplate=f"%{{y:.2g}} {one['unit'][0]}, noise floor, {label}<extra></extra>",
         )
         drawn.add_scatter(
             x=one["step"].to_list(),
@@ -80,13 +79,13 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
 
 
 def wide(errors: pl.Series) -> bool:
-    """Whether errors differ so much that only a logarithmic axis shows them all."""
+    """Return whether errors differ so much that they need a logarithmic axis."""
     positive = errors.filter(errors > 0.0)
     return len(positive) > 0 and _number(positive.max()) > SPAN * _number(positive.min())
 
 
 def parameters(values: Sequence[Value]) -> go.Figure:
-    """Values of one unit as dots with 95 % intervals, zero as a line."""
+    """Draw values of one unit as dots with 95 % intervals, and zero as a line."""
     bounds = [one.interval or (one.value, one.value) for one in values]
     drawn = go.Figure()
     drawn.add_scatter(
@@ -113,7 +112,7 @@ def parameters(values: Sequence[Value]) -> go.Figure:
 
 
 def conditions(rows: pl.DataFrame) -> go.Figure:
-    """Error in each condition of one kind, such as bands of speed: now, and before where that is known.
+    """Draw the error in each condition of one kind, such as bands of speed, also the earlier one if known.
 
     Args:
         rows: Rows of a comparison of one level, axis and kind of condition.
@@ -131,7 +130,7 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
             error_x=_interval(rows, "before", "before_"),
             hovertemplate="%{y}<br><b>%{x:.3g}</b> " + unit + ", as given<extra></extra>",
         )
-        now = "with what was found"
+        now = "with the findings"
     drawn.add_bar(
         x=rows["rmse"].to_list(),
         y=words,
@@ -150,17 +149,17 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
 
 
 def overlay(replay: pl.DataFrame, session: str, axis: str, bands: pl.DataFrame | None = None) -> go.Figure:
-    """Measured and simulated velocity of one session and axis.
+    """Draw the measured and simulated velocity of one session and axis.
 
-    A simulated curve is left out wherever its error is beyond the whole range of the measured motion, and
-    altogether where it errs by more than the motion varies while another does not: it says nothing there and
-    would only hide what does.
+    A simulated curve is interrupted where its error exceeds the whole range of the measured motion.  It is
+    omitted if its error exceeds the standard deviation of the motion while that of another does not.  Such
+    curves have no information and would hide others.
 
     Args:
         replay: Replay table.
-        session: Which recording.
+        session: Name of the session.
         axis: One of u v w p q r.
-        bands: Bands table of the last model; None without.
+        bands: Bands table of the last model; None without one.
     """
     one = replay.filter(pl.col("session") == session).select(
         "variant", pl.col("t") - pl.col("t").min(), value=pl.col(axis).cast(pl.Float64)
@@ -199,12 +198,13 @@ def overlay(replay: pl.DataFrame, session: str, axis: str, bands: pl.DataFrame |
 
 
 def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go.Figure:
-    """Where a vehicle went in one session, seen from above: east to the right, north up, in equal scales.
+    """Draw the path of one session from above, east to the right and north up, with equal scales.
 
     Args:
         replay: Replay table.
-        session: Which recording.
-        restart: Seconds after which simulated motion begins anew: its line is broken there.
+        session: Name of the session.
+        restart: Period after which the simulation restarts from the measured state [s]; lines are interrupted
+            there.
     """
     drawn = _tracks(replay, session, ("y", "x"), restart)
     drawn.update_xaxes(title="east y [m]", zeroline=False)
@@ -216,7 +216,7 @@ def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go
 def depth(
     replay: pl.DataFrame, session: str, restart: float | None = None, bands: pl.DataFrame | None = None
 ) -> go.Figure:
-    """How deep a vehicle was in one session; down is down. Arguments as of `path` and `overlay`."""
+    """Draw the depth of one session, downward; for the arguments see `path` and `overlay`."""
     drawn = _tracks(replay, session, ("t", "z"), restart)
     if bands is not None:
         _band(drawn, bands.filter(session=session), "z")
@@ -227,11 +227,11 @@ def depth(
 
 
 def commands(replay: pl.DataFrame, session: str, names: Sequence[str]) -> go.Figure:
-    """Commands of one session, a lane for each thruster from -100 to 100 %.
+    """Draw the commands of one session, from -100 to 100 % for each thruster.
 
     Args:
         replay: Replay table with commands.
-        session: Which recording.
+        session: Name of the session.
         names: Names of the thrusters, in the order of their columns.
     """
     one = replay.filter(session=session, variant=MEASURED).with_columns(pl.col("t") - pl.col("t").min())
@@ -263,7 +263,7 @@ def commands(replay: pl.DataFrame, session: str, names: Sequence[str]) -> go.Fig
 
 
 def _band(drawn: go.Figure, rows: pl.DataFrame, name: str) -> None:
-    """The 95 % band of one column of one session, behind what else is drawn."""
+    """Draw the 95 % band of one column of one session, behind the curves."""
     shown = rows.gather_every(max(1, -(-rows.height // POINTS_ON_SCREEN)))
     since = (shown["t"] - shown["t"].min()).cast(pl.Float32)
     for side, fill in (("low", None), ("high", "tonexty")):
@@ -279,7 +279,7 @@ def _band(drawn: go.Figure, rows: pl.DataFrame, name: str) -> None:
 
 
 def _tracks(replay: pl.DataFrame, session: str, columns: tuple[str, str], restart: float | None) -> go.Figure:
-    """One column over another, a line for each variant, thinned to what a screen shows."""
+    """Draw one column over another, with a line of at most POINTS_ON_SCREEN samples for each variant."""
     across, up = columns
     one = replay.filter(pl.col("session") == session).with_columns(pl.col("t") - pl.col("t").min())
     variants = one["variant"].unique(maintain_order=True).to_list()
@@ -304,7 +304,7 @@ def _tracks(replay: pl.DataFrame, session: str, columns: tuple[str, str], restar
 
 
 def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
-    """Variants whose error is larger than the spread of the measured motion, if others' are not."""
+    """Return the variants whose error exceeds the spread of the measured motion, if not all do."""
     error = (pl.col("value") - pl.col("measured")).pow(2).mean().sqrt()
     errors = simulated.group_by("variant", maintain_order=True).agg(error=error)
     far = errors.filter(pl.col("error") > spread)["variant"].to_list()
@@ -312,7 +312,7 @@ def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
 
 
 def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Label and colour of every variant of a replay; of a study, the model before and after."""
+    """Return label and colour of every variant of a replay, or of the given and later models of a study."""
     others = [name for name in variants if name != MEASURED]
     found = {MEASURED: ("measured", NOISE)} if MEASURED in variants else {}
     if others and all(name.startswith("step-") for name in others):
@@ -324,7 +324,7 @@ def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
-    """Errors per axis, one bar for each model or variant.
+    """Draw errors per axis, with one bar for each model or variant.
 
     Args:
         metrics: Rows of one metric and unit.
@@ -350,7 +350,7 @@ def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
 
 
 def _interval(rows: pl.DataFrame, of: str, prefix: str = "") -> dict[str, object] | None:
-    """Error bars from the columns `low` and `high`; None where there are none."""
+    """Return error bars from the columns `low` and `high`; None without them."""
     low = f"{prefix}low"
     if low not in rows.columns or rows[low].null_count() == rows.height:
         return None
@@ -363,6 +363,6 @@ def _number(value: object) -> float:
 
 
 def _plain(drawn: go.Figure, height: int = 300) -> go.Figure:
-    """A figure without a style of its own: the page has one template for light and one for dark."""
+    """Return a figure without a style: the page has a template for light and one for dark colours."""
     drawn.update_layout(template={}, height=height, showlegend=False)
     return drawn

@@ -15,20 +15,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-CELLS = 120  # along each side of a density plot
-TAIL = 0.1  # percent of the truth beyond each end of a density plot
+CELLS = 120
+"""Number of cells along each side of a density plot."""
+TAIL = 0.1
+"""Percentage of the true values beyond each end of a density plot, before margins."""
 
 
 def density_table(truth: NDArray[Any], predicted: NDArray[Any]) -> pl.DataFrame:
-    """How often which wrench was predicted for which (Fig. 3 of the paper).
+    """Return the joint histogram of true and predicted wrenches (Fig. 3 of the paper).
 
     Args:
-        truth: labels (N, 6) [N, N m].
-        predicted: what the model says (N, 6).
+        truth: Labels (N, 6) [N, N m].
+        predicted: Predictions of the model (N, 6).
 
     Returns:
-        Cells that hold rows: `axis`, `truth` and `predicted` (their middle) [N, N m], `cell`, the length of
-        their sides, and `rows`. Rows beyond the frame are counted at its edge.
+        Cells with rows: `axis`, `truth` and `predicted` (centre of the cell) [N, N m], `cell` (length of its
+        sides), and the number of `rows`. Rows beyond the frame are counted at its edge.
     """
     tables = []
     for i, axis in enumerate(WRENCH):
@@ -48,7 +50,7 @@ def density_table(truth: NDArray[Any], predicted: NDArray[Any]) -> pl.DataFrame:
 
 
 def draw_density(table: pl.DataFrame, title: str) -> Figure:
-    """Draw `density_table`, one panel per axis; on the diagonal the prediction is true."""
+    """Draw `density_table`, one panel per axis; exact predictions are on the diagonal."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -64,7 +66,7 @@ def draw_density(table: pl.DataFrame, title: str) -> Figure:
 
 
 def _draw_cells(panel: Axes, rows: pl.DataFrame, title: str) -> None:
-    """One axis: counts of rows on a logarithmic scale."""
+    """Draw one axis: counts of rows on a logarithmic scale."""
     from matplotlib.colors import LogNorm
 
     cell = rows["cell"][0]

@@ -1,4 +1,4 @@
-"""Do two measures of error rank models alike? Kendall's tau, with an interval over models and seeds."""
+"""Agreement of two rankings of models: Kendall's tau, with an interval over models and seeds."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import INTERVAL
 
 RANKINGS_DRAWN = 2000
+"""Number of bootstrap resamples."""
 
 
 class Agreement(NamedTuple):
-    """Kendall's tau-b of two rankings: 1 the same, -1 the reverse, 0 unrelated.
+    """Kendall's tau-b of two rankings: 1 for equal, -1 for reversed, 0 for unrelated ones.
 
-    `low` and `high` are the 95 % interval.  `p_value` is that of no relation, for so few models.
+    `low` and `high` are the 95 % interval.  `p_value` is that of the hypothesis of no relation.
     """
 
     tau: float
@@ -29,14 +30,14 @@ class Agreement(NamedTuple):
 
 
 def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: int = 0) -> Agreement:
-    """How far two errors of the same models agree on which is better.
+    """Return the agreement of two rankings of the same models, by two measures of error.
 
-    Models are ranked by their means over seeds.  The interval resamples models, for others could have been
-    compared, and within every model seeds, the same for both errors, for they are of one trained network.
+    Models are ranked by their means over seeds.  The interval resamples models, and seeds within each model.
+    Both errors use the same resampled seeds, because they belong to the same trained networks.
 
     Args:
-        first: An error of every model, one number per seed, shapes (S_k,).
-        second: The other error of the same networks.
+        first: First error of every model, one number per seed, shapes (S_k,).
+        second: Second error of the same networks.
         seed: Seed of the bootstrap.
 
     Raises:
@@ -60,17 +61,17 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
 
 
 def no_better(errors: ArrayLike, best: ArrayLike) -> float:
-    """Chance of errors so much larger than another model's, were they not: exact rank-sum test, one-sided.
+    """Return the p-value of a one-sided exact rank-sum test: errors are not larger than another model's.
 
     Args:
-        errors: One number per network, shape (S,).
-        best: Those of the other model, shape (T,).
+        errors: Errors of the model, one number per network, shape (S,).
+        best: Errors of the other model, shape (T,).
     """
     return float(scipy.stats.mannwhitneyu(errors, best, alternative="greater", method="exact").pvalue)
 
 
 def _tau(first: Array, second: Array) -> Array:
-    """Kendall's tau-b of every row of two tables (B, n); NaN where all of a row are alike."""
+    """Return Kendall's tau-b of every row of two tables (B, n); NaN for a row of equal numbers."""
     signs = [_signs(table) for table in (first, second)]
     both, *own = ((a * b).sum(axis=(1, 2)) for a, b in (signs, *zip(signs, signs, strict=True)))
     with np.errstate(invalid="ignore"):
@@ -79,6 +80,6 @@ def _tau(first: Array, second: Array) -> Array:
 
 
 def _signs(values: Array) -> Array:
-    """Which of every two numbers of a row is larger: 1, 0 or -1, shape (B, n, n)."""
+    """Return the sign of the difference of every two numbers of a row, shape (B, n, n)."""
     larger = values[:, :, None] > values[:, None, :]
     return larger.astype(np.float64) - larger.transpose(0, 2, 1)

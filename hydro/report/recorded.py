@@ -1,4 +1,4 @@
-"""What was recorded: sessions with their minutes and rates, and the noise of every channel."""
+"""Recordings of a report: sessions with their minutes and rates, and the noise of every channel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hydro.report.sources import Sources
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Sessions of the recordings and noise of the fitted one; None where nothing says."""
+    """Return sessions of the recordings and the noise of the fitted one; None if they are not known."""
     listed, noise = _listed(sources), list(_noise(sources))
     if listed.is_empty() and not noise:
         return None
@@ -40,20 +40,20 @@ def section(sources: Sources) -> dict[str, Any] | None:
 
 
 def sample_time(sources: Sources) -> float:
-    """Return the sample time of the recording [s]; NaN where nothing says."""
+    """Return the sample time of the recording [s]; NaN if it is not known."""
     listed = _listed(sources)
     return math.nan if listed.is_empty() else float(listed["sample_time"][0])
 
 
 def _of_recording(sources: Sources) -> pl.DataFrame:
-    """What the first comparison says of its recording."""
+    """Return the rows of the first comparison that describe its recording."""
     if not sources.comparisons:
         return pl.DataFrame(schema={"by": pl.String})
     return sources.comparisons[0].frame.filter(level="recording")
 
 
 def _listed(sources: Sources) -> pl.DataFrame:
-    """Sessions with `dataset`, `rows` and `sample_time` [s]."""
+    """Return the sessions with `dataset`, `rows` and `sample_time` [s]."""
     if sources.sessions is not None:
         return sources.sessions.frame
     rows = _of_recording(sources).filter(by="session")
@@ -65,7 +65,7 @@ def _listed(sources: Sources) -> pl.DataFrame:
 
 
 def _noise(sources: Sources) -> Iterator[tuple[str, str, str]]:
-    """Channel, size of its noise and unit."""
+    """Yield each channel, its noise and its unit."""
     for row in _of_recording(sources).filter(by="all").iter_rows(named=True):
         size = words.figure(row["rmse"], 2) if row["rmse"] > LEAST_NOISE else "none found"
         yield row["axis"], size, row["unit"]

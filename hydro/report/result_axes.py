@@ -1,4 +1,4 @@
-"""Results of the Python functions drawn into Matplotlib axes, of a new figure or of the user's own."""
+"""Plots of results of the Python functions, in Matplotlib axes of a new figure or of the user."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from hydro.core.diagnosis.findings import Prediction
 
 WIDTH = 9.0
-"""Width of a figure [inch], which a notebook shows without scaling it down."""
+"""Width of a figure [inch]; notebooks show it without scaling."""
 ROTATION = ("p", "q", "r", "phi", "theta", "psi")
-"""Axes whose unit has radians."""
+"""Axes with radians in their unit."""
 SYMBOLS = {"circle": "o", "diamond": "D"}
-"""Matplotlib's marks for those of `DATASET_STYLES`."""
+"""Matplotlib's marks for the marks of `DATASET_STYLES`."""
 MARKS = {
     "before": ("model before", "o", GIVEN),
     "zero_velocity": ("zero velocity", "s", NOISE),
@@ -35,22 +35,22 @@ MARKS = {
 }
 """Label, mark and colour of each error of a comparison."""
 MARK: Any = {"linestyle": "", "markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
-"""Hollow marks, so that one does not hide another."""
+"""Style of hollow marks, which do not hide each other."""
 
 
 def panels(
     given: Axes | Sequence[Axes] | None, count: int, height: float, heights: Sequence[float] = (1.0,)
 ) -> NDArray[np.object_]:
-    """Return the axes to draw into, (count,): those that are given, or a new figure's.
+    """Return the axes to draw into, (count,): the given ones, or those of a new figure.
 
     Args:
         given: Axes of the user.
-        count: How many are needed.
+        count: Number of axes that are needed.
         height: Height of a new figure [inch].
-        heights: Heights of the rows of a new figure, relative to each other.
+        heights: Relative heights of the rows of a new figure.
 
     Raises:
-        UsageError: There are more or fewer than needed.
+        UsageError: The number of given axes is wrong.
     """
     if given is None:
         import matplotlib as mpl

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from hydro.report.following import pasted, quoted
 
 COLUMNS = 80
-"""Width of a terminal where nothing says otherwise."""
+"""Default width of a terminal."""
 MOST_LINES = 38
-"""Lines of an answer at most: a terminal has 40, and the prompt and one message need theirs."""
+"""Maximum number of lines of an answer: 40 of a terminal, less the prompt and one message."""
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class Text:
     """A paragraph.
 
     Attributes:
-        text: Its text; empty for an empty line.
-        indent: Columns before each line.
+        text: Text; empty for an empty line.
+        indent: Number of spaces before each line.
         bold: Whether it is printed bold.
         whole: Whether it keeps its line breaks, as rows of a table do.
     """
@@ -31,7 +31,7 @@ class Text:
     whole: bool = False
 
     def lines(self, width: int) -> list[Text]:
-        """Return the paragraph as lines that are no wider than a terminal."""
+        """Return the paragraph as lines that fit the width of a terminal."""
         if self.whole or not self.text:
             return [self]
         wrapped = textwrap.wrap(
@@ -49,32 +49,32 @@ def laid(paragraphs: Iterable[Text], width: int) -> list[Text]:
 
 
 def command(words: Sequence[str] | None, width: int) -> Iterator[Text]:
-    """Yield the lines of a command that can be pasted; nothing where there is none."""
+    """Yield the lines of a command that can be pasted; nothing without a command."""
     if words:
         yield from (Text(line, whole=True) for line in pasted(quoted(words), width))
 
 
 @dataclass(frozen=True)
 class Following:
-    """The next command.
+    """Next command of an answer.
 
     Attributes:
-        label: What it does.
-        words: Its words; None where there is none.
+        label: Purpose of the command.
+        words: Words of the command; None without a command.
     """
 
     label: str = ""
     words: Sequence[str] | None = None
 
     def lines(self, width: int) -> Iterator[Text]:
-        """Yield the label and the command; nothing where there is none."""
+        """Yield the label and the command; nothing without a command."""
         if self.words:
             yield Text(self.label)
             yield from command(self.words, width)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[Text]:
-    """Yield a table, its first column to the left and all others to the right."""
+    """Yield a table, with the first column aligned left and all others right."""
     cells = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
     for number, row in enumerate(cells):
@@ -87,18 +87,18 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[Text
 
 @dataclass(frozen=True)
 class Block:
-    """A part of an answer that may be left out.
+    """Part of an answer that may be omitted.
 
     Attributes:
-        body: Its paragraphs.
-        following: The next command, which is left out first.
+        body: Paragraphs.
+        following: Next command, which is omitted first.
     """
 
     body: Sequence[Text]
     following: Following = Following()
 
     def lines(self, width: int) -> list[Text]:
-        """Return its lines on a terminal."""
+        """Return the lines of the block on a terminal."""
         return laid([*self.body, *self.following.lines(width)], width)
 
     @property
@@ -110,16 +110,16 @@ class Block:
 def fitted(
     head: Sequence[Text], blocks: Sequence[Block], tail: Sequence[Text], width: int, more: str
 ) -> list[Text]:
-    """Return the lines of an answer: as many blocks as fit, and a word on those that are left out.
+    """Return the lines of an answer: as many blocks as fit, and a note on omitted ones.
 
-    Where they do not fit, commands of the last blocks go first, then the last blocks.
+    If they do not fit, commands of the last blocks are omitted first, then the last blocks.
 
     Args:
-        head: What stands first.
+        head: First paragraphs.
         blocks: Blocks, the most important first.
-        tail: What stands last.
+        tail: Last paragraphs.
         width: Columns.
-        more: Says where the blocks are that are left out, with `{count}`; empty where none may be.
+        more: Note on omitted blocks, with `{count}`; empty if none may be omitted.
     """
     begin, end = laid(head, width), laid(tail, width)
     room = MOST_LINES - len(begin) - len(end)

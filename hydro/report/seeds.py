@@ -1,4 +1,4 @@
-"""Networks of several seeds together: means with their spread, and how sure a comparison of them is."""
+"""Results over networks of several seeds: means with their spread, and tests of comparisons."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hydro.report.tables import of_a_piece
 
 
 def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
-    """Means over the networks of every model, with the smallest and the largest of them.
+    """Return means over the networks of every model, with the smallest and the largest value.
 
     Args:
-        errors: metrics of several networks, with a column `run` that names the network of its model.
+        errors: Metrics of several networks, with a column `run` that names the network of its model.
 
     Returns:
-        A metrics table; of a model of one network its own rows, with their intervals.
+        A metrics table; for a model with one network the rows and intervals of that network.
     """
     about = ["model", "variant", "dataset", "axis", "metric", "unit"]
     runs = pl.len() > 1
@@ -36,17 +36,17 @@ def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
-    """Whether the error of the predicted wrench ranks models as the error of the replayed velocity does.
+    """Compare the rankings of models by the error of the predicted wrench and of the replayed velocity.
 
     Args:
-        predicted: metrics of predicted wrenches of several networks, with a column `run`.
-        replayed: metrics of their replays, with the same column; a network whose flight diverged has no
-            error of a whole flight, counts as the worst there, and with it its model.
+        predicted: Metrics of predicted wrenches of several networks, with a column `run`.
+        replayed: Metrics of their replays, with the same column. A network whose replay diverged has no
+            error; it and its model then rank last.
 
     Returns:
-        A metrics table: Kendall's tau over models of the errors over all six axes, and by axis of motion
-        (surge force against surge velocity, and so on), with its interval, and the p-value of no relation.
-        Empty where there are fewer than three models.
+        A metrics table: Kendall's tau over models, with its interval and the p-value of no relation. It is
+        computed from errors over all six axes, and by axis (surge force against surge velocity, and so on).
+        Empty for fewer than three models.
     """
     rows: list[tuple[str, str, float, float, float, str]] = []
     for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITY, strict=True)):
@@ -67,20 +67,20 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
-    """The same table with the length of the training data in the models' names: `mlp, 3 min`.
+    """Return the table with the length of the training data in the models' names: `mlp, 3 min`.
 
     Args:
-        errors: metrics with a column `minutes`.
+        errors: Metrics with a column `minutes`.
     """
     length = pl.format(", {} min", pl.col("minutes").map_elements("{:g}".format, return_dtype=pl.String))
     return errors.with_columns(model=pl.col("model") + length)
 
 
 def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
-    """For every length of training data, how surely every model replays worse than the best.
+    """Test for every length of training data whether each model replays worse than the best.
 
     Args:
-        replayed: metrics of replays of several networks, with the columns `run` and `minutes`.
+        replayed: Metrics of replays of several networks, with the columns `run` and `minutes`.
 
     Returns:
         A metrics table: `behind_p`, the one-sided p-value of an exact rank-sum test over seeds that a model's
@@ -104,7 +104,7 @@ def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Kendall's tau of the two errors for a reader: `axis`, `tau`, `low`, `high`, `p`."""
+    """Return Kendall's tau of the two errors as a table: `axis`, `tau`, `low`, `high`, `p`."""
     taus = metrics.filter(pl.col("metric") == "kendall_tau").select("axis", "low", "high", tau="value")
     chances = metrics.filter(pl.col("metric") == "kendall_p").select("axis", p="value")
     both = taus.join(chances, on="axis", how="left", maintain_order="left")
@@ -112,16 +112,16 @@ def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def minutes_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """What so many minutes of training data teach: one row per length and model.
+    """Return errors by length of the training data, one row per length and model.
 
     Args:
-        metrics: errors of predicted wrenches and of replays, by models named as `by_minutes` does, and
+        metrics: Errors of predicted wrenches and of replays, with models named by `by_minutes`, and
             `behind_p`.
 
     Returns:
-        `minutes`, `model`; root mean square errors over all six axes of the wrench, `wrench` [N, N m], and of
-        the replayed velocities, `replay` [m/s, rad/s], each with its smallest and largest over seeds; and
-        `p`, see `behind_the_best`.
+        `minutes`, `model`; `wrench` [N, N m] and `replay` [m/s, rad/s], the root mean square errors over all
+        six axes of the wrench and of the replayed velocities. Each has its smallest and largest value over
+        seeds. `p` is explained in `behind_the_best`.
     """
     of_all = metrics.filter(pl.col("axis") == "all", ~of_a_piece())
     errors = of_all.filter(pl.col("metric") == "rmse")
@@ -142,14 +142,14 @@ def minutes_table(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Replays under every kind of conditioning: one row per variant, one column per kind.
+    """Return errors of replays under every kind of conditioning, one row per variant, one column per kind.
 
     Args:
-        metrics: errors of replays whose dataset is the kind, such as `off` or `paper-old`.
+        metrics: Errors of replays whose dataset is the kind, such as `off` or `paper-old`.
 
     Returns:
-        `variant`, and by kind the root mean square error over all six velocities [m/s, rad/s]; null where a
-        flight diverged.
+        `variant`, and by kind the root mean square error over all six velocities [m/s, rad/s]; null if the
+        replay diverged.
     """
     rows = metrics.filter(pl.col("axis") == "all", pl.col("metric").is_in(["rmse", "diverged"]))
     return rows.with_columns(value=pl.when(pl.col("metric") == "rmse").then("value")).pivot(
@@ -158,6 +158,6 @@ def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def _networks(errors: pl.DataFrame, axis: str) -> pl.DataFrame:
-    """Root mean square errors of every network on an axis."""
+    """Return the root mean square errors of every network on an axis."""
     chosen = errors.filter(pl.col("metric") == "rmse", pl.col("axis") == axis)
     return chosen.select("model", "run", "value")

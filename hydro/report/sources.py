@@ -1,4 +1,4 @@
-"""What a report is made from: the artefacts of a study's folder, or single ones, each where it belongs."""
+"""Artefacts of a report, from the folder of a study or from single files, sorted by kind."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ from hydro.io.table import Artefact
 REPORTED_KINDS = (
     "comparison", "diagnosis", "ladder", "replay", "metrics", "leftover", "growth", "sessions", "bands",
 )  # fmt: skip
-"""Kinds of table that a report can tell of."""
+"""Kinds of table that a report can show."""
 NAMES = (*REPORTED_KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
+"""Stems of file names in the folder of a study, in the order of the page."""
 SINGLE = ("ladder", "leftover", "growth", "sessions", "bands")
-"""Those of which a study has one."""
+"""Kinds of which a study has one table."""
 STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
-"""Names of files that are looked for in a folder, in the order in which the page tells of them."""
+"""Names of files that a report reads from a folder."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """An artefact and what the user calls it."""
+    """Artefact with the name that the user gave."""
 
     name: str
     artefact: Artefact
 
     @property
     def frame(self) -> pl.DataFrame:
-        """Its table."""
+        """Table of the artefact."""
         return self.artefact.frame
 
 
 @dataclass(frozen=True)
 class Sources:
-    """The artefacts of a report by kind; comparisons and diagnoses in the order of their steps."""
+    """Artefacts of a report by kind; comparisons and diagnoses in the order of their steps."""
 
     comparisons: tuple[Named, ...] = ()
     diagnoses: tuple[Named, ...] = ()
@@ -56,13 +57,13 @@ class Sources:
 
     @property
     def everything(self) -> tuple[Named, ...]:
-        """All artefacts, in the order in which the report tells of them."""
+        """All artefacts, in the order of the report."""
         single = (self.ladder, self.leftover, self.growth, self.sessions, self.bands)
         found = [one for one in single if one is not None]
         return (*self.comparisons, *self.diagnoses, *found, *self.replays, *self.metrics)
 
     def vehicle_text(self) -> str | None:
-        """Text of the vehicle file of the first step; None where no artefact carries one."""
+        """Return the text of the vehicle file of the first step; None if no artefact has one."""
         return next((text for one in self.everything if (text := one.artefact.provenance.vehicle)), None)
 
 
@@ -73,14 +74,14 @@ def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
         places: Folders, Parquet files and binary streams.
 
     Raises:
-        DataError: A folder has nothing to report on, a file is of another kind or broken, a study's
-            table is there twice, or a comparison is of a recording without velocity.
+        DataError: A folder has nothing to report on, a file is of another kind or broken, two studies are
+            given, or a comparison is of a recording without velocity.
     """
     found = [one for place in places for one in _read(place)]
     for one in found:
         if one.artefact.kind == "comparison" and not (one.artefact.frame["axis"] == VELOCITY[0]).any():
             raise DataError(
-                f"{one.name}: its recording lacks velocities, of which the page is made; see `hydro show`"
+                f"{one.name}: its recording lacks velocities, which the page needs; see `hydro show`"
             )
     of = {kind: tuple(one for one in found if one.artefact.kind == kind) for kind in REPORTED_KINDS}
     single = {kind: _single(kind, of[kind]) for kind in SINGLE}
@@ -88,7 +89,7 @@ def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
 
 
 def _single(kind: str, found: Sequence[Named]) -> Named | None:
-    """The one table of a kind of which a report tells of one.
+    """Return the table of a kind that a report shows once; None without one.
 
     Raises:
         DataError: There are two.
@@ -99,7 +100,7 @@ def _single(kind: str, found: Sequence[Named]) -> Named | None:
 
 
 def _read(place: str | Path | BinaryIO) -> list[Named]:
-    """The artefacts of one folder, file or stream."""
+    """Read the artefacts of one folder, file or stream."""
     if not isinstance(place, str | Path):
         return [Named("stdin", table.read(place, REPORTED_KINDS))]
     path = Path(place)
@@ -115,6 +116,6 @@ def _read(place: str | Path | BinaryIO) -> list[Named]:
 
 
 def _step(name: str) -> tuple[int, int]:
-    """Sorts `diagnosis-2` before `diagnosis-10`, and kinds in the order of the page."""
+    """Return the key for sorting: kinds in the order of the page, `diagnosis-2` before `diagnosis-10`."""
     kind, _, number = name.removesuffix(".parquet").partition("-")
     return NAMES.index(kind), int(number or 0)

@@ -1,4 +1,4 @@
-"""How good a model is before and after, and which step of a study is the one to use."""
+"""Prediction errors before and after the findings are added, and the step of a study to use."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from hydro.report.words import DATASETS
 
 @dataclass(frozen=True)
 class Standing:
-    """How good the model is on one set of data, before and after.
+    """Prediction errors on one data set, before and after.
 
     Attributes:
         dataset: `fit` or `holdout`.
         horizon: Horizon of the predictions [s]; None for whole runs.
         before: Error of the file as given.
-        after: Error with what was found; None where nothing was added.
-        noise: What noise alone would leave.
-        unit: Of all of them.
+        after: Error with the findings added; None if nothing was added.
+        noise: Noise floor.
+        unit: Unit of the errors.
     """
 
     dataset: str
@@ -40,35 +40,35 @@ class Standing:
 
     @property
     def data(self) -> str:
-        """What it was measured on, in words."""
+        """Data set in words."""
         return DATASETS[self.dataset]
 
     @property
     def left(self) -> float | None:
-        """Part of the error that is left."""
+        """Remaining share of the error; None if nothing was added."""
         return None if self.after is None or self.before == 0.0 else self.after / self.before
 
 
 def chosen_step(sources: Sources) -> int | None:
-    """The step to use; without a ladder, the last comparison or diagnosis; None where there is neither."""
+    """Return the step to use; without a ladder the last comparison or diagnosis; None without either."""
     if sources.ladder is not None:
         return best_step(sources.ladder.frame)
     return max(len(sources.comparisons), len(sources.diagnoses)) - 1 if sources.everything else None
 
 
 def at_horizon(rows: pl.DataFrame) -> pl.DataFrame:
-    """The rows at the horizon of the headline, or else at the longest that there is."""
+    """Return the rows at the main horizon, or else at the longest one."""
     known = [one for one in rows["horizon"].unique().to_list() if one is not None]
     chosen = HORIZON if HORIZON in known else max(known, default=None)
     return rows.filter(pl.col("horizon").eq_missing(pl.lit(chosen, pl.Float64)))
 
 
 def errors(sources: Sources) -> pl.DataFrame:
-    """Errors of predictions before and after, from the ladder, or else from the comparisons.
+    """Return errors of predictions before and after, from the ladder, or else from the comparisons.
 
     Returns:
-        `dataset`, `axis`, `horizon`, `before`, `after` (null where nothing was added), `noise_floor`, `unit`;
-        no rows where nothing was compared.
+        `dataset`, `axis`, `horizon`, `before`, `after` (null if nothing was added), `noise_floor`, `unit`; no
+        rows without a comparison.
     """
     key = ["dataset", "axis", "horizon"]
     if sources.ladder is not None:
@@ -97,7 +97,7 @@ def errors(sources: Sources) -> pl.DataFrame:
 
 
 def standings(sources: Sources) -> list[Standing]:
-    """How good the model is: on the recording first, and then on held-out data."""
+    """Return the errors on the recording first, and then on held-out data."""
     whole = errors(sources).filter(pl.col("axis") == "all")
     found = []
     for name in DATASETS:
@@ -109,7 +109,7 @@ def standings(sources: Sources) -> list[Standing]:
 
 
 def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
-    """Errors of velocity and pose at every horizon, before and after, in figures."""
+    """Yield the errors of velocity and pose at every horizon, before and after, as text."""
     both = errors(sources)
     for axis, label in (("all", "velocity"), ("pose", "position")):
         rows = both.filter(pl.col("axis") == axis).sort("dataset", "horizon", nulls_last=True)
@@ -125,24 +125,24 @@ def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
 
 
 def answer(sources: Sources) -> str:
-    """Return the answer of the study, or of the last diagnosis, in one line; empty where there is none."""
+    """Return the headline of the study, or of the last diagnosis; empty without one."""
     last = (sources.ladder, *sources.diagnoses[::-1])
     told = (one.artefact.provenance.parameters.get(HEADLINE, "") for one in last if one is not None)
     return next((str(line) for line in told if line), "")
 
 
 def headline(sources: Sources) -> str:
-    """Return the errors before and after in a sentence; what was found, where nothing was compared."""
+    """Return a sentence on the errors before and after, or on the finding if nothing was compared."""
     found = standings(sources)
     if not found:
         return _first_finding(sources) or _what_it_is(sources)
     first = found[0]
     look = f"{first.horizon:g} s ahead" if first.horizon is not None else "over a whole run"
     if first.after is None:
-        told = f"The model errs by {words.figure(first.before)} {first.unit} {look}."
+        told = f"The error of the model is {words.figure(first.before)} {first.unit} {look}."
         return f"{told} {_first_finding(sources) or _worst_place(sources)}".strip()
     added = listed(added_effects(sources))
-    begin = f"With {added} added" if added else "With what was found"
+    begin = f"With {added} added" if added else "With the findings added"
     falls = "falls" if first.after < first.before else "goes"
     told = f"{begin}, the error {look} {falls} {_fall(first)} {first.unit}"
     others = [f", and on {one.data} {_fall(one)}" for one in found[1:] if one.after is not None]
@@ -150,15 +150,15 @@ def headline(sources: Sources) -> str:
 
 
 def noise_line(sources: Sources) -> str:
-    """What noise alone would leave, beside the headline; empty where nothing was compared."""
+    """Return a sentence on the noise floor; empty without a comparison."""
     found = standings(sources)
     if not found:
         return ""
-    return f"Sensor noise alone would leave {words.figure(found[0].noise, 2)} {found[0].unit}."
+    return f"The noise floor is {words.figure(found[0].noise, 2)} {found[0].unit}."
 
 
 def added_effects(sources: Sources) -> list[str]:
-    """Everything that the steps up to the chosen one added, in words."""
+    """Return the effects that the steps up to the chosen one added, in words."""
     if sources.ladder is None:
         return []
     frame = sources.ladder.frame.filter(pl.col("step") <= best_step(sources.ladder.frame)).sort("step")
@@ -179,12 +179,12 @@ def _first_finding(sources: Sources) -> str:
 
 
 def _worst_place(sources: Sources) -> str:
-    """Where most of the unexplained error lies."""
+    """Return a sentence on the regime with most of the unexplained error."""
     return comparison.worst_place(sources.comparisons[-1].frame) if sources.comparisons else ""
 
 
 def _what_it_is(sources: Sources) -> str:
-    """What the page shows where there is neither comparison nor diagnosis."""
+    """Return the headline of a page without a comparison and without a diagnosis."""
     best = [told for one in sources.metrics if _of_study(one) and (told := _best(one.frame))]
     if best:
         return f"Of these networks {listed(best)}."
@@ -193,18 +193,18 @@ def _what_it_is(sources: Sources) -> str:
     if sources.metrics:
         return "Errors of models, axis by axis."
     if sources.leftover or sources.growth:
-        return "The force of the water on a vehicle, and what its file leaves over."
+        return "The force of the water on a vehicle, and the force that its file does not explain."
     return "Sessions of a study."
 
 
 def _of_study(one: Named) -> bool:
-    """Whether a metrics table holds the errors of all networks of a study."""
+    """Return whether a metrics table has the errors of all networks of a study."""
     record = one.artefact.provenance
     return record.stage == "study" and record.parameters.get("part") in ("evaluation", "errors")
 
 
 def _best(metrics: pl.DataFrame) -> str:
-    """Which network has the least error over all six axes, in words; empty where there is none."""
+    """Return a clause on the network with the least error over all six axes; empty without errors."""
     found = metrics.filter(pl.col("axis") == "all", pl.col("metric") == "rmse", ~of_a_piece()).sort("value")
     if found["unit"].str.contains("N").any():
         found = found.filter(pl.col("variant") == "")

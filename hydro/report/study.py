@@ -1,4 +1,4 @@
-"""A study in words: its headline, errors before and after, its steps, and what to do next."""
+"""Study as text: headline, errors before and after, steps, and the next command."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step
 from hydro.core.explanation.status import UNCONFIRMED, added
 from hydro.core.explanation.with_hull import FLOOR
 from hydro.report import ladder, words, yardsticks
+from hydro.report.diagnosis import look_up
 from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 WHERE = {"fit": "on the recording", "holdout": "on held-out data"}
-"""What errors are measured on."""
+"""Names of the data sets in sentences."""
 MOST = 2
-"""Values that are not plausible, of which an answer has a sentence: all has to fit one screen."""
+"""Maximum number of implausible values with a sentence, so that the answer fits one screen."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A study that has ended.
+    """Completed study.
 
     Attributes:
-        steps: Its steps.
-        chosen: The one to use.
-        headline: Its status in one line.
-        reason: Why it ended.
-        folder: Where its files are.
+        steps: Steps of the study.
+        chosen: The step to use.
+        headline: Overall result in one line.
+        reason: Reason why it ended.
+        folder: Folder of its files.
     """
 
     steps: Sequence[Step]
@@ -45,6 +46,11 @@ class Outcome:
     def file(self) -> Path:
         """Return the vehicle file to use."""
         return self.folder / f"vehicle-{self.chosen.number}.toml"
+
+    @property
+    def chosen_effects(self) -> list[str]:
+        """Return the effects that the steps up to the chosen one added."""
+        return [name for step in self.steps[: self.chosen.number + 1] for name in step.added]
 
     @property
     def rungs(self) -> pl.DataFrame:
@@ -70,7 +76,7 @@ def answer(study: Outcome, width: int) -> list[Text]:
     if told := yardsticks.sentence(simple):
         lines.append(Text(told))
     lines += [EMPTY, Text("Steps:", bold=True), *_steps(study)]
-    lines += [Text(f"It ends here: {study.reason}."), EMPTY]
+    lines += [Text(f"It ends here: {study.reason}."), *look_up(study.chosen_effects), EMPTY]
     beyond = study.beyond
     lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond[:MOST]]
     if (more := len(beyond) - MOST) > 0:
@@ -82,7 +88,7 @@ def answer(study: Outcome, width: int) -> list[Text]:
 
 
 def errors(study: Outcome) -> Iterator[Text]:
-    """Yield the errors of the first and the chosen step, an axis in a row."""
+    """Yield the errors of the first and the chosen step, one row per axis."""
     rungs = study.rungs
     dataset = yardsticks.judged_on(rungs)
     rows = rungs.filter(pl.col("horizon") == HORIZON, dataset=dataset)
@@ -110,7 +116,7 @@ def errors(study: Outcome) -> Iterator[Text]:
 
 
 def _steps(study: Outcome) -> Iterator[Text]:
-    """Yield a line for each step: what it added, whether that is confirmed, and the error that decides."""
+    """Yield a line for each step: added effects, whether they are confirmed, and the decisive error."""
     confirmed = added(study.steps)
     for step in study.steps:
         use = ", the one to use" if step is study.chosen and len(study.steps) > 1 else ""
@@ -118,11 +124,11 @@ def _steps(study: Outcome) -> Iterator[Text]:
 
 
 def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
-    """Return a step in a line: its number, what it added, and the error that decides.
+    """Return a step in a line: its number, the effects that it added, and the decisive error.
 
     Args:
         step: The step.
-        confirmed: Whether a test confirmed each effect that it added.
+        confirmed: Whether a test confirmed each added effect.
     """
     names = [
         words.effect_name(name) + ("" if confirmed[name] else f" ({UNCONFIRMED})") for name in step.added
@@ -131,7 +137,7 @@ def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
 
 
 def deciding(step: Step) -> str:
-    """Return the error by which a step is compared with the others, in words."""
+    """Return the error that decides between the steps, in words."""
     rows = step.ladder
     if not (held := rows.filter(dataset="holdout")).is_empty():
         place, rows = WHERE["holdout"], held

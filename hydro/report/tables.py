@@ -1,4 +1,4 @@
-"""Metrics laid out as the paper's tables: what the error figures draw and a terminal prints."""
+"""Metrics in the form of the paper's tables, for figures and for the terminal."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import polars as pl
 from hydro.core.columns import VELOCITY, WRENCH
 
 PIECE_SUFFIX = r" ([\d.]+-[\d.]+ s)$"
-"""How the dataset of a piece of a recording ends."""
+"""Pattern of the end of the data set name for a piece of a recording."""
 
 
 def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """The paper's Table III: one row per variant, one column per velocity axis.
+    """Return the paper's Table III: one row per variant, one column per velocity axis.
 
     Args:
-        metrics: metrics of one replay.
+        metrics: Metrics of one replay.
 
     Returns:
-        `variant`, the root mean square errors of u, v, w [m/s], p, q, r [rad/s], null where a flight
-        diverged, and in that case a column `diverged at` with the time [s] when it did.
+        `variant` and the root mean square errors of u, v, w [m/s], p, q, r [rad/s]. If a replay diverged, its
+        errors are null, and the column `diverged at` has the time [s].
     """
     metrics = metrics.filter(~of_a_piece())
     errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITY)
@@ -38,10 +38,10 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Table III by segment: one row per piece of the recording and variant, one column per velocity axis.
+    """Return Table III by segment: one row per piece of the recording and variant, one column per axis.
 
     Args:
-        metrics: metrics of one replay that was measured by piece.
+        metrics: Metrics of one replay that was measured by piece.
 
     Returns:
         `piece`, such as `10-20 s`; `variant`; and the root mean square errors of u, v, w [m/s] and p, q, r
@@ -60,19 +60,19 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_a_piece() -> pl.Expr:
-    """Rows of the metrics of a part of a recording."""
+    """Return the condition for metrics of a piece of a recording."""
     return pl.col("dataset").str.contains(PIECE_SUFFIX)
 
 
 def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
-    """How often the conditioning of a learned wrench acted: one row per variant that flies with a network.
+    """Return how often the conditioning of a learned wrench acted, one row per variant with a network.
 
     Args:
-        metrics: metrics of one replay.
+        metrics: Metrics of one replay.
 
     Returns:
-        `variant`; the shares of the control steps in which X, Y, Z, K, M, N was clipped; and `dead band`, in
-        which the dead band took part of the wrench.
+        `variant`; the shares of control steps in which X, Y, Z, K, M, N was clipped; and `dead band`, the
+        share in which the dead band reduced the wrench.
     """
     clipped = _by_axis(metrics.filter(pl.col("metric") == "clipped"), "variant", WRENCH)
     held_back = metrics.filter(pl.col("metric") == "held_back").select(
@@ -82,14 +82,14 @@ def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """The paper's Table II and its Fig. 2: one row per model.
+    """Return the numbers of the paper's Table II and Fig. 2, one row per model.
 
     Args:
-        metrics: metrics of predicted wrenches.
+        metrics: Metrics of predicted wrenches.
 
     Returns:
-        `model`; the root mean square errors of X, Y, Z [N], K, M, N [N m]; the paper's single figures, over
-        all rows and six axes as they are: `RMSE`, `low` and `high` of its interval, and `MAE`; and the mean
+        `model`; the root mean square errors of X, Y, Z [N], K, M, N [N m]; errors over all rows and six axes
+        without weights, as in the paper: `RMSE`, `low` and `high` of its interval, and `MAE`; and the mean
         `R2` of the axes.
     """
     metrics = metrics.filter(pl.col("variant") == "")
@@ -111,13 +111,13 @@ def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def regime_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Errors of predicted wrenches by regime of motion: one row per regime, one column per model.
+    """Return errors of predicted wrenches by regime of motion, one row per regime, one column per model.
 
     Args:
-        metrics: metrics of predicted wrenches, measured by regime.
+        metrics: Metrics of predicted wrenches, measured by regime.
 
     Returns:
-        `regime`, and by model the root mean square error over all six axes as they are.
+        `regime`, and by model the root mean square error over all six axes without weights.
     """
     chosen = metrics.filter(pl.col("variant") != "", pl.col("metric") == "rmse", pl.col("axis") == "all")
     table = chosen.pivot(
@@ -127,7 +127,7 @@ def regime_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def _by_axis(metrics: pl.DataFrame, row: str, axes: tuple[str, ...]) -> pl.DataFrame:
-    """Values with one row per `row` in their order of appearance and one column per axis that is there."""
+    """Return values with one row per `row` in order of appearance, and one column per available axis."""
     chosen = metrics.filter(pl.col("axis").is_in(axes))
     table = chosen.pivot(
         on="axis", index=row, values="value", aggregate_function="first", maintain_order=True

@@ -1,4 +1,4 @@
-"""Pictures of learning and of what was learnt: curves over seeds (Fig. 6), the path of a flight (Fig. 7)."""
+"""Figures of trainings: learning curves over seeds (Fig. 6 of the paper), and paths of flights (Fig. 7)."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ MEASURES = {"reward": "mean reward of an evaluation", "success": "share of an ev
 
 
 def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
-    """Mean and spread over seeds, at every step that any seed was evaluated at.
+    """Return mean and spread over seeds, at every step at which any seed was evaluated.
 
-    A training that has ended keeps its last value: seeds that pass the curriculum early stay in the mean.
+    A training that has ended keeps its last value, so that seeds which finish the curriculum early stay in
+    the mean.
 
     Args:
-        evaluations: Evaluations of several trainings; those of the curve are taken.
+        evaluations: Evaluations of several trainings; those with the purpose `curve` are used.
 
     Returns:
-        `condition`, `steps`, `seeds`, and of reward and success the mean and `_sd`, the standard deviation
-        over seeds; null with one seed.
+        `condition`, `steps`, `seeds`, and the mean and standard deviation (`_sd`) over seeds of reward and
+        success. The standard deviation is null with one seed.
     """
     points = evaluations.filter(pl.col("purpose") == "curve").sort("steps")
     rows = []
@@ -52,7 +53,7 @@ def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
 
 
 def draw_curves(table: pl.DataFrame) -> Figure:
-    """Mean over seeds, and a band of one standard deviation, of every condition."""
+    """Draw the mean over seeds and a band of one standard deviation for every condition."""
     from matplotlib import pyplot as plt
 
     with plt.rc_context(figures.STYLE):
@@ -71,7 +72,7 @@ def draw_curves(table: pl.DataFrame) -> Figure:
 
 
 def _draw_curve(panel: Axes, one: pl.DataFrame, name: str, label: str, colour: str) -> None:
-    """One condition in one panel."""
+    """Draw one condition in one panel."""
     steps, mean = one["steps"].to_numpy(), one[name].to_numpy()
     spread = one[f"{name}_sd"].fill_null(0.0).to_numpy()
     panel.fill_between(steps, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
@@ -80,14 +81,14 @@ def _draw_curve(panel: Axes, one: pl.DataFrame, name: str, label: str, colour: s
 
 @dataclass(frozen=True)
 class Tank:
-    """Where a flight was flown.
+    """Tank of a flight.
 
     Attributes:
         size: Length north, width east and depth [m], from the corner at the origin.
         pillars: Axes of the pillars, NED [m], (P, 2).
-        radius: Of the pillars [m].
-        goal: NED [m], (3,).
-        reach: Distance to the goal that is a success [m].
+        radius: Radius of the pillars [m].
+        goal: Goal, NED [m], (3,).
+        reach: Distance to the goal that counts as success [m].
     """
 
     size: tuple[float, float, float]
@@ -98,15 +99,15 @@ class Tank:
 
 
 def draw_flight(path: Array, way: Array, tank: Tank, title: str) -> Figure:
-    """The path of a flight in its tank, from above and from the side, with pillars and plan.
+    """Draw the path of a flight in its tank, from above and from the side, with pillars and plan.
 
-    North is to the right and east down: seen from above, as the tank lies.
+    In the view from above, north is to the right and east is down.
 
     Args:
-        path: (K, 3), NED [m].
-        way: Corners of the plan (W, 3), W may be 0.
+        path: Path (K, 3), NED [m].
+        way: Corners of the planned path (W, 3), W may be 0.
         tank: The tank, its pillars and the goal.
-        title: Above it.
+        title: Title of the figure.
     """
     from matplotlib import pyplot as plt
     from matplotlib.patches import Circle
@@ -137,7 +138,7 @@ def save(drawn: Figure, path: Path) -> None:
     """Write a figure as PNG.
 
     Raises:
-        DataError: the operating system refuses.
+        DataError: The file cannot be written.
     """
     try:
         figures.save(drawn, path)
@@ -146,5 +147,5 @@ def save(drawn: Figure, path: Path) -> None:
 
 
 def together(tables: Sequence[pl.DataFrame]) -> pl.DataFrame:
-    """Evaluations of several trainings as one table."""
+    """Return evaluations of several trainings as one table."""
     return pl.concat(tables, how="vertical_relaxed")

@@ -16,20 +16,20 @@ from rich.text import Text
 from hydro.core.recording.extent import duration
 
 BAR = 16
-"""Columns of the bar: it leaves half of a terminal of 80 columns for the words beside it."""
+"""Width of the bar in columns, which leaves half of a terminal of 80 columns for text."""
 
 
 @dataclass
 class Remaining:
-    """Estimate of the remaining time, from an estimate beforehand and the share that is done.
+    """Estimate of the remaining time, from an initial estimate and the share that is done.
 
-    The pace so far is averaged with the estimate beforehand: in logarithms, because both are known to a
-    factor, and with a weight of the estimate that falls with the square of the share that is left. Between
-    two reports the time counts down; an overdue report makes it longer.
+    The duration is the weighted geometric mean of the initial estimate and of the time so far divided by the
+    share done. The weight of the initial estimate is the square of the remaining share. Between two reports
+    the time counts down; it grows if the next report is overdue.
 
     Attributes:
-        expected: Duration of all the work, about [s]; None where nothing is known.
-        now: Clock [s].
+        expected: Approximate duration of all the work [s]; None if it is not known.
+        now: Function that returns the time [s].
     """
 
     expected: float | None = None
@@ -43,10 +43,10 @@ class Remaining:
         self.begin = self.reported = self.now()
 
     def update(self, share: float | None) -> None:
-        """Take note of the share that is done; 0 after more begins the next part of the work.
+        """Set the share that is done; 0 after a larger share starts the next part of the work.
 
         Args:
-            share: From 0 to 1; None of work whose length is not known.
+            share: Share from 0 to 1; None for work of unknown length.
         """
         if share is None or share == 0.0 < self.share:
             self.expected = None if share is None else self.now() - self.begin
@@ -62,7 +62,7 @@ class Remaining:
 
     @property
     def seconds(self) -> float | None:
-        """Remaining time [s]; None where nothing is known yet."""
+        """Remaining time [s]; None if it is not known yet."""
         left, spent = 1.0 - self.share, self.reported - self.begin
         if left <= 0.0:
             return None
@@ -78,13 +78,13 @@ class Remaining:
 
     @property
     def done(self) -> float:
-        """Share of the time that is over, from 0 to 1."""
+        """Share of the time that has passed, from 0 to 1."""
         seconds = self.seconds
         return 0.0 if seconds is None else self.elapsed / max(self.elapsed + seconds, 1e-9)
 
 
 class _Bar(BarColumn):
-    """Bar that goes on between two reports, and never back within one part of the work."""
+    """Bar that moves between two reports, and never backward within one part of the work."""
 
     def __init__(self, remaining: Remaining) -> None:
         super().__init__()
@@ -100,14 +100,14 @@ class _Bar(BarColumn):
 
 
 class _Left(ProgressColumn):
-    """The remaining time in words."""
+    """Column with the elapsed and the remaining time."""
 
     def __init__(self, remaining: Remaining) -> None:
         super().__init__(Column(no_wrap=True))
         self.remaining = remaining
 
     def render(self, task: Task) -> Text:
-        """Return the time so far and what is left."""
+        """Return the elapsed and the remaining time."""
         seconds = self.remaining.seconds
         left = "" if seconds is None else f", about {duration(max(seconds, 1.0))} left"
         return Text(f"{duration(self.remaining.elapsed)}{left}")
@@ -118,11 +118,11 @@ def shown(label: str, expected: float | None) -> Iterator[Callable[..., None]]:
     """Show a bar on stderr while the block runs.
 
     Args:
-        label: What is being done.
-        expected: How long it takes, about [s]; None where nothing is known beforehand.
+        label: Name of the work.
+        expected: Approximate duration [s]; None if it is not known.
 
     Yields:
-        `update(done, total, text)`: how far the work is, and a few words beside the bar.
+        `update(done, total, text)`, which sets the progress and a few words next to the bar.
     """
     remaining = Remaining(expected)
     columns = (

@@ -1,4 +1,4 @@
-"""Effects, verdicts and numbers in words and figures that a reader need not look up."""
+"""Effects, verdicts and numbers as text."""
 
 from __future__ import annotations
 
@@ -18,40 +18,44 @@ from hydro.core.errors import DataError, listed
 from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {
-    "log_fault": ("Fault in the log", "What the log says of {columns} is impossible."),
-    "missing": ("Missing", "The model lacks {effect}."),
-    "suspect": ("Suspected", "The model may lack {effect}; the recording is not sure."),
-    "retune": ("Other values", "The model has {effect}, but the recording yields other values."),
+    "log_fault": ("Fault in the log", "The log has impossible values in {columns}."),
+    "missing": ("New effect", "The model lacks {effect}."),
+    "suspect": ("Unconfirmed", "The model may lack {effect}; this log does not confirm it."),
+    "retune": ("New values", "This log needs new values of {effect}."),
     "cannot_tell_apart": (
-        "Cannot tell apart",
-        "The model lacks one of {members}; this recording cannot tell.",
+        "Ambiguous",
+        "The model lacks {members}; this log does not tell which.",
     ),
-    "not_separable": ("Not separable", "No recording can tell {effect} from what the model has."),
-    "not_excited": ("Not excited", "This recording does not show whether {effect} is there."),
-    "none_of_the_known": ("Unknown", "Error remains that no effect of the catalogue explains."),
-    "closed_loop": ("Feedback", "The commands answer to the motion, and may hide a disturbance."),
+    "not_separable": ("Not separable", "No log can separate {effect} from effects of the file."),
+    "not_excited": ("Not visible", "The motion in this log cannot show {effect}."),
+    "none_of_the_known": ("Unexplained", "An error remains that no effect of the catalogue explains."),
+    "closed_loop": ("Feedback", "A controller reacts to the motion and may hide a disturbance."),
     "far_from_noise": (
-        "Far from noise",
-        "The fit leaves many times the noise, and no effect of the catalogue earns it.",
+        "Unexplained",
+        "An error of many times the noise remains, and no effect of the catalogue explains it.",
     ),
-    "nothing_missing": ("Nothing missing", "Noise explains the error that is left."),
+    "nothing_missing": ("Nothing missing", "Noise explains the remaining error."),
 }
-"""A verdict's label, and its sentence."""
+"""Label and sentence of each verdict."""
 OF_CHANGE = {
+    "missing": ("Changed", "The {effect} has changed."),
+    "suspect": ("Unconfirmed", "The {effect} may have changed; this log does not confirm it."),
     "nothing_missing": (
         "Nothing changed",
-        "Nothing has changed beyond what the model of the hull leaves of the recording before.",
-    )
+        "No change exceeds the error of the hull-force model.",
+    ),
 }
-"""The same of those that say another thing of what has changed since a recording before."""
+"""Labels and sentences that differ for changes since an earlier recording."""
 
 DATASETS = {"fit": "the recording", "holdout": "held-out data"}
-"""What a ladder was measured on."""
+"""Names of the data sets of a ladder."""
 
 NORMAL_95 = 1.96
-"""Half the width of a 95 % interval in standard errors."""
+"""Half width of a 95 % interval in standard errors."""
 EFFECT_NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
+"""Pattern of effect names in a text."""
 QUOTED = re.compile("`([^`]*)`")
+"""Pattern of commands in a text."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,9 @@ class Value:
     """One fitted number.
 
     Attributes:
-        name: Parameter, and the axis or number of its entry: `diagonal, X`.
+        name: Parameter, with the axis or number of its entry: `diagonal X`.
         value: The number.
-        error: Its standard error; None where there is none.
+        error: Its standard error; None without one.
         unit: Its unit.
     """
 
@@ -72,29 +76,29 @@ class Value:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The 95 % interval."""
+        """The 95 % interval; None without a standard error."""
         if self.error is None:
             return None
         return self.value - NORMAL_95 * self.error, self.value + NORMAL_95 * self.error
 
 
 def effect_name(name: str) -> str:
-    """`ocean_current` as `ocean current`."""
+    """Return the name of an effect in words: `ocean_current` as `ocean current`."""
     return name.replace("_", " ")
 
 
 def effects_named(names: str) -> str:
-    """`a_b, c` as `a b and c`."""
+    """Return a list of effects in words: `a_b, c` as `a b and c`."""
     return listed([effect_name(name) for name in names.split(", ") if name])
 
 
 def meaning(effect: str) -> str:
-    """What an effect is, in the catalogue's first sentence; empty for one that it does not know."""
+    """Return the first sentence of an effect's description; empty for an unknown effect."""
     return CATALOGUE[effect].description.partition("\n")[0] if effect in CATALOGUE else ""
 
 
 def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
-    """Label and sentence of a finding, of what is missing or of what has changed."""
+    """Return label and sentence of a finding, on a missing effect or on a change."""
     label, sentence = (VERDICTS | (OF_CHANGE if of_change else {}))[row["verdict"]]
     members = listed([effect_name(name) for name in row["members"]], "or")
     effect, columns = effect_name(row["effect"]), listed(row["members"])
@@ -102,17 +106,17 @@ def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
 
 
 def in_short(row: dict[str, Any]) -> str:
-    """A finding in a few words: `tether (12 % of the error)`."""
+    """Return a finding in a few words: `tether (12 % of the error)`."""
     named = listed([effect_name(name) for name in row["members"] or [row["effect"]]], "or")
     share = row["share_of_error_explained"]
     return named if share is None else f"{named} ({percent(share)} of the error)"
 
 
 def values(effect: str, parameters: str, errors: str) -> list[Value]:
-    """Fitted numbers of an effect from its inline TOML, one by one.
+    """Return the fitted numbers of an effect from its inline TOML, one by one.
 
     Raises:
-        DataError: they are not inline TOML.
+        DataError: The text is not inline TOML.
     """
     try:
         given, sure = (toml_text.value(text or "{}") for text in (parameters, errors))
@@ -124,7 +128,7 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
 
 
 def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
-    """Numbers of an effect's table with their standard errors, one by one."""
+    """Return the numbers of an effect's table with their standard errors, one by one."""
     records = {one.name: one for one in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
     texts = CATALOGUE[effect].written(given) if effect in CATALOGUE else {}
     found = []
@@ -143,13 +147,13 @@ def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Val
 
 
 def terms_of(record: Parameter | None, texts: Mapping[str, Sequence[str]]) -> Sequence[str]:
-    """The terms that the numbers of a parameter belong to, as the file writes them; empty of others."""
+    """Return the written terms to which the numbers of a parameter belong; empty for other parameters."""
     length = record.shape[0] if record is not None and record.shape else None
     return texts.get(length, ()) if isinstance(length, str) else ()
 
 
 def _entries(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Numbers of a nested list and their indices; a lone number has the index ()."""
+    """Yield the numbers of a nested list and their indices; a single number has the index ()."""
     if not isinstance(value, list):
         yield (), float(value)
         return
@@ -159,7 +163,7 @@ def _entries(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
 
 
 def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> str:
-    """`v_N`; `diagonal X`, `alpha pitch`; `g 3` for the third of something else."""
+    """Return the name of an entry: `v_N`, `diagonal X`, `alpha pitch`, or with its number, `g 3`."""
     if not index:
         return name
     last = record.shape[-1] if record is not None and record.shape else None
@@ -174,13 +178,13 @@ def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> 
 
 
 def by_unit(found: Sequence[Value]) -> list[list[Value]]:
-    """Values of one unit together, in their order: what can share an axis."""
+    """Group values by their unit, so that each group can share an axis."""
     units = list(dict.fromkeys(one.unit for one in found))
     return [[one for one in found if one.unit == unit] for unit in units]
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Three significant figures, in plain notation where that is short; a dash for none."""
+    """Return a number with three significant figures, in plain notation if that is short; a dash for none."""
     if value is None or not math.isfinite(value):
         return "–"
     if value == 0.0:
@@ -193,7 +197,7 @@ def figure(value: float | None, digits: int = 3) -> str:
 
 
 def with_error(one: Value) -> str:
-    """`0.266 ± 0.014`: the error to two figures, and the value to the same place."""
+    """Return a value with its error, to the second figure of the error: `0.266 ± 0.014`."""
     if one.error is None or not one.error > 0.0 or not math.isfinite(one.error):
         return figure(one.value)
     places = 1 - math.floor(math.log10(one.error))
@@ -204,7 +208,7 @@ def with_error(one: Value) -> str:
 
 
 def percent(share: float | None) -> str:
-    """`41 %`, `0.6 %`; a dash for none."""
+    """Return a share in percent: `41 %`, `0.6 %`; a dash for none."""
     if share is None or not math.isfinite(share):
         return "–"
     return f"{100 * share:.0f} %" if share >= 0.0095 or share == 0.0 else f"{100 * share:.1g} %"
@@ -223,25 +227,25 @@ def p_value(value: float) -> str:
 
 
 def probability(value: float | None) -> str:
-    """`0.0005`; what is less than a thousandth of a percent as a bound."""
+    """Return a probability: `0.0005`; below 0.00001 as a bound."""
     if value is None:
         return "–"
     return "< 0.00001" if value < 1e-5 else f"{value:.2g}" if value >= 1e-4 else f"{value:.5f}"
 
 
 def horizon(seconds: float | None) -> str:
-    """`5 s ahead`, or `whole run`."""
+    """Return a horizon in words: `5 s ahead`, or `whole run`."""
     return "whole run" if seconds is None else f"{seconds:g} s ahead"
 
 
 def prose(text: str) -> Markup:
-    """A text of a diagnosis as a sentence in HTML: effects by their names in words, commands as code."""
+    """Return a text of a diagnosis as a sentence in HTML, with effects in words and commands as code."""
     told = str(escape(sentence(text)))
     told = EFFECT_NAMES.sub(lambda found: effect_name(found[0]), told)
     return Markup(QUOTED.sub(r"<code>\1</code>", told))
 
 
 def sentence(text: str) -> str:
-    """A text with a capital first and a full stop last."""
+    """Return a text with a capital letter at the beginning and a full stop at the end."""
     text = text.strip()
     return text if not text else f"{text[0].upper()}{text[1:]}{'' if text[-1] in '.!?' else '.'}"

@@ -1,4 +1,4 @@
-"""A model beside the simple predictors: errors of the same predictions, and to which of them it loses."""
+"""Comparison of a model with simple predictors: errors of the same predictions, and which ones are better."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ from hydro.core.recording.arrays import Recording
 from hydro.report import words
 
 MODEL = "model"
+"""Name of the column of the model."""
 
 
 def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Errors of the model and of the simple predictors.
+    """Return errors of the model and of the simple predictors.
 
     Returns:
-        `axis`, `horizon`, `unit`, `predictor`, `model` and `simple`, the root mean square errors; no rows of
-        a comparison that was made before there were such predictors.
+        `axis`, `horizon`, `unit`, `predictor`, and the root mean square errors `model` and `simple`; no rows
+        for a comparison of an old version without such predictors.
     """
     key = ["axis", "horizon"]
     model = comparison.filter(level="replay", by="all").select(*key, "unit", model="rmse")
@@ -36,7 +37,7 @@ def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
-    """The same of one step of a ladder and one of its data sets."""
+    """Return these errors for one step of a ladder and one of its data sets."""
     there = [name for name in PREDICTORS if column(name) in ladder.columns]
     rows = ladder.filter(step=step, dataset=dataset)
     each = [
@@ -47,15 +48,17 @@ def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
 
 
 def judged_on(ladder: pl.DataFrame) -> str:
-    """The data set on which a study's model is held against the simple predictors: what was held out."""
+    """Return the data set for the comparison with simple predictors: held-out data if there are any."""
     return "holdout" if "holdout" in ladder["dataset"] else "fit"
 
 
 def verdict(errors: pl.DataFrame) -> str:
-    """To which simple predictors the model loses: `loses to constant velocity on p and r`; empty if to none.
+    """Return the predictors that are better than the model: `loses to constant velocity on p and r`.
+
+    The text is empty if none is better.
 
     Args:
-        errors: As `of_comparison` gives them.
+        errors: Errors in the form of `of_comparison`.
     """
     found = lost(errors.filter(horizon=JUDGED))
     told = []
@@ -66,7 +69,7 @@ def verdict(errors: pl.DataFrame) -> str:
 
 
 def sentence(errors: pl.DataFrame) -> str:
-    """The same as a sentence that says what was done."""
+    """Return a sentence on the predictors that are better than the model; empty without errors."""
     told = verdict(errors)
     if not told:
         return (
@@ -76,12 +79,12 @@ def sentence(errors: pl.DataFrame) -> str:
 
 
 def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> list[str]:
-    """Return a sentence for each axis on which the model loses to least squares: what that gains from.
+    """Return a sentence on the main advantage of least squares, for each axis where the model loses to it.
 
     Args:
-        errors: As `of_comparison` gives them.
+        errors: Errors in the form of `of_comparison`.
         yardstick: The simple predictors, fitted to the training recording.
-        record: That recording.
+        record: The training recording.
     """
     behind = [axis for axis, name in lost(errors.filter(horizon=JUDGED)) if name == LEAST_SQUARES]
     return [
@@ -91,7 +94,7 @@ def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> 
 
 
 def table(errors: pl.DataFrame) -> pl.DataFrame:
-    """One row per axis, one column per predictor; in each the errors at all horizons, the shortest first."""
+    """Return a table with one row per axis, one column per predictor, and the errors of all horizons."""
     horizons = errors["horizon"].unique().sort().to_list()
     rows = []
     for axis in [axis for axis in (*VELOCITY, "all") if axis in errors["axis"]]:
@@ -107,12 +110,12 @@ def table(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(errors: pl.DataFrame) -> str:
-    """The horizons of the table's cells: `1 / 5 / 20 s ahead`."""
+    """Return the horizons of the cells of `table` in words: `1 / 5 / 20 s ahead`."""
     return " / ".join(f"{one:g}" for one in errors["horizon"].unique().sort()) + " s ahead"
 
 
 def _nothing() -> pl.DataFrame:
-    """No errors."""
+    """Return a table without errors."""
     text, number = pl.String, pl.Float64
     kinds = {
         "axis": text,

@@ -1,1 +1,1 @@
-"""Studies of many networks or policies: resumable steps, each an ordinary command, and what they found."""
+"""Studies of many networks or policies: resumable steps, each an ordinary command, and their summaries."""

@@ -1,8 +1,8 @@
-"""Tasks on a Ray cluster: the same functions and command lines, on whichever node has room.
+"""Tasks on a Ray cluster: the same functions and command lines, on any node with free processors.
 
-Every node has the same hydro and sees the files under the same paths.  A task reads a file and writes a file,
-whole or not at all; so one whose node has gone is simply run again elsewhere.  Nodes compile their kernels
-before any work is given out: of several workers that begin at once each would compile them for itself.
+Every node has the same version of hydro and sees the files under the same paths.  A task reads a file and
+writes a file atomically, so the task of a lost node is run again on another.  Each node compiles its kernels
+once before tasks start; otherwise every worker would compile them for itself.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from hydro.study.steps import Step, StepFailed, captured
 
 Result = TypeVar("Result")
 RETRIES = 4
-"""Times that a task is run again whose worker or node has gone."""
+"""Maximum number of times that a task is run again after its worker or node was lost."""
 PATIENCE = 5.0
-"""Seconds that an address has to take a connection, and to answer as Ray does."""
+"""Time limit for an address to accept a connection, and to answer as Ray does [s]."""
 _SETTINGS = b"\x04"
 _GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0" + _SETTINGS + bytes(5)
-"""What a client of gRPC, which Ray speaks, says first; its server answers with settings of its own."""
+"""First message of a client in gRPC, the protocol of Ray; a server answers with its own settings."""
 
 
 class Cluster:
-    """A Ray cluster, as long as a `with` block holds it."""
+    """Connection to a Ray cluster, for use in a `with` block."""
 
     def __init__(self, address: str | None = None, processors: int = 1) -> None:
         """Connect to a cluster, or start one of this machine.
 
         Args:
-            address: `HOST:PORT` of its head, or `ray://HOST:PORT`; without one that of RAY_ADDRESS, of a
-                cluster that runs on this machine, or a new one that ends with the block.
-            processors: Processors, and so threads, of each task.
+            address: `HOST:PORT` of its head, or `ray://HOST:PORT`.  The default is RAY_ADDRESS, else a
+                cluster that runs on this machine, else a new one that ends with the block.
+            processors: Number of processors, and of threads, of each task.
 
         Raises:
-            UsageError: Ray is not installed, or nothing answers as Ray does at the address, or no node has
-                so many processors.
+            UsageError: Ray is not installed, no Ray cluster answers at the address, or no node has that many
+                processors.
         """
         ray = _imported()
         if address is not None:
@@ -75,25 +75,25 @@ class Cluster:
             )
 
     def __enter__(self) -> Cluster:
-        """The cluster itself."""
+        """Return the cluster itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let go of it."""
+        """Disconnect from the cluster."""
         self.close()
 
     def close(self) -> None:
-        """Disconnect; a cluster that was started for this process ends."""
+        """Disconnect; end a cluster that was started for this process."""
         self._ray.shutdown()
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """See `study.engine.Engine.each`.
+        """Yield results in the order of the arguments, see `study.engine.Engine.each`.
 
         Raises:
-            HydroError: What the first task that failed said.
-            DataError: A node does not see this folder, or nodes went too often.
+            HydroError: A task failed; this is the error of the first one.
+            DataError: A node does not see this folder, or nodes were lost too often.
         """
         for one in self._begun(task, arguments):
             yield self._result(one)
@@ -101,25 +101,25 @@ class Cluster:
     def as_they_end(
         self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
-        """The same results, each as soon as it is there."""
+        """Yield the results of `each` in the order in which the tasks end."""
         waiting = self._begun(task, arguments)
         while waiting:
             ended, waiting = self._ray.wait(waiting)
             yield from map(self._result, ended)
 
     def _begun(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """References to results that are still to come.
+        """Start the tasks and return references to their results.
 
-        What nobody waits for any more ends as this process disconnects.  It is not cancelled before: Ray 2.60
-        ends the process where a task that is cancelled completes meanwhile.
+        Tasks whose results are no longer needed end when this process disconnects.  They are not cancelled
+        earlier: Ray 2.60 ends the process if a cancelled task completes in the meantime.
         """
         return [self._run.remote(self._home, task, each) for each in arguments]
 
     def execute(self, step: Step) -> None:
-        """Run a step of a study on a node, in a process of its own.
+        """Run a step of a study on a node, in its own process.
 
         Raises:
-            StepFailed: It failed, and has said why.
+            StepFailed: The step failed and has printed the reason.
         """
         code, out, err = self._result(self._run.remote(self._home, captured, (step,)))
         sys.stdout.write(out)
@@ -128,7 +128,7 @@ class Cluster:
             raise StepFailed(step, code)
 
     def _nodes(self) -> list[tuple[str, str, int]]:
-        """Identity, address and room for tasks of each node that is alive and has any."""
+        """Return identity, address and number of task slots of each live node that has a slot."""
         found = [
             (
                 node["NodeID"],
@@ -141,7 +141,7 @@ class Cluster:
         return [node for node in found if node[2]]
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Let every node do something once, and refuse one that has another hydro or Python.
+        """Run a function once on every node, and refuse nodes with another version of hydro or Python.
 
         Raises:
             DataError: A node has another version, or does not see this folder.
@@ -160,11 +160,11 @@ class Cluster:
                 raise DataError(f"node {address} has {there}, here is {here}: install the same there")
 
     def _result(self, reference: Any) -> Any:
-        """What a task returned.
+        """Return the result of a task.
 
         Raises:
-            HydroError: What it raised.
-            DataError: Nodes went too often, or have no hydro.
+            HydroError: The task raised it.
+            DataError: Nodes were lost too often, or hydro is not installed on them.
         """
         errors = self._ray.exceptions
         try:
@@ -186,7 +186,7 @@ class Cluster:
 
 
 def _run(home: str, task: Callable[..., Result], arguments: tuple[Any, ...]) -> Result:
-    """On a node: a task in the folder that the command was called in, whose relative paths it is given."""
+    """Run a task on a node, in the working folder of the command, because its paths may be relative."""
     try:
         os.chdir(home)
     except OSError as error:
@@ -198,21 +198,21 @@ def _run(home: str, task: Callable[..., Result], arguments: tuple[Any, ...]) -> 
 
 
 def _prepared(warm: Callable[[], object] | None) -> str:
-    """On a node: prepare it; its versions."""
+    """Prepare a node, and return its versions."""
     if warm is not None:
         warm()
     return _versions()
 
 
 def _versions() -> str:
-    """Of what all nodes must share."""
+    """Return the versions that must be the same on all nodes."""
     from hydro.io.provenance import package_version
 
     return f"hydro {package_version()} on Python {'.'.join(platform.python_version_tuple()[:2])}"
 
 
 def _imported() -> Any:
-    """Ray, told to stay quiet."""
+    """Return the Ray module, with its usage statistics and its warning on accelerators switched off."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     try:
@@ -223,10 +223,10 @@ def _imported() -> Any:
 
 
 def _require_answer(address: str) -> None:
-    """Refuse an address at which there is no Ray: by itself it would wait for one for ever.
+    """Refuse an address without a Ray cluster, because Ray itself would wait for one without a time limit.
 
     Raises:
-        UsageError: The address is none, or nothing answers there as Ray does.
+        UsageError: It is not an address, or the server there is not Ray.
     """
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -245,4 +245,4 @@ def _require_answer(address: str) -> None:
         line.sendall(_GREETING)
         answer = line.recv(len(_GREETING))
     if answer[3:4] != _SETTINGS:
-        raise UsageError(f"--address {address}: what listens there is no Ray head: see `ray status`")
+        raise UsageError(f"--address {address}: the server there is not a Ray head: see `ray status`")

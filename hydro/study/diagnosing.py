@@ -1,4 +1,4 @@
-"""Each session of a dataset diagnosed by itself: what was missing in which dive."""
+"""Separate diagnosis of each session of a data set."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """What became of a session.
+    """Result for one session.
 
     Attributes:
-        session: Its name.
-        findings: Findings as a table; None where it could not be diagnosed.
-        headline: Their headline.
-        error: Why not.
+        session: Name of the session.
+        findings: Diagnosis table; None if the session could not be diagnosed.
+        headline: Headline of the diagnosis.
+        error: Reason why it could not be diagnosed.
     """
 
     session: str
@@ -40,16 +40,17 @@ class Diagnosed:
 
 
 def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected: bool = False) -> Diagnosed:
-    """Diagnose one session; its findings, and their covariance beside them, go into another folder.
+    """Diagnose one session, and write the findings and their covariance into another folder.
 
-    What is wrong with a session is said of it and ends nothing: other dives have their diagnosis.
+    An error in a session becomes part of its result, so that the other sessions are diagnosed.
 
     Args:
         part: The session.
-        folder: Where findings go, into a folder for each session.
-        start: The vehicle, with what is known of its values.
-        text: Its file.
-        corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
+        folder: Folder of the results, which gets a folder for each session.
+        start: The vehicle, with its known values marked.
+        text: Text of its file.
+        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
+            them.
     """
     try:
         findings, headline = _written(part, partitions.place(folder, part.session), start, text, corrected)
@@ -63,7 +64,7 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected
 def _written(
     part: Part, target: Path, start: Vehicle, text: str, corrected: bool
 ) -> tuple[pl.DataFrame, str]:
-    """Diagnose a session and write the findings; return them and their headline."""
+    """Diagnose a session, write the findings, and return them with their headline."""
     source = table.read_part(part)
     known = vehicle.without_errors_from(start, source.provenance.content)
     log = preprocess(known, source.frame)
@@ -85,9 +86,9 @@ def _written(
 
 
 def warm(part: Part, start: Vehicle) -> None:
-    """Compile what a diagnosis begins with, on the first rows of a session."""
+    """Compile the kernels of the first part of a diagnosis, with the first rows of a session."""
     rows = partitions.scan(part.path)
-    with contextlib.suppress(DataError):  # said of the whole session, if it is so there
+    with contextlib.suppress(DataError):  # the diagnosis of the whole session reports such an error
         dt = sample_time(rows.select("session", "t").head(FEW).collect())
         head = table.conform(part.kind, rows.head(round(WARM / dt)).collect())
         log = preprocess(start, head)
@@ -96,4 +97,4 @@ def warm(part: Part, start: Vehicle) -> None:
 
 
 FEW, WARM = 100, 40.0
-"""Rows that tell the sample time, and seconds that are enough for a fit."""
+"""Number of rows from which the sample time is estimated, and duration that is enough for a fit [s]."""

@@ -1,4 +1,4 @@
-"""Where the tasks of a command run: one after another in this process, or on a cluster (`study.cluster`)."""
+"""Engines that run the tasks of a command: this process, or a cluster (`study.cluster`)."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ Result = TypeVar("Result")
 
 
 class Engine(Protocol):
-    """Runs tasks; no result depends on where.
+    """Engine that runs tasks; results do not depend on the engine.
 
     Attributes:
-        slots: Tasks that run at a time.
+        slots: Number of tasks that run at the same time.
     """
 
     slots: int
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """See that every node can work, and let it do once what comes first, such as compiling kernels."""
+        """Check that every node can run tasks, and run `warm` once on each, such as to compile kernels."""
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Results of a task with each of the arguments, in their order.
+        """Yield the results of a task for each of the arguments, in their order.
 
         Args:
-            task: A function of a module: nodes know it by its name.
-            arguments: Of each call.
+            task: Function of a module, which nodes import by its name.
+            arguments: Arguments of each call.
         """
 
     def execute(self, step: Step) -> None:
@@ -39,18 +39,18 @@ class Engine(Protocol):
 
 
 class Here:
-    """This process, one task after another."""
+    """Engine that runs one task after another in this process."""
 
     slots = 1
 
     def __init__(self, execute: Callable[[Step], None]) -> None:
-        """Run steps by a function such as `steps.apart`."""
+        """Store the function that runs steps, such as `steps.apart`."""
         self.execute = execute
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Nothing: this process has compiled its kernels after its first task."""
+        """Do nothing: the first task of this process compiles its kernels."""
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """See `Engine.each`."""
+        """Yield the results in order, see `Engine.each`."""
         for each in arguments:
             yield task(*each)

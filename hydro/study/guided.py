@@ -1,4 +1,4 @@
-"""Steps of `hydro start`, and the shell script that repeats them."""
+"""Steps of `hydro start`, and a shell script that repeats them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Places:
 
 
 def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading: Sequence[str]) -> Step:
-    """Return the import of the logs.
+    """Return the step that imports the logs.
 
     Args:
         places: Where the files of the study are.
@@ -68,13 +68,13 @@ def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading
 
 
 def audited(places: Places) -> Step:
-    """Return the audit of the thrusters."""
+    """Return the step that audits the thrusters."""
     line = ("check", str(places.vehicle), str(places.recording))
     return Step(line, places.explained, ())
 
 
 def explained(places: Places, *, corrected: bool) -> Step:
-    """Return the search for missing effects.
+    """Return the step that searches for missing effects.
 
     Args:
         places: Where the files of the study are.
@@ -87,7 +87,7 @@ def explained(places: Places, *, corrected: bool) -> Step:
 
 
 def reported(places: Places) -> Step:
-    """Return the report of the study."""
+    """Return the step that writes the report of the study."""
     line = ("report", str(places.study), "-o", str(places.report))
     return Step(line, explained(places, corrected=False).writes, (places.report,))
 

@@ -1,7 +1,7 @@
-"""Labels of a recording, and of each session of a dataset on its own, wherever it is worked on.
+"""Labels of a recording, and of each session of a data set separately, on any engine.
 
-What sessions share, the filter of a log's noise, is found once for all of them; each is then read, labelled,
-written and forgotten.
+The noise filter is designed once for all sessions.  Each session is then read, labelled, written and removed
+from memory.
 """
 
 from __future__ import annotations
@@ -26,22 +26,23 @@ from hydro.io.partitions import Dataset, Part
 from hydro.io.table import Artefact
 
 BOUNDS = Bounds()
+"""Default limits of the standard deviations of labels."""
 WARM = 64
-"""Rows that are enough to compile every kernel."""
+"""Number of rows with which every kernel is compiled."""
 
 
 @dataclass(frozen=True)
 class Labelling:
-    """How labels are made; see `core.distillation.labels.labels`.
+    """Settings of the labels, see `core.distillation.labels.labels`.
 
     Attributes:
         vehicle: Text of the vehicle file.
         acceleration: Method of the smoother.
-        subtract: Which effects are taken from tau_res.
-        noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; None to find it.
-        limits: Standard deviations up to which a row of a recording with nulls has a label.
-        design: The filter, where sessions share one; None to find it in the recording.
-        of_samples: Whether rows are labelled by the samples that there are, even where there are all.
+        subtract: Effects that are subtracted from tau_res.
+        noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; None to estimate it.
+        limits: Maximum standard deviations of a labelled row, for recordings with nulls.
+        design: Filter that all sessions share; None to design it from the recording.
+        of_samples: Whether rows are labelled from samples even if the recording has no nulls.
     """
 
     vehicle: str
@@ -55,11 +56,11 @@ class Labelling:
 
 @dataclass(frozen=True)
 class Labelled:
-    """What has become of a session.
+    """Result for one session.
 
     Attributes:
-        session: Its name.
-        notes: What there is to say of it, a line each.
+        session: Name of the session.
+        notes: Notes on the session, one line each.
     """
 
     session: str
@@ -67,7 +68,7 @@ class Labelled:
 
 
 def label(source: Artefact, how: Labelling) -> tuple[Artefact, tuple[str, ...]]:
-    """The labels of a recording, and what there is to say of it, a line each.
+    """Return the labels of a recording, and notes on it, one line each.
 
     Raises:
         DataError: As for `core.distillation.labels.labels`.
@@ -99,7 +100,7 @@ def label(source: Artefact, how: Labelling) -> tuple[Artefact, tuple[str, ...]]:
 
 
 def _parameters(how: Labelling) -> dict[str, Any]:
-    """What the footer says of how labels were made."""
+    """Return the settings that the footer of the labels records."""
     found: dict[str, Any] = {"acceleration": how.acceleration, "subtract": how.subtract}
     if how.noise is not None:
         found["noise"] = list(how.noise)
@@ -109,13 +110,14 @@ def _parameters(how: Labelling) -> dict[str, Any]:
 
 
 def shared(dataset: Dataset, how: Labelling) -> Labelling:
-    """The same with what all sessions of a dataset share: whether any has nulls, else the filter.
+    """Return the settings with those that all sessions of a data set share.
 
-    Memory holds one session's times, or its velocities, at a time.
+    If a session has nulls, all are labelled from samples; otherwise all share one filter.  Memory holds the
+    times or velocities of one session at a time.
 
     Raises:
-        DataError: As for `core.recording.segments.segments` of a session; or sessions are sampled at
-            different rates, or one has nulls and labels are not to be smoothed by `rts`.
+        DataError: As for `core.recording.segments.segments` of a session; or the sample rates of sessions
+            differ; or one has nulls and the smoother is not `rts`.
     """
     sparse = [part for part in dataset.parts if part.nulls.intersection(MOTION)]
     if sparse:
@@ -138,7 +140,7 @@ def shared(dataset: Dataset, how: Labelling) -> Labelling:
 
 
 def _columns(part: Part, *names: str) -> pl.DataFrame:
-    """Some columns of a session, the others left unread."""
+    """Read some columns of a session."""
     try:
         return partitions.scan(part.path).select(names).collect()
     except (pl.exceptions.PolarsError, OSError) as error:
@@ -149,10 +151,10 @@ def _columns(part: Part, *names: str) -> pl.DataFrame:
 
 
 def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
-    """Read, label and write one session of a dataset into another folder.
+    """Read one session of a data set, label it, and write it into another folder.
 
     Raises:
-        DataError: As for `label`, with the file's name before it.
+        DataError: As for `label`, with the name of the file in front.
     """
     target = partitions.place(folder, part.session)
     notes = _written(part, target, how)
@@ -161,15 +163,15 @@ def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
 
 
 def warm(part: Part, how: Labelling) -> None:
-    """Compile what labels need, on the first rows of a session."""
+    """Compile the kernels for labels, with the first rows of a session."""
     head = partitions.scan(part.path).head(WARM).collect()
     rows = table.make(part.kind, head, stage="warm")
-    with contextlib.suppress(DataError):  # said of the whole session, if it is so there
+    with contextlib.suppress(DataError):  # labelling the whole session reports such an error
         label(rows, how)
 
 
 def _written(part: Part, target: Path, how: Labelling) -> tuple[str, ...]:
-    """Write the labels of a session; what there is to say.  All its memory is free when this has ended."""
+    """Write the labels of a session and return notes; all tables are released on return."""
     source = table.read_part(part)
     try:
         voltage = unknown_voltage(vehicle.parse(how.vehicle), source.frame)

@@ -1,4 +1,4 @@
-"""A study of all residual models, from raw data to tables and figures; its steps are ordinary commands."""
+"""Study of all residual models, from raw data to tables and figures, in steps that are ordinary commands."""
 
 from __future__ import annotations
 
@@ -20,23 +20,27 @@ if TYPE_CHECKING:
 
 MODELS = ("mlp", "resmlp", "multihead", "moe", "physfeat", "structured", "temporal")
 ON_REQUEST = ("gp",)
-"""Studied where they are asked for alone: of hours of data a Gaussian process makes less than a network."""
-PIECE = "10"  # s, a segment of the paper's replay sequence
+"""Models that are studied only on request: with hours of data a Gaussian process is worse than a network."""
+PIECE = "10"
+"""Length of a segment of the paper's replay sequence [s]."""
 BESIDE_EFFECTS = "physfeat"
+"""Model that is trained on the force that the identified effects do not explain."""
 QUICK_MODELS = ("mlp", "moe", "structured")
+"""Models of a quick study."""
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """What networks learn from and are measured on.
+    """Recordings for the training, evaluation and replay of networks.
 
     Attributes:
         raw: Recording to train on.
         test: Recording of other sessions to evaluate on; without it, the test part of `raw`.
         replay: Recording of the sequence that is replayed.
-        vehicle: Vehicle file, where the recordings carry none.
-        noise: Noise added to `raw` alone; evaluation and replay stay free of it.
-        effects: Vehicle file with identified effects, beside which a network flies of what they leave.
+        vehicle: Vehicle file, for recordings without one.
+        noise: Noise that is added to `raw` only, not to the data of evaluation and replay.
+        effects: Vehicle file with identified effects; a network then learns the remaining force, and is
+            replayed together with these effects.
     """
 
     raw: Path
@@ -49,17 +53,17 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Study:
-    """What is trained, on what, and where it is kept.
+    """Settings of a study of residual models.
 
     Attributes:
-        folder: Of the study.
+        folder: Folder of the study.
         data: Recordings.
         models: Architectures.
-        seeds: Networks of each.
-        minutes: Trainings on so many minutes alone, beside those on all data.
-        epochs: Passes over the data at most; those of `hydro train` by default.
-        device: Where to train.
-        conditionings: Kinds of conditioning that the first seeds fly under as well.
+        seeds: Number of networks of each architecture.
+        minutes: Amounts of data [min] for additional trainings on a part of the data.
+        epochs: Maximum number of passes over the data; the default is that of `hydro train`.
+        device: Device for training.
+        conditionings: Kinds of conditioning under which the networks of the first seed are replayed as well.
     """
 
     folder: Path
@@ -72,10 +76,10 @@ class Study:
     conditionings: tuple[str, ...] = CONDITIONINGS
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be studied.
+        """Check the settings.
 
         Raises:
-            UsageError: There is no such model, or noise without a recording free of it to test on.
+            UsageError: A model is unknown, or noise is given without a noise-free recording to test on.
         """
         if unknown := [name for name in self.models if name not in (*MODELS, *ON_REQUEST)]:
             known = ", ".join((*MODELS, *ON_REQUEST))
@@ -86,11 +90,11 @@ class Study:
 
 @dataclass(frozen=True)
 class Result:
-    """What a study has come to.
+    """Result of a study.
 
     Attributes:
-        ran: Steps run.
-        steps: Steps in all.
+        ran: Number of steps that were run now.
+        steps: Number of all steps.
         summary: Metrics tables by name, see `study.summary.summarise`.
     """
 
@@ -100,7 +104,7 @@ class Result:
 
 
 def carry_out(study: Study, runner: Runner, workers: int = 1) -> Result:
-    """Run what is not done, and summarise after every round of seeds."""
+    """Run the steps that are not done, and summarise after every round of seeds."""
     rounds, steps = _rounds(study), _steps(study)
     done, made, complete, ran = set[Step](), set[Path](), 0, 0
     summary: dict[str, pl.DataFrame] = {}
@@ -116,14 +120,14 @@ def carry_out(study: Study, runner: Runner, workers: int = 1) -> Result:
 
 
 def _steps(study: Study) -> list[list[Step]]:
-    """Steps of every round; what there is once for all of them comes with the first."""
+    """Return the steps of every round; steps that all rounds share are in the first."""
     steps = [[step for run in runs for step in _of_a_run(run, study)] for runs in _rounds(study)]
     steps[0] = [*_preparation(study), *steps[0], *_together(study), *_beside_effects(study)]
     return steps
 
 
 def _rounds(study: Study) -> list[list[Run]]:
-    """Networks seed by seed, so that a study that is cut short has every model: whole data first."""
+    """Return the networks seed by seed, all data first, so that an interrupted study has every model."""
     whole = [[Run(name, seed) for name in study.models] for seed in range(study.seeds)]
     parts = [
         [Run(name, seed, share) for share in study.minutes for name in study.models]
@@ -141,7 +145,7 @@ def _reads(data: Recordings, *files: Path) -> tuple[Path, ...]:
 
 
 def disturb(study: Study, runner: Runner, noise: Noise) -> None:
-    """Write the training recording with noise, unless it is there already: no command does this."""
+    """Write the training recording with noise, unless it is done; no command does this."""
     import numpy as np
     import polars as pl
 
@@ -171,7 +175,7 @@ def disturb(study: Study, runner: Runner, noise: Noise) -> None:
 
 
 def _preparation(study: Study) -> list[Step]:
-    """Labels and split of the training data, and labels to test on."""
+    """Return the steps that label and split the training data, and label the test data."""
     data, folder = study.data, study.folder
     labels, split = folder / "labels.parquet", folder / "split.parquet"
     raw, stated = _learnt_from(data, folder)
@@ -187,17 +191,17 @@ def _preparation(study: Study) -> list[Step]:
 
 
 def _learnt_from(data: Recordings, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The recording that labels are made from, and what is said of its noise."""
+    """Return the recording that is labelled, and the options that state its noise."""
     return (data.raw, ()) if data.noise == "none" else (folder / "noisy.parquet", ("--noise", data.noise))
 
 
 def _tested(data: Recordings, folder: Path) -> tuple[Path, str]:
-    """The table to evaluate on, and which part of it."""
+    """Return the table for evaluation, and the part of it that is used."""
     return (folder / "split.parquet", "test") if data.test is None else (folder / "test.parquet", "all")
 
 
 def _of_a_run(run: Run, study: Study) -> list[Step]:
-    """Training, evaluation and replay of one network."""
+    """Return the steps that train, evaluate and replay one network."""
     from hydro.sim.replay import PAPER_NAMES
 
     data, folder = study.data, study.folder
@@ -227,13 +231,16 @@ def _of_a_run(run: Run, study: Study) -> list[Step]:
 
 
 def _trained(study: Study) -> tuple[str, ...]:
-    """How long and where networks are trained."""
+    """Return the options for the duration and the device of trainings."""
     limited = () if study.epochs is None else ("--epochs", str(study.epochs))
     return limited if study.device == "cpu" else (*limited, "--device", study.device)
 
 
 def _beside_effects(study: Study) -> list[Step]:
-    """Labels of what the identified effects leave, a network of them, and the replay of both and of one."""
+    """Return the steps for the identified effects: labels of the residual force, a network, and replays.
+
+    The replays are of the effects alone, and of the effects with the network.
+    """
     from hydro.sim.replay import PAPER_NAMES
 
     data, folder = study.data, study.folder
@@ -268,7 +275,7 @@ def _beside_effects(study: Study) -> list[Step]:
 
 
 def _together(study: Study) -> list[Step]:
-    """The first seeds side by side: figures, the replay's series, and every kind of conditioning."""
+    """Return the steps for all networks of the first seed: figures, one replay, and each conditioning."""
     data, folder = study.data, study.folder
     models = [folder / "models" / f"{Run(name, 0).name}.parquet" for name in study.models]
     given = [word for model in models for word in ("--model", str(model))]
@@ -291,7 +298,7 @@ def _together(study: Study) -> list[Step]:
 
 
 def _drawn(study: Study, models: Sequence[Path]) -> Step:
-    """What the first seeds predict, side by side, with figures."""
+    """Return the step that evaluates all networks of the first seed in one table, with figures."""
     figures, predicted = study.folder / "figures", study.folder / "evaluated" / "side-by-side.parquet"
     table, part = _tested(study.data, study.folder)
     names = ("axes", "regimes", *(f"density-{one}" for one in study.models))

@@ -1,4 +1,4 @@
-"""A study of policies: all conditions and seeds, and their flights in both simulators."""
+"""Study of policies: trainings of all conditions and seeds, and test flights in both simulators."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     import polars as pl
 
 CONDITIONS = ("R_0", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
+"""Physics under which policies are trained, in the order of the results."""
 SIMULATORS = ("student", "teacher")
+"""Simulators of the test flights: the MuJoCo model and the reference simulator."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One training of a study, in the student of a vehicle file, with a residual model or without."""
+    """One training of a study, in the MuJoCo model of a vehicle file, with or without a residual model."""
 
     condition: str
     seed: int
@@ -29,30 +31,30 @@ class Run:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Its tables."""
+        """Tables of the training."""
         return tuple(self.folder / f"{name}.parquet" for name in ("run", "curves", "evaluations", "policy"))
 
     def tested(self, simulator: str, stage: int) -> Path:
-        """The table of its flights through the task of a stage in a simulator."""
+        """Return the table of its test flights in a simulator, for the task of a stage."""
         return self.folder / f"{simulator}-{stage}.parquet"
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is trained, and where it is kept.
+    """Settings of a study of policies.
 
     Attributes:
-        folder: Of the study.
-        vehicle: The vehicle file, which the teacher flies.
-        models: Residual models of conditions.
-        identified: Vehicle file that was identified from the teacher's data, of `R_identified`.
-        conditions: Physics to train under.
-        seeds: Trainings of each.
+        folder: Folder of the study.
+        vehicle: Vehicle file of the reference simulator.
+        models: Residual models of the conditions that need one.
+        identified: Vehicle file that was identified from data of the reference simulator, for `R_identified`.
+        conditions: Physics under which policies are trained.
+        seeds: Number of trainings under each condition.
         stages: Last stage of the curriculum.
-        steps: Of each training at most.
-        episodes: Tasks of each test.
-        recipe: Of every training.
-        choices: Other choices of every training, as `NAME=VALUE`.
+        steps: Maximum number of steps of each training.
+        episodes: Number of episodes of each test.
+        recipe: Recipe of every training.
+        choices: Other settings of every training, as `NAME=VALUE`.
     """
 
     folder: Path
@@ -69,7 +71,7 @@ class Study:
 
 
 def _kind(path: Path) -> str:
-    """Architecture of a residual model's file."""
+    """Return the architecture of the residual model in a file."""
     from hydro.io import table
     from hydro.io.model import from_artefact
 
@@ -77,10 +79,10 @@ def _kind(path: Path) -> str:
 
 
 def runs(study: Study) -> tuple[list[Run], list[str]]:
-    """The trainings, seeds before conditions, and what the conditions that are not trained lack.
+    """Return the trainings, seed by seed, and a line for each condition without its file.
 
     Raises:
-        UsageError: There is no such condition, or all lack their file.
+        UsageError: A condition is unknown, or all of them lack their file.
     """
     from hydro.rl.environment.conditions import CONDITIONS as KNOWN
     from hydro.rl.environment.conditions import IDENTIFIED, MODELS
@@ -106,7 +108,7 @@ def runs(study: Study) -> tuple[list[Run], list[str]]:
 
 
 def steps(study: Study, of: Sequence[Run]) -> list[Step]:
-    """Training and tests of every run, and the curves of all."""
+    """Return the steps that train and test every run, and draw the learning curves of all."""
     plan = [step for run in of for step in _of_a_run(study, run, first=run is of[0])]
     curves, folders = study.folder / "curves.png", [str(run.folder) for run in of]
     reads = tuple(run.folder / "evaluations.parquet" for run in of)
@@ -114,7 +116,7 @@ def steps(study: Study, of: Sequence[Run]) -> list[Step]:
 
 
 def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
-    """Training and tests of one run."""
+    """Yield the steps that train and test one run."""
     given = () if run.model is None else ("--model", str(run.model))
     which = ("--condition", run.condition, *given, "--seed", str(run.seed))
     options = ["--stages", str(study.stages), "--steps", str(study.steps), "--recipe", study.recipe]
@@ -123,7 +125,7 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
     line = ("rl", "train", str(run.vehicle), *which, *options, "-o", str(run.folder))
     yield Step(line, reads, run.files)
     for simulator, stage in tests(study):
-        # one pilot stands for all seeds of a condition, and in the teacher for all conditions
+        # the pilot flies once per condition, and once in the reference simulator for all conditions
         piloted = run.seed == 0 if simulator == "student" else first
         other = simulator == "teacher" and run.vehicle != study.vehicle
         true = ("--truth", str(study.vehicle)) if other else ()
@@ -135,12 +137,12 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
 
 
 def tests(study: Study) -> list[tuple[str, int]]:
-    """Simulators and stages in which every policy is flown."""
+    """Return the simulators and stages in which every policy is tested."""
     return [(simulator, stage) for simulator in SIMULATORS for stage in range(1, study.stages + 1)]
 
 
 def summarise(study: Study, runs: Sequence[Run]) -> pl.DataFrame:
-    """Write the tests of all runs as one table, and return it."""
+    """Write the test results of all runs as one table, and return it."""
     import polars as pl
 
     from hydro.io import table

@@ -1,4 +1,4 @@
-"""Steps of a study: commands with the files they read and write, run only where something has changed."""
+"""Steps of a study: commands with their input and output files, run only if something has changed."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from pathlib import Path
 from hydro.core.errors import HydroError
 
 LEDGER = "steps.json"
+"""Name of the file that records the steps that are done."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One command line.
+    """One command line of a study.
 
     Attributes:
-        line: Its words, without `hydro`.
-        reads: Files it depends on.
-        writes: Files it makes.
-        kind: Steps of one kind take about as long: the command, and what else matters, such as a model.
-        holds: Folders that it writes into and that no other may meanwhile.
+        line: Words of the command line, without `hydro`.
+        reads: Input files.
+        writes: Output files.
+        kind: Kind of step, for estimates of time: the command and what else matters, such as a model.  Steps
+            of one kind take about the same time.
+        holds: Folders into which only one running step may write.
     """
 
     line: tuple[str, ...]
@@ -38,16 +40,16 @@ class Step:
 
     @property
     def name(self) -> str:
-        """The command line as one would type it."""
+        """Command line as one would type it."""
         return shlex.join(self.line)
 
 
 class Runner:
-    """Runs steps and remembers, in the folder of a study, what they read and wrote by its content.
+    """Runner of steps, with a ledger of the hashes of their input and output files.
 
-    A step is left out where the same command of the same version has read the same bytes before and what it
-    wrote is still there unchanged.  Every command gives the same bytes for the same inputs, so that a change
-    goes no further than it matters.
+    A step is skipped if the same version of the command has read the same bytes before and its outputs are
+    unchanged.  Every command writes the same bytes for the same inputs, so a change causes new runs only of
+    the steps that it affects.
     """
 
     def __init__(
@@ -59,9 +61,9 @@ class Runner:
         """Open the ledger of a folder.
 
         Args:
-            folder: Of the study.
-            execute: Runs a step, such as `apart`.
-            message: Hears in lines of text how far the study is.
+            folder: Folder of the study.
+            execute: Function that runs a step, such as `apart`.
+            message: Called with lines of text on the progress of the study.
         """
         self._path = folder / LEDGER
         self._execute, self._message = execute, message
@@ -76,15 +78,15 @@ class Runner:
                 self._message(f"hydro: {self._path}: cannot be read: every step is run again")
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:
-        """Run those steps that are not done; how many that were."""
+        """Run the steps that are not done, and return their number."""
         return sum(anew for _, anew in self.one_by_one(steps, workers))
 
     def one_by_one(self, steps: Sequence[Step], workers: int = 1) -> Iterator[tuple[Step, bool]]:
-        """Run those steps that are not done; every step as soon as it is, and whether it was run now.
+        """Run the steps that are not done; yield each step when it is done, and whether it was run now.
 
-        With more than one worker, steps run side by side as soon as none still to be run writes what they
-        read. Messages tell what is run, what each step took and, once a step of every command has been
-        timed, about how long the others will take.
+        With more than one worker, steps run in parallel as soon as their input files are complete.  Messages
+        state the running command, the time that each step took and, once a step of every command has been
+        timed, the approximate remaining time.
         """
         self._todo = [step for step in steps if not self.done(step)]
         if self._todo and len(self._todo) < len(steps):
@@ -116,13 +118,13 @@ class Runner:
                     for finished in wait(running, return_when=FIRST_COMPLETED).done:
                         self.record(running[finished], finished.result(), workers)
                         yield running.pop(finished), True
-        finally:  # where one has failed, the others have run to their end
+        finally:  # after a failure the other running steps have ended normally
             for future, step in running.items():
                 if not future.cancelled() and future.exception() is None:
                     self.record(step, future.result(), workers)
 
     def _timed(self, step: Step) -> float:
-        """Run a step; how long it took [s]."""
+        """Run a step and return the time it took [s]."""
         self._message(f"hydro {step.name}")
         started = time.perf_counter()
         for path in step.writes:
@@ -131,21 +133,21 @@ class Runner:
         return time.perf_counter() - started
 
     def done(self, step: Step) -> bool:
-        """Whether a step has been run on just these inputs and its outputs are as it left them."""
+        """Return whether a step has been run on these inputs and its outputs are unchanged."""
         known = self._ledger.get(step.name)
         if known is None or not all(path.is_file() for path in (*step.reads, *step.writes)):
             return False
         return known.items() >= self._state(step).items()
 
     def _state(self, step: Step) -> dict[str, str]:
-        """Version of hydro, and digests of all files of a step."""
+        """Return the version of hydro and the digests of all files of a step."""
         from importlib.metadata import version
 
         files = {str(path): self._digest(path) for path in (*step.reads, *step.writes)}
         return {"version": version("deep-hydro-sim")} | files
 
     def record(self, step: Step, seconds: float, workers: int = 1) -> None:
-        """Enter a step that has been run, write the ledger, whole or not at all, and tell how far we are."""
+        """Record a step that has been run, write the ledger atomically, and report the progress."""
         from hydro.io.files import write_bytes
 
         self._ledger[step.name] = self._state(step) | {"seconds": f"{seconds:.1f}"}
@@ -156,7 +158,7 @@ class Runner:
         self._message(f"  {seconds:.1f} s: {names}{self._left(workers)}")
 
     def _left(self, workers: int) -> str:
-        """What there is still to do and how long that takes, by steps of the same kind, else command."""
+        """Return the number of remaining steps and their time, estimated from steps of the same kind."""
         if not self._todo:
             return ""
         seconds = 0.0
@@ -170,7 +172,7 @@ class Runner:
         return f"; steps left: {len(self._todo)}, some {_duration(seconds / workers)}"
 
     def _digest(self, path: Path) -> str:
-        """SHA-256 of a file; computed once as long as the file is not written again."""
+        """Return the SHA-256 of a file, computed again only if the file has changed."""
         seen = path.stat()
         key = path, seen.st_mtime_ns, seen.st_size
         if key not in self._digests:
@@ -180,16 +182,16 @@ class Runner:
 
 
 class StepFailed(HydroError):
-    """A step in a process of its own has failed, and has said why; with its exit code."""
+    """Failure of a step in its own process, which has printed the reason; with its exit code."""
 
     def __init__(self, step: Step, code: int) -> None:
-        """Name the step that ended with `code`."""
+        """Store the step and its exit code."""
         super().__init__(f"a step has failed, see above: hydro {step.name}")
         self.exit_code = code
 
 
 def apart(step: Step) -> None:
-    """Run a step in a process of its own.
+    """Run a step in its own process.
 
     Raises:
         StepFailed: It failed.
@@ -205,13 +207,13 @@ if sys.platform == "linux":
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 runpy.run_module("hydro.cli", run_name="__main__", alter_sys=True)
 """
-"""A command line that ends with the process which has begun it, however that ends."""
+"""Program that runs a command line, and that Linux ends together with its parent process."""
 
 
 def captured(step: Step) -> tuple[int, str, str]:
-    """Run a step in a process of its own; its exit code, and what it wrote to stdout and stderr.
+    """Run a step in its own process; return its exit code, stdout and stderr.
 
-    It does not outlive this process: the step is run again elsewhere then, and would find its folder in use.
+    The step ends with this process.  Otherwise it would still use its folder while it is run again elsewhere.
     """
     line = [sys.executable, "-c", _BOUND, *step.line]
     done = subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
@@ -219,7 +221,7 @@ def captured(step: Step) -> tuple[int, str, str]:
 
 
 def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> list[Step]:
-    """Steps that may begin: no other that is still to end writes what they read, or holds their folders."""
+    """Return the steps that can start: their inputs are complete, and no running step holds their folders."""
     busy = list(running)
     to_come = {path for step in (*waiting, *busy) for path in step.writes}
     held = {folder for step in busy for folder in step.holds}
@@ -232,7 +234,7 @@ def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> li
 
 
 def _duration(seconds: float) -> str:
-    """A duration for a person, in the unit that suits it."""
+    """Return a duration in words, in seconds, minutes or hours."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,4 +1,4 @@
-"""What a study found in all its networks: means over seeds, and whether both errors rank models alike."""
+"""Summary of all networks of a study: means over seeds, and the agreement of two rankings of the models."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ if TYPE_CHECKING:
     import polars as pl
 
 SIDE_BY_SIDE = Path("replayed") / "side-by-side.parquet"
+"""Errors of one replay with all networks of the first seed and all baselines."""
 EFFECTS = Path("replayed") / "effects.parquet"
+"""Errors of the replay with identified effects, with and without a network."""
 CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
+"""Kinds of conditioning under which networks are replayed."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One network of a study: a model, a seed, and how many minutes of the data it is trained on."""
+    """One network of a study: model, seed, and minutes of training data (None: all)."""
 
     model: str
     seed: int
@@ -25,27 +28,31 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of its files."""
+        """Name of the files of the network."""
         part = "" if self.minutes is None else f"-{self.minutes:g}min"
         return f"{self.model}-seed{self.seed}{part}"
 
     @property
     def label(self) -> str:
-        """What distinguishes it from other runs of the same model."""
+        """Label that distinguishes it from other runs of the same model."""
         return f"seed {self.seed}" + ("" if self.minutes is None else f", {self.minutes:g} min")
 
 
 def conditioned(kind: str) -> Path:
-    """Errors of the replays under one kind of conditioning, within the folder of a study."""
+    """Return the path of the replay errors under one kind of conditioning, in the folder of a study."""
     return Path("replayed") / f"conditioning-{kind}.parquet"
 
 
 def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict[str, pl.DataFrame]:
-    """Write, and return by name, what is known of these networks: metrics tables in the folder of a study.
+    """Write metrics tables of these networks into the folder of a study, and return them by name.
 
-    `evaluation`, `errors` and `minutes` are means over seeds, with the smallest and the largest;
-    `conditioning` is of the first seeds; `ranking` is Kendall's tau of the two errors. Of what is there once
-    for all networks, only what this study has `made` counts.
+    `evaluation`, `errors` and `minutes` have means over seeds, with the smallest and the largest value.
+    `conditioning` has errors of the first seed, and `ranking` Kendall's tau of the two errors.
+
+    Args:
+        runs: Networks whose errors are complete.
+        folder: Folder of the study.
+        made: Files that this study has written; shared tables of an earlier study are not used.
     """
     import polars as pl
 

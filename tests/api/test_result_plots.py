@@ -88,7 +88,7 @@ def test_what_is_drawn_stands_in_the_table() -> None:
     errors, shares = made.diagnosis().plot()
     assert [bar.get_width() for bar in errors.patches] == [0.121, 0.05]
     assert {41.0, 20.0} <= values(shares)
-    assert shares.get_yticklabels()[0].get_text() == "missing:\nocean current"
+    assert shares.get_yticklabels()[0].get_text() == "new effect:\nocean current"
     force, moment = made.fit().plot()
     assert force.get_xlabel() == "value [N s/m], 95 % interval"
     assert moment.get_xlabel() == "value [N m s], 95 % interval"

@@ -294,6 +294,19 @@ def test_summaries_have_the_numbers_of_the_tables() -> None:
     assert found["error_added"].to_list() == [0.06, None]
 
 
+def test_findings_that_do_not_lower_the_error_need_force() -> None:
+    """As `hydro add` does: all together, and one that is named by itself."""
+    better, worse = made.diagnosis(), made.diagnosis(prediction=replace(made.PREDICTION, added=0.12))
+    assert hydro.add(made.VEHICLE, better) == better.vehicle
+    with pytest.raises(DataError, match=r"does not lower the error 5 s ahead .*; force=True adds it"):
+        hydro.add(made.VEHICLE, worse)
+    assert hydro.add(made.VEHICLE, worse, force=True) == worse.vehicle
+    assert hydro.add(made.VEHICLE, worse, ["ocean_current"]) == worse.vehicle
+    alone = made.diagnosis([replace(made.CURRENT, error_added=0.2)])
+    with pytest.raises(DataError, match="adding ocean_current does not lower the error"):
+        hydro.add(made.VEHICLE, alone, ["ocean_current"])
+
+
 def test_a_comparison_without_velocities_is_told_by_the_pose() -> None:
     table = made.comparison().table
     pose = table.filter(~pl.col("axis").is_in([*"uvwpqr", "all"]) | (pl.col("level") == "force"))

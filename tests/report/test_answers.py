@@ -101,13 +101,21 @@ def test_a_wide_terminal_has_no_longer_screen(found):
 
 def test_a_finding_has_its_confidence_share_rivals_and_one_command():
     text = answer([missing("thruster_gain", members=("thruster_gain", "payload"))])
-    assert "Thruster gain is missing: certain, 97 %." in text
+    assert "Thruster gain: certain, 97 %." in text
     assert "Explains 60 % (50 to 70 %) of the explainable error; payload fits as well." in text
     (following,) = pasted_from(text)
     assert following == (
         "hydro diagnose 'my vehicle.toml' 'dive 1.parquet' | "
         "hydro add 'my vehicle.toml' -o 'my vehicle-1.toml'"
     )
+
+
+def test_shares_of_several_findings_need_not_sum_to_one():
+    changed = replace(missing("quadratic_damping", low=math.nan, high=math.nan), verdict="retune")
+    text = " ".join(answer([missing("thruster_gain"), changed]).split())
+    assert "Explains 60 % of the explainable error of the given file." in text
+    assert text.count("The shares need not sum to 100 %") == 1
+    assert "need not sum" not in answer([missing("thruster_gain")])
 
 
 def test_each_sentence_stands_once():
@@ -118,7 +126,18 @@ def test_each_sentence_stands_once():
     text = " ".join(answer([stated, suspected]).split())
     for words in ("of its modelled thrust", "heavier than modelled"):
         assert text.count(words) == 1, text
-    assert "Net buoyancy may be missing: possible, 40 %." in text
+    assert "Net buoyancy, unconfirmed: possible, 40 %." in text
+
+
+def test_details_have_the_sentence_the_test_and_the_advice():
+    one = missing("net_buoyancy", p_value=0.001, advice="add it", sentence="It is heavier.")
+    nothing = Finding("nothing_missing", advice="chi2 1")
+    found = Diagnosis((one, nothing), damped(), (9.0, 5.0, 1.0)).frame()
+    told = [(title, text) for title, _, text in diagnosis.details(found)]
+    assert told == [
+        ("Net buoyancy: new effect", "It is heavier. p = 0.001. Add it."),
+        ("Nothing missing", "Chi2 1."),
+    ]
 
 
 def test_stated_findings_share_the_command_that_adds_all():

@@ -17,6 +17,7 @@ from hydro.core.errors import DataError
 from hydro.io import table, vehicle
 from hydro.io.study import NO_FORCES
 from hydro.report import plots, words
+from hydro.report.diagnosis import OVERLAP
 from hydro.report.page import render
 from hydro.report.sources import Named, Sources, gather
 
@@ -83,22 +84,22 @@ def test_the_story_is_told_in_order(page: dict[str, str]) -> None:
 def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> None:
     told = "With ocean current added, the error 5 s ahead falls from 2.00 to 0.200 m/s, and on held-out data "
     assert f"{told}from 1.80 to 0.300." in page["head"]
-    assert "noise alone would leave 0.020 m/s" in page["head"]
-    assert "10 % of the error is left" in page["model"]
-    assert "17 % of the error is left" in page["model"]
+    assert "The noise floor is 0.020 m/s" in page["head"]
+    assert "10 % of the error remains" in page["model"]
+    assert "17 % of the error remains" in page["model"]
 
 
 def test_a_diagnosis_of_faults_alone_has_the_first_for_its_headline() -> None:
     fault = Finding("log_fault", members=("cmd_1",), advice="thruster 1 pushes opposite to the file")
     found = Diagnosis((fault,), synthetic.vehicle(), (1.0, 1.0, 1.0))
     page = Text(render(alone("diagnosis", found.frame()))).found
-    assert "What the log says of cmd_1 is impossible." in page["head"]
+    assert "The log has impossible values in cmd_1." in page["head"]
 
 
 def test_places_before_and_after_stand_side_by_side(page: dict[str, str]) -> None:
     assert "Sway while turning right above 0.8 m/s 60 % in 20 % of the time" in page["places"]
-    assert "the model leaves out 90.0 N" in page["places"]
-    before, after = page["places"].split("With what was found")
+    assert "unexplained force 90.0 N" in page["places"]
+    before, after = page["places"].split("With the findings added")
     assert "turning right" in before
     assert "Sway while braking 60 %" in after
 
@@ -124,10 +125,10 @@ def test_a_comparison_alone_tells_the_sessions_of_its_recording() -> None:
 def test_the_force_left_over_is_told_with_its_sign(page: dict[str, str]) -> None:
     told = page["leftover"]
     assert (
-        "X at surge −0.80 m/s: the file's own force is 80.0 N, and 16.0 N (15.0 to 17.0) is left over: "
+        "X at surge −0.80 m/s: the force of the file is 80.0 N, and 16.0 N (15.0 to 17.0) is unexplained: "
         in told
     )
-    assert "the recording asks for 20 % more." in told
+    assert "this log needs 20 % more." in told
     assert "Y N v = −0.80 m/s 80.0 16.0 15.0 to 17.0 0 −1.00 to 1.00 6.0" in told
 
 
@@ -135,7 +136,7 @@ def test_a_force_that_could_not_be_found_says_why() -> None:
     why = {NO_FORCES: "samples are of u in 10%"}
     made = table.make("sessions", studies.sessions(), stage="explain", parameters=why)
     page = Text(render(Sources(sessions=Named("sessions.parquet", made)))).found
-    assert page["leftover"].endswith("Not found: Samples are of u in 10%.")
+    assert page["leftover"].endswith("Not computed: Samples are of u in 10%.")
 
 
 def test_commands_have_a_lane_for_each_thruster(sources: Sources) -> None:
@@ -157,10 +158,20 @@ def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
     told = page["findings"]
     assert "Explains 41 % (33 to 52 %) of the explainable error; tether fits as well." in told
     assert "(certain, 93 %)" in told
-    assert "Probability of as much by chance: 0.0005." in told
+    assert "Probability of such a share by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
-    assert "Nothing missing Noise explains the error that is left." in told
+    assert "Nothing missing Noise explains the remaining error." in told
     assert "thruster gain or quadratic damping (20 % of the error)" in told
+    assert "More: hydro effects ocean_current ." in told
+
+
+def test_new_values_of_the_file_are_a_finding_of_the_first_step(page: dict[str, str]) -> None:
+    assert "New values of linear damping" in page["findings"].split("After step 1")[0]
+
+
+def test_shares_of_two_findings_have_a_note() -> None:
+    page = Text(render(alone("diagnosis", studies.found()))).found
+    assert page["findings"].count(OVERLAP) == 1
 
 
 def test_the_ladder_is_a_table_too(page: dict[str, str]) -> None:
@@ -176,7 +187,7 @@ def test_the_overlay_has_the_errors_of_both_models(page: dict[str, str]) -> None
 
 
 def test_confusions_tell_rivals_and_what_parts_them(page: dict[str, str]) -> None:
-    assert "ocean current here also possible tether" in page["confusions"]
+    assert "ocean current fits as well here tether" in page["confusions"]
     assert "turn slowly through all headings" in page["confusions"]
 
 
@@ -200,9 +211,9 @@ def test_a_step_too_far_is_not_the_one_to_use(tmp_path: Path) -> None:
     )
     table.write(table.make("ladder", worse, stage="explain"), tmp_path / "ladder.parquet")
     page = Text(render(gather([tmp_path]))).found
-    assert "The model errs by 2.00 m/s 5 s ahead." in page["head"]
+    assert "The error of the model is 2.00 m/s 5 s ahead." in page["head"]
     assert "the file to use is that of step 0" in page["ladder"]
-    assert "With what was found" not in page["places"]
+    assert "With the findings added" not in page["places"]
 
 
 def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
@@ -219,11 +230,11 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "frame", "sections", "told"),
     [
-        ("comparison", studies.comparison(), ["model", "places"], "The model errs by 2.00 m/s 5 s ahead."),
+        ("comparison", studies.comparison(), ["model", "places"], "The error of the model is 2.00 m/s"),
         ("diagnosis", studies.found(), ["findings", "next", "confusions"], "The model lacks ocean current."),
-        ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the error that is left."),
+        ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the remaining error."),
         ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
-        ("leftover", studies.leftover(), ["leftover"], "The force of the water on a vehicle"),
+        ("leftover", studies.leftover(), ["leftover"], "the force that its file does not explain"),
         ("sessions", studies.sessions(), ["recorded"], "Sessions of a study."),
         ("replay", studies.replay(), ["replay-0"], "Measured motion against simulated."),
         ("metrics", studies.metrics(), ["metrics-0"], "Errors of models, axis by axis."),
@@ -256,7 +267,7 @@ def test_what_to_fly_is_said_once_each() -> None:
 def test_a_comparison_with_an_earlier_one_tells_both() -> None:
     frame = studies.comparison(0.5).with_columns(before=2.0 * pl.col("rmse"))
     page = Text(render(alone("comparison", frame))).found
-    assert "With what was found, the error 5 s ahead falls from 2.00 to 1.00 m/s." in page["head"]
+    assert "With the findings added, the error 5 s ahead falls from 2.00 to 1.00 m/s." in page["head"]
 
 
 def test_values_that_are_no_toml_are_refused() -> None:

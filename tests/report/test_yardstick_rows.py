@@ -64,7 +64,7 @@ def test_without_predictors_nothing_is_said():
 
 def test_the_ladder_of_the_terminal_has_them_above_the_noise():
     shown = ladder.errors(judged(), "holdout")
-    assert shown["step"].to_list()[-4:] == [ZERO, CONSTANT, LEAST_SQUARES, "noise alone"]
+    assert shown["step"].to_list()[-4:] == [ZERO, CONSTANT, LEAST_SQUARES, "noise floor"]
     assert shown.row(-2) == (LEAST_SQUARES, *[0.1] * 7)
 
 
@@ -97,8 +97,8 @@ def test_what_was_added_is_not_advised_again(sources):
     found = cards.findings(sources, Charts())
     assert found is not None
     added, *_ = found["groups"]
-    assert [card["verdict"] for card in added["cards"]] == ["missing"]
-    assert added["cards"][0]["advice"] == ""
+    assert [card["verdict"] for card in added["cards"]] == ["missing", "retune"]
+    assert [card["advice"] for card in added["cards"]] == ["", ""]
     lone = cards.findings(
         dataclasses.replace(sources, ladder=None, diagnoses=sources.diagnoses[:1]), Charts()
     )

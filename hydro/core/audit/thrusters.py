@@ -18,12 +18,10 @@ from hydro.core.audit.hypotheses import INERTIA, Posterior, posterior
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
-from hydro.core.errors import listed
+from hydro.core.errors import in_shell, listed
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
-FILE = "vehicle.toml"
-"""Name of the vehicle file in advice, where it is not known."""
 SURE = 0.95
 """Probability from which a hypothesis about directions and order is stated."""
 NORMAL = 1.96
@@ -85,11 +83,11 @@ class ThrusterAudit:
         every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
         return tuple(sorted({name for wiring in every for name in wiring.columns()}))
 
-    def lines(self, file: str = FILE, sources: Sequence[str] | None = None) -> Iterator[str]:
+    def lines(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
         """Yield the findings, a sentence each, the most important first.
 
         Args:
-            file: Name of the vehicle file, for the command that mends it.
+            file: Name of the vehicle file, for the command that corrects it; empty if it is not known.
             sources: Names of the columns in the log, in the order of the map, where there is one.
         """
         if self.clear.any() and not self.wrong:
@@ -100,15 +98,15 @@ class ThrusterAudit:
             hidden = [name for name, shown in zip(VELOCITY, self.shown, strict=True) if not shown]
             yield f"accelerations of {listed(hidden)} are not measured and play no part in this"
 
-    def statements(self, file: str = FILE, sources: Sequence[str] | None = None) -> Iterator[str]:
+    def statements(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
         """Yield what contradicts the file: directions and order, a common scale, weak thrusters."""
         if self.wrong:
             yield self.headline(file, sources)
         if self.seen.any():
             yield from self._sizes()
 
-    def headline(self, file: str = FILE, sources: Sequence[str] | None = None) -> str:
-        """Return the sentence on directions and order, with the command or map line that mends them."""
+    def headline(self, file: str = "", sources: Sequence[str] | None = None) -> str:
+        """Return the sentence on directions and order, with the command or map line that corrects them."""
         if not self.wrong:
             clear = _places(self.clear)
             verb = "pushes" if len(clear) == 1 else "push"
@@ -125,8 +123,8 @@ class ThrusterAudit:
         advice = []
         if self.wiring.reversed:
             numbers = ",".join(str(i + 1) for i in self.wiring.reversed)
-            flip = f"`hydro vehicle flip {file} --thruster {numbers} -o flipped.toml`"
-            advice.append(f"flip {_it(self.wiring.reversed)} with {flip}")
+            given = f" {in_shell(file)} --thruster {numbers} -o flipped.toml" if file else ""
+            advice.append(f"flip {_it(self.wiring.reversed)} with `hydro vehicle flip{given}`")
         if self.wiring.moved:
             advice.append(self._order(sources))
         return f"{told}: {'; '.join(advice)}"

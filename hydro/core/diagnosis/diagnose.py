@@ -58,7 +58,7 @@ from hydro.core.diagnosis.model import (
 from hydro.core.diagnosis.provisional import ReportingSearch, Told
 from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.diagnosis.search import Search, candidates
-from hydro.core.diagnosis.status import status
+from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
@@ -195,8 +195,10 @@ def answered(
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log, progress)
     progress("done", 1.0)
+    diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
     left = None if hull is None else diagnosis.chi2[-1]
-    return replace(diagnosis, status=status(diagnosis.findings, vehicle, log.record.dt, left))
+    told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
+    return replace(diagnosis, status=told)
 
 
 def _found_in(

@@ -37,9 +37,9 @@ Verdict = Literal[
 """Verdict of one finding.
 
 About an effect: `missing` is stated with a confidence of SURE or more, and `suspect` has less.  `retune` is
-an existing effect with other values.  `cannot_tell_apart` is one of several effects that another manoeuvre
-would separate.  `not_separable` equals existing effects in every recording.  `not_excited` is an effect that
-this recording does not show.
+an effect of the file that needs new values.  `cannot_tell_apart` is one of several effects that another
+manoeuvre would separate.  `not_separable` equals existing effects in every recording.  `not_excited` is an
+effect that this recording does not show.
 
 About the whole, at most one of three, by the final mean squared residual in units of the noise (FIT):
 `nothing_missing` if the model fits and its residual has no structure; `none_of_the_known` if the residual has
@@ -89,6 +89,7 @@ class Finding:
             the share of held-out error that it removes; NaN where none is stated.
         error_added: Held-out prediction error with this finding alone added to the file [m/s], see
             `Prediction`; NaN where it was not computed.
+        sentence: Its values in plain words, see `diagnosis.status`; empty without values.
     """
 
     verdict: Verdict
@@ -105,6 +106,7 @@ class Finding:
     advice: str = ""
     support: float = math.nan
     error_added: float = math.nan
+    sentence: str = ""
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,11 @@ class Prediction:
     def falls(self) -> bool:
         """Whether the stated findings lower the error by more than the standard error of the difference."""
         return self.given - self.added > self.spread
+
+    @property
+    def refuted(self) -> bool:
+        """Whether findings are stated but do not lower the error."""
+        return self.added != self.given and not self.falls
 
 
 Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
@@ -221,6 +228,7 @@ class Diagnosis:
             "excited": [one.excited for one in found],
             "error_added": [one.error_added for one in found],
             "advice": [one.advice for one in found],
+            "sentence": [one.sentence for one in found],
         }
         return pl.DataFrame(columns).with_columns(cs.float().fill_nan(None))
 
@@ -274,6 +282,36 @@ def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
     rows = diagnosis.sort("rank").filter(verdict="suspect")
     pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
     return dict(pairs)
+
+
+def no_better(
+    diagnosis: pl.DataFrame, prediction: Prediction | None, names: Sequence[str], *, alone: bool
+) -> str:
+    """Return the reason why findings should not be added: they do not lower the held-out prediction error.
+
+    Args:
+        diagnosis: Diagnosis table.
+        prediction: Its prediction errors; None if they are not known, which gives no reason.
+        names: Effects that are to be added.
+        alone: Whether they were named one by one: then one of them has to lower the error by itself.
+
+    Returns:
+        The reason in words; empty without one.
+    """
+    if prediction is None or "error_added" not in diagnosis.columns:
+        return ""
+    if alone:
+        errors = diagnosis.filter(pl.col("effect").is_in(names))["error_added"].drop_nulls().to_list()
+        error = min(errors, default=-math.inf)
+        lower = error < prediction.given
+    else:
+        error, lower = prediction.added, not prediction.refuted
+    if lower:
+        return ""
+    return (
+        f"adding {', '.join(names)} does not lower the error {prediction.horizon:g} s ahead of data that it "
+        f"was not fitted to: {prediction.given:.3g} m/s before, {error:.3g} m/s after"
+    )
 
 
 def by_name(suspected: Mapping[str, float]) -> str:

@@ -66,14 +66,17 @@ class Preprocessed:
         """Whether directions or order of the thrusters differ from the file."""
         return self.audit is not None and self.audit.wrong
 
-    def require_directions(self) -> None:
+    def require_directions(self, file: str = "") -> None:
         """Refuse a recording that contradicts the directions or the order of the file's thrusters.
+
+        Args:
+            file: Name of the vehicle file, for the command that corrects it; empty if it is not known.
 
         Raises:
             DataError: It does; the message says how to correct it.
         """
         if self.audit is not None and self.audit.wrong:
-            raise DataError(f"{self.audit.headline()}; or continue as it is with --correct-thrusters")
+            raise DataError(f"{self.audit.headline(file)}; or continue as it is with --correct-thrusters")
 
     def as_audited(self) -> Preprocessed:
         """Return the recording with its audited columns, accepted as right."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from hydro.core.diagnosis.contenders import RIGHT
-from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Finding, Status
+from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Diagnosis, Finding, Prediction, Status
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
@@ -16,7 +17,13 @@ LIKELY = 0.6
 """Confidence from which a name that is not stated is called likely; below it, the name is called possible."""
 
 
-def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float | None = None) -> Status:
+def status(
+    findings: Sequence[Finding],
+    vehicle: Vehicle,
+    dt: float,
+    left: float | None = None,
+    prediction: Prediction | None = None,
+) -> Status:
     """Return the overall result of some findings.
 
     Args:
@@ -25,6 +32,7 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
         dt: Sample time of the recording [s].
         left: Squared residual with all changes since an earlier recording, in floors of the hull model; None
             without one.
+        prediction: Held-out errors before and after the stated findings are added; None if not known.
     """
     changed = left is not None
     named = [one for one in findings if one.verdict in (*STATED, "suspect")]
@@ -35,7 +43,10 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
     if stated:
         told = [_sentence(one, vehicle, dt) for one in stated]
         rest = ["An error remains that no effect explains."] if remains else []
-        return Status("stated", _counted(stated, changed), (*told, *rest, *faults))
+        if prediction is not None and prediction.refuted:
+            they = "it does" if len(stated) == 1 else "they do"
+            rest = [f"Added to the file, {they} not lower the held-out prediction error.", *rest]
+        return Status("stated", _counted(len(stated), changed), (*told, *rest, *faults))
     if suspected:
         best = max(suspected, key=_likely)
         told = [f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."]
@@ -57,7 +68,7 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
 
 
 def _is_unsure(one: Finding) -> bool:
-    """Return whether a finding is a suspect, or an existing effect with uncertain other values."""
+    """Return whether a finding is a suspect, or an existing effect with uncertain new values."""
     return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
@@ -74,8 +85,25 @@ def in_words(confidence: float) -> str:
     return f"{word}, {100.0 * confidence:.0f} %"
 
 
+def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
+    """Add its sentence to each finding with values.
+
+    Args:
+        diagnosis: Diagnosis.
+        vehicle: Vehicle that was diagnosed.
+        dt: Sample time of the recording [s].
+    """
+    findings = tuple(
+        replace(one, sentence=sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt))
+        if one.parameters
+        else one
+        for one in diagnosis.findings
+    )
+    return replace(diagnosis, findings=findings)
+
+
 def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
-    """Return a finding's sentence; the name alone if it has no values."""
+    """Return a finding's sentence for the headline, with the effects that would fit as well."""
     if not one.parameters:
         return f"The file's {one.effect.replace('_', ' ')} does not fit this log."
     told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt)
@@ -85,16 +113,8 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
     return f"{told} In this log {' or '.join(others)} would fit as well." if others else told
 
 
-def _counted(stated: Sequence[Finding], changed: bool) -> str:
-    """Return the number of missing effects, and the number with other values, in words."""
-    other = sum(one.verdict == "retune" for one in stated)
-    missing = len(stated) - other
+def _counted(count: int, changed: bool) -> str:
+    """Return the number of stated findings in words."""
     if changed:
-        return f"{len(stated)} {'effect has' if len(stated) == 1 else 'effects have'} changed"
-    parts = [f"{missing} {'effect is' if missing == 1 else 'effects are'} missing"] if missing else []
-    if other:
-        unit = ("effect" if other == 1 else "effects") if not missing else ""
-        parts.append(
-            " ".join(filter(None, [str(other), unit, "has" if other == 1 else "have", "other values"]))
-        )
-    return " and ".join(parts)
+        return f"{count} {'effect has' if count == 1 else 'effects have'} changed"
+    return f"The model needs {count} correction{'s' * (count > 1)}"

@@ -33,7 +33,7 @@ COORDINATES = frozenset({"m", "s", "rad", "°"})
 Sentence = Callable[[Case], str]
 
 
-UNCLEAR = ("is not determined by this log.", "does not differ clearly from the file's value.")
+UNCLEAR = ("not determined by this log.", "does not differ clearly from the file's value.")
 """Ends of sentences on values that a log does not determine, without and with the effect in the file."""
 
 
@@ -64,7 +64,7 @@ def undetermined(case: Case, subject: str, value: str) -> str:
     if case.in_file:
         return f"{capital(subject)} {UNCLEAR[1]}"
     said = f", {value}," if case.finite else ""
-    return f"{capital(subject)}{said} {UNCLEAR[0]}"
+    return f"{capital(subject)}{said} is {UNCLEAR[0]}"
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
@@ -96,7 +96,7 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
-        return f"{capital(noun)} {UNCLEAR[0]}"
+        return f"{capital(noun)} is {UNCLEAR[0]}"
     if not clear:
         return undetermined(case, noun, valued(order[0]))
     if len(clear) == 1:

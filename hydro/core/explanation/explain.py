@@ -19,7 +19,7 @@ from hydro.core.diagnosis.findings import UNEXPLAINED, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.status import status
+from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
@@ -177,6 +177,7 @@ def _next(
     )
     if beyond is not None:
         diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
+    diagnosis = with_sentences(diagnosis, plain, log.record.dt)
     return Step(
         number,
         tried.added,

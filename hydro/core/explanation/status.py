@@ -1,4 +1,4 @@
-"""The answer of a study in one headline: what its steps added, and which of that a test confirmed."""
+"""Headline of a study: the effects that its steps added, and which of them a test confirmed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 import polars as pl
 
 from hydro.core import toml_text
-from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
+from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Finding, Status
 from hydro.core.diagnosis.status import status
 from hydro.core.effects.sentences import sentence
 from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.options import of_change, states
 
 UNCONFIRMED = "unconfirmed"
-"""What a step is called that no significance test confirmed."""
+"""Word for a step that no significance test confirmed."""
 
 
 def added(steps: Sequence[Step]) -> dict[str, bool]:
@@ -25,8 +25,19 @@ def added(steps: Sequence[Step]) -> dict[str, bool]:
     return {name: states(last, name) for last, step in pairwise(steps) for name in step.added}
 
 
+def retuned(first: Step) -> list[str]:
+    """Return the effects of the file for which the first diagnosis states new values; none of a change.
+
+    Each step adds these values with its effect, and refits them.
+    """
+    if of_change(first):
+        return []
+    sure = pl.col("confidence").fill_null(1.0) >= SURE
+    return first.diagnosis.filter(sure, verdict="retune").sort("rank")["effect"].to_list()
+
+
 def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
-    """Return the answer that the steps of a study amount to.
+    """Return the overall result of a study.
 
     Args:
         steps: All steps.
@@ -40,7 +51,9 @@ def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
         unproven = [_unproven(one) for one in findings(chosen.diagnosis)] if len(steps) > 1 else None
         return status(unproven or findings(chosen.diagnosis), file, dt, left)
     known = {name: sure for name, sure in added(steps[: chosen.number + 1]).items() if name in tables}
-    confirmed = [_finding(tables[name], bool(file.effects(name))) for name, sure in known.items() if sure]
+    names = [name for name, sure in known.items() if sure]
+    names += [name for name in retuned(steps[0]) if name in tables and name not in known]
+    confirmed = [_finding(tables[name], bool(file.effects(name))) for name in names]
     told = [
         f"{sentence(file, name, *_values(tables[name]), dt).rstrip('.')} ({UNCONFIRMED})."
         for name, sure in known.items()

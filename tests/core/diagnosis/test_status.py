@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from recordings import damped
 
-from hydro.core.diagnosis.findings import SURE, Finding
+from hydro.core.diagnosis.findings import SURE, Finding, Prediction
 from hydro.core.diagnosis.status import in_words, status
 
 STATED = {
@@ -79,9 +80,17 @@ def test_effects_are_counted_and_each_has_its_sentence():
         Finding("retune", "quadratic_damping", ("quadratic_damping",)),
     ]
     text = status(found, damped(), 0.02).headline
-    assert text.startswith("2 effects are missing and 1 has other values: ")
+    assert text.startswith("The model needs 3 corrections: ")
     assert "hruster 4 delivers 70 %" in text
     assert status(found[:1], damped(), 0.02, 0.7).headline.startswith("1 effect has changed: ")
+
+
+@pytest.mark.parametrize("added", [0.31, 0.1, 0.3])
+def test_the_headline_says_that_findings_do_not_lower_the_error(added):
+    found = Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters=STATED["net_buoyancy"])
+    known = Prediction(5.0, 0.3, added, 0.01, 0.02)
+    text = status([found], damped(), 0.02, prediction=known).headline
+    assert text.endswith("it does not lower the held-out prediction error.") == (added == 0.31)
 
 
 def test_confidence_in_words():
@@ -97,6 +106,12 @@ def test_values_that_are_not_clear_do_not_deny_what_is_stated():
     )
     text = status([found], damped(), 0.02, 0.7).headline
     assert text.startswith("1 effect has changed: Net buoyancy explains a part of the error. ")
+
+
+def test_gains_that_are_not_determined_do_not_deny_what_is_stated():
+    found = Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"])
+    text = status([found], damped(), 0.02).headline
+    assert "Thruster gain explains a part of the error. Thrusters 1 to 8 are not determined" in text
 
 
 def test_a_formula_comes_before_the_force_that_it_replaces():
