@@ -13,8 +13,8 @@ from hydro.core.errors import UsageError
 T = TypeVar("T")
 R = TypeVar("R")
 _LOCAL = threading.local()  # `sharing`: number of threads that share the processors at present
-VARIABLE = "HYDRO_THREADS"
-"""Environment variable with the number of threads of a process that shares its machine."""
+VARIABLE, COMPILER = "HYDRO_THREADS", "NUMBA_NUM_THREADS"
+"""Environment variables with the number of threads of a process that shares its machine, and of numba."""
 
 
 def available() -> int:
@@ -29,13 +29,28 @@ def available() -> int:
     return max(_processors() // getattr(_LOCAL, "sharing", 1), 1)
 
 
+def require_numbers() -> None:
+    """Refuse numbers of threads in the environment that are none; numba raises on its import otherwise.
+
+    Raises:
+        UsageError: One of them is not a whole number from 1.
+    """
+    for name in (VARIABLE, COMPILER):
+        _number(name)
+
+
 def _processors() -> int:
     """Return the number in HYDRO_THREADS, otherwise the number of processors."""
-    limit = os.environ.get(VARIABLE)
+    return _number(VARIABLE) or os.cpu_count() or 1
+
+
+def _number(name: str) -> int | None:
+    """Return the number of threads in a variable of the environment; None where it is not set."""
+    limit = os.environ.get(name)
     if limit is None:
-        return os.cpu_count() or 1
+        return None
     if not limit.isdecimal() or int(limit) < 1:
-        raise UsageError(f"{VARIABLE}={limit!r:.40}: set it to a whole number of threads, or unset it")
+        raise UsageError(f"{name}={limit!r:.40}: set it to a whole number of threads, or unset it")
     return int(limit)
 
 

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from hydro.core.errors import DataError
-from hydro.core.threads import available, shared, spread
+from hydro.core.errors import DataError, UsageError
+from hydro.core.threads import available, require_numbers, shared, spread
 
 
 def test_what_is_shared_comes_in_order_and_leaves_each_its_part(monkeypatch):
@@ -42,3 +42,11 @@ def test_an_error_is_raised_where_its_result_would_come():
     assert [next(found), next(found)] == [0, 1]
     with pytest.raises(DataError, match="two"):
         next(found)
+
+
+@pytest.mark.parametrize("name", ["HYDRO_THREADS", "NUMBA_NUM_THREADS"])
+@pytest.mark.parametrize("text", ["-3", "0", "two", "1.5", ""])
+def test_a_number_of_threads_that_is_none_is_refused_with_its_variable(name, text, monkeypatch):
+    monkeypatch.setenv(name, text)
+    with pytest.raises(UsageError, match=name):
+        require_numbers()

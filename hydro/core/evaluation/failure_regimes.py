@@ -85,7 +85,8 @@ def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family
     # Noise makes some of the rest negative: the parts of an axis' error must not exceed the whole.
     parts = [sum(place.share for place in listed if place.axis == axis) for axis in range(len(rests))]
     scale = np.minimum(unexplained.sum(axis=0) / np.maximum(parts, 1e-300), 1.0)
-    return [replace(place, share=place.share * float(scale[place.axis])) for place in listed]
+    # Rounding must not make a whole larger than 1.
+    return [replace(place, share=min(place.share * float(scale[place.axis]), 1.0)) for place in listed]
 
 
 def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:
