@@ -145,12 +145,12 @@ class Diagnosis(Result):
         return (self.headline,) if self.prediction is None else (self.headline, _in_words(self.prediction))
 
     def _below(self) -> Sequence[str]:
-        from hydro.report.diagnosis import OVERLAP, look_up, overlapping
+        from hydro.report.diagnosis import SHARES, has_shares, look_up
 
         rows = [row for row in self.table.sort("rank").to_dicts() if row["verdict"] != "not_excited"]
         unseen = ", ".join(self.unseen)
         return (
-            *([OVERLAP] if overlapping(rows) else []),
+            *([SHARES] if has_shares(rows) else []),
             *(line.text for line in look_up([row["effect"] for row in rows])),
             *([f"Not visible in this recording: {unseen}."] if unseen else []),
         )

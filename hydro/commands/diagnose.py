@@ -138,7 +138,7 @@ def diagnose(
     r"""Find the physical effects that a vehicle file lacks.
 
     Tests every effect of the catalogue on the prediction errors of the file. Each finding has a confidence,
-    its share of the explainable error and a next command; hydro add writes findings into the file. With
+    its share of the error above the noise and a next command; hydro add writes findings into the file. With
     --before it finds what has changed since that recording.
 
         hydro diagnose vehicle.toml after.parquet --before before.parquet
@@ -361,8 +361,8 @@ def add(
     with the values. If the diagnosis has a covariance file, the covariance of the added values is written
     next to the file that -o names; a diagnosis from a pipe has none.
 
-    Findings that do not lower the error of predictions 5 s ahead, on data that they were not fitted to, are
-    refused without --force. So is the diagnosis of another vehicle, or of this one before it was edited.
+    Findings that do not lower the error 5 s ahead on stretches that the fits left out are refused without
+    --force. So is the diagnosis of another vehicle, or of this one before it was edited.
     """
     from hydro.core.diagnosis.findings import by_name, suspects, tables
     from hydro.io import vehicle as vehicles

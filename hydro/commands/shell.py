@@ -350,7 +350,9 @@ def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | 
         from hydro.report import words
 
         told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)})"
-        message(f"hydro: provisional: {told}, {words.percent(best.share)} of the explainable error")
+        message(
+            f"hydro: provisional: {told}, removes {words.percent(best.share)} of the error above the noise"
+        )
 
     return tell
 

@@ -13,7 +13,7 @@ from hydro.io import vehicle as vehicles
 from hydro.report import diagnosis, plots, recorded, words
 from hydro.report.change import of_change
 from hydro.report.charts import Charts
-from hydro.report.diagnosis import OVERLAP, Context, overlapping
+from hydro.report.diagnosis import SHARES, Context, has_shares
 from hydro.report.sources import Named, Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import Value
@@ -123,7 +123,7 @@ def _shares(shown: pl.DataFrame, step: int) -> str:
     rows = shown.to_dicts()
     reference = f"Shares are of the error that remained after step {step}."
     explained = any(diagnosis.facts(row) for row in rows)
-    return " ".join([reference] * (step > 0 and explained) + [OVERLAP] * overlapping(rows))
+    return " ".join([reference] * (step > 0 and explained) + [SHARES] * has_shares(rows))
 
 
 def _unseen(rows: pl.DataFrame) -> str:

@@ -42,8 +42,8 @@ MOST_UNSEEN = 4
 """Maximum number of effects in the line on effects that are not visible."""
 MORE = "{count}: add --details."
 """Note on findings that do not fit on the screen."""
-OVERLAP = "The shares need not sum to 100 %: each is measured by itself."
-"""Note on the shares of two or more findings."""
+SHARES = "Shares are of the squared error above the noise, and need not sum to 100 %."
+"""Note on the shares of findings."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
 """Options of `hydro diagnose` that `hydro compare` does not have."""
 NOTHING_NEXT = Following()
@@ -104,7 +104,7 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    notes = [Text(OVERLAP)] * overlapping(rows) + look_up([row["effect"] for row in rows])
+    notes = [Text(SHARES)] * has_shares(rows) + look_up([row["effect"] for row in rows])
     tail = [EMPTY, *notes] if notes else []
     tail += [EMPTY, Text(about.learned)] if about.learned else []
     tail += unseen(frame, about, width)
@@ -135,7 +135,7 @@ def errors(known: Prediction) -> Iterator[Text]:
     )
     if after:
         helps = " This does not lower the error, so hydro add refuses it." if known.refuted else ""
-        yield Text(f"after: findings added to the file, on data that they were not fitted to.{helps}")
+        yield Text(f"after: findings added to the file; errors on stretches that the fits left out.{helps}")
 
 
 def _columns(after: bool, floor: bool) -> list[int]:
@@ -208,17 +208,13 @@ def sureness(row: Mapping[str, Any]) -> str:
 
 
 def facts(row: Mapping[str, Any]) -> str:
-    """Return the share of the explainable error and the rivals of a finding, in a sentence."""
+    """Return the share of the error above the noise and the rivals of a finding, in a sentence."""
     share = row["share_of_error_explained"]
     if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
         return ""
     if row["verdict"] in UNEXPLAINED:
-        return f"{words.percent(share)} of the explainable error remains."
-    low, high = row["share_low"], row["share_high"]
-    told = words.percent(share)
-    interval = told if low is None or high is None else words.between(low, high)
-    whose = " of the given file" if row["verdict"] == "retune" and low is None else ""
-    told = f"Explains {told}{'' if interval == told else f' ({interval})'} of the explainable error{whose}"
+        return f"{words.percent(share)} of the error remains."
+    told = _share(row)
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
         sure = "" if row["confidence"] is None else f" ({words.percent(row['confidence'])} for the first)"
@@ -228,9 +224,22 @@ def facts(row: Mapping[str, Any]) -> str:
     return f"{told}; no rival fits as well." if row["verdict"] == "missing" else f"{told}."
 
 
-def overlapping(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether two or more findings have a share, so that the sum needs a note."""
-    return sum(facts(row).startswith("Explains") for row in rows) > 1
+def _share(row: Mapping[str, Any]) -> str:
+    """Return the share of the error above the noise that a finding removes, in words."""
+    low, high = row["share_low"], row["share_high"]
+    told = words.percent(row["share_of_error_explained"])
+    if row["verdict"] == "retune" and low is None:
+        return f"The file's values cause {told} of the error of the file as given"
+    if low is not None and high is not None and (interval := words.between(low, high)) != told:
+        told = f"{told} ({interval})"
+    if row["verdict"] in STATED:
+        return f"Without it {told} of the error returns"
+    return f"It removes {told} of the error"
+
+
+def has_shares(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether a finding has a share, so that shares need a note."""
+    return any(facts(row) for row in rows)
 
 
 def look_up(effects: Sequence[str]) -> list[Text]:
@@ -256,7 +265,7 @@ def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
     yield Text(f"Not visible in this log: {listed(shown)}. {motion} would show {what}.")
     if about.open and about.call is not None:
         flight = about.call.again("diagnose", "--fly", "next.parquet", "-o", "diagnosis.parquet")
-        yield from Following("Design that flight:", flight).lines(width)
+        yield from Following("Design that run:", flight).lines(width)
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:

@@ -179,6 +179,7 @@ def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
             "share": row["share"],
             "width": 100.0 * row["share"],
             "time": row["rows"] / (everything or row["rows"]),
+            "kind": "moment" if row["unit"] == "N m" else "force",
             "rmse": f"{words.figure(row['rmse'])} {row['unit']}",
         }
 

@@ -17,6 +17,9 @@ from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
 
+AT_FLOOR = 1.05
+"""Ratio of an error to the noise floor up to which the floor is reached: both are estimates."""
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -47,6 +50,11 @@ class Standing:
     def left(self) -> float | None:
         """Remaining share of the error; None if nothing was added."""
         return None if self.after is None or self.before == 0.0 else self.after / self.before
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether the error is that of the noise, to within AT_FLOOR."""
+        return self.after is not None and self.after <= AT_FLOOR * self.noise
 
 
 def chosen_step(sources: Sources) -> int | None:
@@ -142,7 +150,7 @@ def headline(sources: Sources) -> str:
         told = f"The error of the model is {words.figure(first.before)} {first.unit} {look}."
         return f"{told} {_first_finding(sources) or _worst_place(sources)}".strip()
     added = listed(added_effects(sources))
-    begin = f"With {added} added" if added else "With the findings added"
+    begin = f"With {added} added and the file's values re-estimated" if added else "With the findings added"
     falls = "falls" if first.after < first.before else "goes"
     told = f"{begin}, the error {look} {falls} {_fall(first)} {first.unit}"
     others = [f", and on {one.data} {_fall(one)}" for one in found[1:] if one.after is not None]

@@ -72,9 +72,9 @@ def sentence(errors: pl.DataFrame) -> str:
     """Return a sentence on the predictors that are better than the model; empty without errors."""
     told = verdict(errors)
     if not told:
-        return (
-            f"{JUDGED:g} s ahead the model loses to no simple predictor on any axis." if errors.height else ""
-        )
+        tried = [name for name in PREDICTORS if name in errors["predictor"]]
+        simple = f"no simple predictor ({', '.join(tried)}) is better than the model"
+        return f"{JUDGED:g} s ahead {simple} on any axis." if tried else ""
     return f"{JUDGED:g} s ahead the model {told}."
 
 

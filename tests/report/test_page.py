@@ -17,7 +17,7 @@ from hydro.core.errors import DataError
 from hydro.io import table, vehicle
 from hydro.io.study import NO_FORCES
 from hydro.report import plots, words
-from hydro.report.diagnosis import OVERLAP
+from hydro.report.diagnosis import SHARES
 from hydro.report.page import render
 from hydro.report.sources import Named, Sources, gather
 
@@ -82,7 +82,10 @@ def test_the_story_is_told_in_order(page: dict[str, str]) -> None:
 
 
 def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> None:
-    told = "With ocean current added, the error 5 s ahead falls from 2.00 to 0.200 m/s, and on held-out data "
+    told = (
+        "With ocean current added and the file's values re-estimated, the error 5 s ahead falls from 2.00 to "
+        "0.200 m/s, and on held-out data "
+    )
     assert f"{told}from 1.80 to 0.300." in page["head"]
     assert "The noise floor is 0.020 m/s" in page["head"]
     assert "10 % of the error remains" in page["model"]
@@ -156,7 +159,7 @@ def test_a_simulated_path_is_broken_where_it_begins_anew() -> None:
 
 def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
     told = page["findings"]
-    assert "Explains 41 % (33 to 52 %) of the explainable error; tether fits as well." in told
+    assert "Without it 41 % (33 to 52 %) of the error returns; tether fits as well." in told
     assert "(certain, 93 %)" in told
     assert "Probability of such a share by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
@@ -169,9 +172,9 @@ def test_new_values_of_the_file_are_a_finding_of_the_first_step(page: dict[str, 
     assert "New values of linear damping" in page["findings"].split("After step 1")[0]
 
 
-def test_shares_of_two_findings_have_a_note() -> None:
+def test_shares_of_findings_have_a_note() -> None:
     page = Text(render(alone("diagnosis", studies.found()))).found
-    assert page["findings"].count(OVERLAP) == 1
+    assert page["findings"].count(SHARES) == 1
 
 
 def test_the_ladder_is_a_table_too(page: dict[str, str]) -> None:
