@@ -184,6 +184,7 @@ def split(
             "--from", metavar="FILE", help="Repeat the split of this table of blocks, as it was made."
         ),
     ] = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Split labels into training and test blocks by a content hash.
@@ -221,6 +222,7 @@ def features(
         Literal["raw", "physfeat"],
         typer.Option("--set", help="The twelve states alone, or 45 features with drag and cross products."),
     ] = "physfeat",
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Compute the inputs and targets of a residual network.
