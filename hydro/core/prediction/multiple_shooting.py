@@ -243,7 +243,7 @@ def cost(prepared: Prepared, shots: Shots) -> float:
 def displaced(first: Array, shift: Array) -> Array:
     """Return initial states (S, 13) displaced by (S, 12) or (1, 12): position, small rotation (body), nu."""
     out = np.empty((len(first), BODY))
-    _displace(first, np.ascontiguousarray(np.broadcast_to(shift, (len(first), CHANNELS))), out)
+    _displace(first, np.require(np.broadcast_to(shift, (len(first), CHANNELS)), None, ["C", "W"]), out)
     return out
 
 
@@ -293,7 +293,7 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
         answers: Output: responses to changes; or None.
     """
-    motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)
+    motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are
     for m in range(places.starts.size):
         begin, end = places.bounds[m, 0], places.bounds[m, 1]
         course = Course(places.commands[begin:end], places.t[begin:end], places.steps, 0.0)

@@ -141,7 +141,8 @@ def trajectory(
 @jit
 def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
     """Integrate one segment from `first` (13,); return the number of finite rows of `out` (N, 13)."""
-    motion, thrusters, begin = afloat(flat, NO_HULL.copy()), at_rest(flat), np.int64(0)
+    motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)
+    begin = int(np.int64(0))  # a variable: a literal would compile what it calls once more
     motion.y[:BODY], motion.s[TIME] = first, course.t[0]
     settle(motion)
     resume(thrusters, course, begin, settled)
