@@ -67,13 +67,13 @@ def served(address: str) -> Iterator[None]:
 
 @functools.cache
 def folder() -> Path:
-    """Folder of the programs `hydro` and `python`, the same for all tests of this process."""
+    """Folder of the programs `hydro` and `script`, the same for all tests of this process."""
     kept = contextlib.ExitStack()
     atexit.register(kept.close)
     place = Path(kept.enter_context(tempfile.TemporaryDirectory()))
     address = str(place / "socket")
     kept.enter_context(served(address))
-    for name, before in (("hydro", HYDRO), ("python", ())):
+    for name, before in (("hydro", HYDRO), ("script", ())):
         client = place / name
         client.write_text(CLIENT.format(python=sys.executable, address=address, before=before))
         client.chmod(0o755)
@@ -87,7 +87,7 @@ def program() -> str:
 
 def python() -> str:
     """Path of a program that runs a script, `-m MODULE` or `-` (stdin) as `python` does."""
-    return str(folder() / "python")
+    return str(folder() / "script")
 
 
 def serve(address: str) -> None:
