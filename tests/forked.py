@@ -1,7 +1,7 @@
-"""Commands of `hydro`, each a process of its own, forked from one that has read the libraries already.
+"""Commands of `hydro` and scripts, each a process of its own, forked from one with the libraries imported.
 
-A shell that runs twenty commands would read NumPy, Polars, SciPy, Numba and PyTorch twenty times, a second or
-two each. Modules of `hydro`, and libraries that read the environment, every command imports for itself.
+A shell that runs twenty commands would import NumPy, Polars, SciPy, Numba and PyTorch twenty times, a second
+or two each. Modules of `hydro`, and libraries that read the environment, every command imports for itself.
 """
 
 from __future__ import annotations
@@ -22,12 +22,28 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-LIBRARIES = ("numba", "numpy", "polars", "pyarrow.parquet", "scipy.optimize", "scipy.signal", "torch")
+from numba.core import registry
+
+LIBRARIES = (
+    "filterpy.kalman",
+    "numba",
+    "numpy",
+    "polars",
+    "pyarrow.parquet",
+    "pydantic",
+    "rich.table",
+    "scipy.interpolate",
+    "scipy.optimize",
+    "scipy.signal",
+    "scipy.spatial.transform",
+    "torch",
+)
+HYDRO = ("-m", "hydro.cli")
 CLIENT = """#!{python} -IS
 import json, os, socket, sys
 with socket.socket(socket.AF_UNIX) as server:
     server.connect({address!r})
-    told = json.dumps([sys.argv[1:], os.getcwd(), dict(os.environ)]).encode()
+    told = json.dumps([[*{before!r}, *sys.argv[1:]], os.getcwd(), dict(os.environ)]).encode()
     socket.send_fds(server, [len(told).to_bytes(8, "little")], [0, 1, 2])
     server.sendall(told)
     sys.exit(int(server.recv(8) or b"70"))
@@ -35,17 +51,14 @@ with socket.socket(socket.AF_UNIX) as server:
 
 
 @contextlib.contextmanager
-def hydro(place: Path) -> Iterator[None]:
-    """Write a program to `place` that does what `python -m hydro.cli` does, for as long as this lasts."""
-    address = str(place.with_name(f"{place.name}.socket"))
+def served(address: str) -> Iterator[None]:
+    """Serve programs at a socket, for as long as this lasts."""
     with subprocess.Popen(
         [sys.executable, __file__, address], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as server:
         assert server.stdin is not None
         assert server.stdout is not None
         assert server.stdout.readline() == b"ready\n"
-        place.write_text(CLIENT.format(python=sys.executable, address=address))
-        place.chmod(0o755)
         try:
             yield
         finally:
@@ -53,13 +66,28 @@ def hydro(place: Path) -> Iterator[None]:
 
 
 @functools.cache
-def program() -> str:
-    """Path of such a program, the same for all tests of this process."""
+def folder() -> Path:
+    """Folder of the programs `hydro` and `script`, the same for all tests of this process."""
     kept = contextlib.ExitStack()
     atexit.register(kept.close)
-    place = Path(kept.enter_context(tempfile.TemporaryDirectory())) / "hydro"
-    kept.enter_context(hydro(place))
-    return str(place)
+    place = Path(kept.enter_context(tempfile.TemporaryDirectory()))
+    address = str(place / "socket")
+    kept.enter_context(served(address))
+    for name, before in (("hydro", HYDRO), ("script", ())):
+        client = place / name
+        client.write_text(CLIENT.format(python=sys.executable, address=address, before=before))
+        client.chmod(0o755)
+    return place
+
+
+def program() -> str:
+    """Path of a program that does what `python -m hydro.cli` does."""
+    return str(folder() / "hydro")
+
+
+def python() -> str:
+    """Path of a program that runs a script, `-m MODULE` or `-` (stdin) as `python` does."""
+    return str(folder() / "script")
 
 
 def serve(address: str) -> None:
@@ -105,10 +133,30 @@ def attend(caller: socket.socket) -> None:
     os.environ.update(environment)
 
 
+def run(what: str) -> None:
+    """Run a script, the standard input or a module, with the search path that Python would give it.
+
+    Args:
+        what: The first argument: `-m`, `-`, or the path of a script.
+    """
+    given = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
+    first = str(Path(what).resolve().parent) if what not in ("-m", "-") else os.getcwd()
+    sys.path[:1] = list(dict.fromkeys([first, *given]))
+    if what == "-m":
+        runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)
+    elif what == "-":
+        sys.argv[0] = what
+        exec(compile(sys.stdin.read(), "<stdin>", "exec"), {"__name__": "__main__"})
+    else:
+        sys.argv[0] = what
+        runpy.run_path(what, run_name="__main__")
+
+
 if __name__ == "__main__":
     for library in LIBRARIES:
         importlib.import_module(library)
+    registry.cpu_target.target_context.refresh()
     gc.freeze()
     serve(sys.argv[1])
-    sys.path[0] = os.getcwd()
-    runpy.run_module("hydro.cli", run_name="__main__", alter_sys=True)
+    _, what, *sys.argv[1:] = sys.argv
+    run(what)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
+import forked
 import pytest
 
 import hydro
@@ -38,7 +38,9 @@ def test_a_missing_effect_is_found_and_added(tmp_path: Path) -> None:
     script.write_text(
         f"import matplotlib\n\nmatplotlib.use('Agg')\n{code}\nprint(stated, worst, sep='\\n')\n"
     )
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [forked.python(), script], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 0, done.stderr
     assert "Thruster 5 delivers 70 %" in done.stdout
     assert "thruster_gain" in done.stdout

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import forked
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -37,7 +37,9 @@ def test_it_runs(notebook: Path, tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     script = tmp_path / "cells.py"
     script.write_text(f"import matplotlib\n\nmatplotlib.use('Agg')\n{code(notebook)}\n")
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [forked.python(), script], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 0, done.stderr
 
 

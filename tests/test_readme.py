@@ -10,7 +10,6 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import forked
@@ -112,13 +111,13 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     shell, python = both.split("\0")
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl", "COLUMNS": "170"}
     printed = []
-    with forked.hydro(binaries / "hydro"):
-        for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([sys.executable, "-"], python)):
-            done = subprocess.run(
-                line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
-            )
-            assert done.returncode == 0, done.stderr.decode()[-3000:]
-            printed.append((done.stdout + done.stderr).decode(errors="replace"))
+    (binaries / "hydro").symlink_to(forked.program())
+    for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([forked.python(), "-"], python)):
+        done = subprocess.run(
+            line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
+        )
+        assert done.returncode == 0, done.stderr.decode()[-3000:]
+        printed.append((done.stdout + done.stderr).decode(errors="replace"))
     assert {"study", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }

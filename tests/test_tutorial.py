@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import runpy
-from collections.abc import Iterator
 from pathlib import Path
 
 import forked
@@ -27,18 +26,11 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
     return re.sub("─+", "", NUMBER.sub("#", text)).split(), numbers
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    place = tmp_path_factory.mktemp("bin") / "hydro"
-    with forked.hydro(place):
-        yield place
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("path", GENERATOR["PAGES"], ids=lambda path: path.stem)
-def test_a_page_shows_what_its_commands_print(path: Path, program: Path) -> None:
+def test_a_page_shows_what_its_commands_print(path: Path) -> None:
     text = path.read_text()
-    shown, printed = (words_and_numbers(text) for text in (text, GENERATOR["page"](text, program)))
+    shown, printed = (words_and_numbers(text) for text in (text, GENERATOR["page"](text, forked.program())))
     assert printed[0] == shown[0], "run `make docs`"
     assert printed[1] == pytest.approx(shown[1], rel=ROUNDING, abs=NOTHING), "run `make docs`"
 

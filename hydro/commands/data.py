@@ -182,6 +182,7 @@ def split(
         str | None,
         typer.Option("--from", metavar="FILE", help="Repeat the split of this table of blocks."),
     ] = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Split labels into training and test blocks by a content hash.
@@ -219,6 +220,7 @@ def features(
         Literal["raw", "physfeat"],
         typer.Option("--set", help="Only the twelve states, or 45 features with drag and cross products."),
     ] = "physfeat",
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Compute the inputs and targets of a residual network.

@@ -172,7 +172,7 @@ def _rare(artefact: Artefact) -> str:
     return f"samples in {frame.height:,} rows: {', '.join(rare)}" if rare else ""
 
 
-def show(file: File = STREAM) -> None:
+def show(file: File = STREAM, max_expanded: MaxExpanded = None) -> None:
     """Print the contents and the origin of a file.
 
     On a terminal: kind, stage and parameters, lineage, and every column with unit and range. Small tables

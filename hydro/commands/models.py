@@ -10,6 +10,7 @@ import typer
 from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.help import ADVANCED
 from hydro.commands.places import FOLDER, Output
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import (
     PREDICTION_TITLE,
     REGIME_TITLE,
@@ -72,6 +73,7 @@ def train(
     minutes: Minutes = None,
     accelerations: Accelerations = None,
     device: Device = "cpu",
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Train a residual network on the training part of labels.
@@ -193,6 +195,7 @@ def evaluate(
         FOLDER,
     ] = None,
     as_json: Json = False,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Measure how well residual networks predict the force.

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from hydro.commands.places import FOLDER, Output
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import STREAM
 from hydro.core.errors import UsageError
 
@@ -27,6 +28,7 @@ def report(
         typer.Option(metavar="DIR", show_default=False, help="Also draw the figures there, as PNG."),
         FOLDER,
     ] = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Write a study as one HTML page.

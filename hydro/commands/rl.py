@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.places import FILE, FOLDER
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.rl_flights import builder_of, eval_, watch
 from hydro.commands.rl_study import study
 from hydro.commands.shell import ModelFile, estimates_beside, progress, seed_option
@@ -75,6 +76,7 @@ def train(
     recipe: Recipe = "paper",
     randomise: Randomise = None,
     choices: Choices = None,
+    max_expanded: MaxExpanded = None,
 ) -> None:
     """Train a policy by SAC; --recipe demos starts with imitation.
 
@@ -321,6 +323,7 @@ def _stderr() -> Any:
 def curves(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of trainings.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png."), FILE],
+    max_expanded: MaxExpanded = None,
 ) -> None:
     """Draw the learning curves of trainings, averaged over seeds.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.places import FILE, Output
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import STREAM, estimates_beside, progress, seed_option, shows_table, write
 from hydro.commands.tables import print_table
 from hydro.core.errors import UsageError
@@ -148,6 +149,7 @@ def eval_(
     details: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the episodes of the first row."), FILE
     ] = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Fly a policy in a simulator and count the successes.
@@ -259,6 +261,7 @@ def watch(
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
+    max_expanded: MaxExpanded = None,
 ) -> None:
     """Draw or film one flight of a policy.
 

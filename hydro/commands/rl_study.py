@@ -10,6 +10,7 @@ import typer
 from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
 from hydro.commands.help import CLUSTER
 from hydro.commands.places import FOLDER
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import ModelFile, message
 from hydro.commands.tables import print_table
 
@@ -48,6 +49,7 @@ def study(
     workers: Annotated[int, typer.Option(min=1, help="Steps at a time.", rich_help_panel=CLUSTER)] = 1,
     recipe: Recipe = "paper",
     choices: Choices = None,
+    max_expanded: MaxExpanded = None,
     engine: EngineName = HERE,
     address: Address = None,
     threads: Threads = 1,
@@ -83,6 +85,7 @@ def study(
         episodes=episodes,
         recipe=recipe,
         choices=tuple(choices or ()),
+        max_expanded=max_expanded,
     )
     runs, left = policies.runs(known)
     plan = policies.steps(known, runs)

@@ -55,6 +55,7 @@ class Study:
         episodes: Number of episodes of each test.
         recipe: Recipe of every training.
         choices: Other settings of every training, as `NAME=VALUE`.
+        max_expanded: Largest size of a file that a step reads, once decompressed [GB]; None for the default.
     """
 
     folder: Path
@@ -68,6 +69,14 @@ class Study:
     episodes: int = 200
     recipe: str = "paper"
     choices: tuple[str, ...] = ()
+    max_expanded: float | None = None
+
+    @property
+    def reading(self) -> tuple[str, ...]:
+        """Options of every step with which it reads files."""
+        from hydro.io.readers.expansion import OPTION
+
+        return () if self.max_expanded is None else (OPTION, f"{self.max_expanded:g}")
 
 
 def _kind(path: Path) -> str:
@@ -112,7 +121,7 @@ def steps(study: Study, of: Sequence[Run]) -> list[Step]:
     plan = [step for run in of for step in _of_a_run(study, run, first=run is of[0])]
     curves, folders = study.folder / "curves.png", [str(run.folder) for run in of]
     reads = tuple(run.folder / "evaluations.parquet" for run in of)
-    return [*plan, Step(("rl", "curves", *folders, "-o", str(curves)), reads, (curves,))]
+    return [*plan, Step(("rl", "curves", *folders, *study.reading, "-o", str(curves)), reads, (curves,))]
 
 
 def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
@@ -122,7 +131,7 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
     options = ["--stages", str(study.stages), "--steps", str(study.steps), "--recipe", study.recipe]
     options += [word for one in study.choices for word in ("--set", one)]
     reads = (run.vehicle,) if run.model is None else (run.vehicle, run.model)
-    line = ("rl", "train", str(run.vehicle), *which, *options, "-o", str(run.folder))
+    line = ("rl", "train", str(run.vehicle), *which, *options, *study.reading, "-o", str(run.folder))
     yield Step(line, reads, run.files)
     for simulator, stage in tests(study):
         # the pilot flies once per condition, and once in the reference simulator for all conditions
@@ -130,7 +139,7 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
         other = simulator == "teacher" and run.vehicle != study.vehicle
         true = ("--truth", str(study.vehicle)) if other else ()
         flown = ("rl", "eval", str(run.folder), "--stage", str(stage), "--in", simulator, *true)
-        many = ("--episodes", str(study.episodes), "--pilot" if piloted else "--no-pilot")
+        many = ("--episodes", str(study.episodes), "--pilot" if piloted else "--no-pilot", *study.reading)
         tested, learnt = run.tested(simulator, stage), run.folder / "policy.parquet"
         reads = (learnt, study.vehicle) if other else (learnt,)
         yield Step((*flown, *many, "-o", str(tested)), reads, (tested,))

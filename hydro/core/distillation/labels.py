@@ -134,7 +134,7 @@ def labels(
         if subtract == "effects":
             given = driven[start:stop]
             forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"], given)
-        label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
+        label_kernel(Terms(motion, attitude, thrust, forces), known, start, out)
 
     spread(lambda batch: work(*batch), _batches(bounds))
     _require_finite(raw, out)

@@ -117,7 +117,7 @@ def labels_of_samples(
     if subtract == "effects":
         forces, needs_position = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"], commanded)
     out: Array32 = np.empty((24 + len(commands), raw.height), np.float32)
-    label_kernel(Terms(motion, pose[:, 3:], thrust, forces), known, out)
+    label_kernel(Terms(motion, np.ascontiguousarray(pose[:, 3:]), thrust, forces), known, 0, out)
     out[:, ~_determined(found, limits or Bounds(), needs_position)] = np.nan
     wrench = np.sqrt(np.einsum("ij,njk,ik->ni", known.mass, found.covariance, known.mass))
     spread = np.hstack([found.motion_sd[:, :, 0], found.motion_sd[:, :, 1], wrench]).astype(np.float32)

@@ -63,8 +63,8 @@ def constants(vehicle: Vehicle, table: Array) -> Constants:
 
 
 @jit
-def label_kernel(rows: Terms, known: Constants, out: Array32) -> None:
-    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res."""
+def label_kernel(rows: Terms, known: Constants, start: int, out: Array32) -> None:
+    """Write a batch to the columns of `out` (24 + n, N) from `start`: nu, nu_dot, f, tau_prop, tau_res."""
     motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
     configuration, mass, weight = known.configuration, known.mass, known.weight
     count = thrust.shape[1]
@@ -78,15 +78,15 @@ def label_kernel(rows: Terms, known: Constants, out: Array32) -> None:
         restoring_kernel(weight, down, restoring)
         tau[:] = 0.0
         for n in range(count):
-            out[12 + n, k] = thrust[k, n]
+            out[12 + n, start + k] = thrust[k, n]
             for i in range(6):
                 tau[i] += configuration[n, i] * thrust[k, n]
         for i in range(6):
             inertia = 0.0
             for j in range(6):
                 inertia += mass[i, j] * motion[k, j, 1]
-            out[i, k] = motion[k, i, 0]
-            out[6 + i, k] = motion[k, i, 1]
-            out[12 + count + i, k] = tau[i]
+            out[i, start + k] = motion[k, i, 0]
+            out[6 + i, start + k] = motion[k, i, 1]
+            out[12 + count + i, start + k] = tau[i]
             exerted = forces[k, i] if forces.shape[0] else 0.0
-            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + exerted
+            out[18 + count + i, start + k] = tau[i] - inertia + restoring[i] + exerted

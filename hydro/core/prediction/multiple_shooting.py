@@ -214,7 +214,7 @@ def residuals(
     """
     predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
-    deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
+    deviate(predicted, shots.measured[part], shots.lead, 1.0 / shots.sigma, out)
     if (counted := shots.weights(part)) is not None:
         out[~counted] = 0.0
     if not calmed or shots.swell is None:
@@ -243,7 +243,7 @@ def cost(prepared: Prepared, shots: Shots) -> float:
 def displaced(first: Array, shift: Array) -> Array:
     """Return initial states (S, 13) displaced by (S, 12) or (1, 12): position, small rotation (body), nu."""
     out = np.empty((len(first), BODY))
-    _displace(first, np.ascontiguousarray(np.broadcast_to(shift, (len(first), CHANNELS))), out)
+    _displace(first, np.require(np.broadcast_to(shift, (len(first), CHANNELS)), None, ["C", "W"]), out)
     return out
 
 
@@ -258,11 +258,19 @@ def _displace(first: Array, shift: Array, out: Array) -> None:
 
 
 @kernel
-def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> None:
-    """Write weighted differences; for the attitude, twice the vector part of q_predicted^* q_measured."""
-    for m in range(predicted.shape[0]):
-        for k in range(predicted.shape[1]):
-            a, b, e = predicted[m, k], measured[m, k], out[m, k]
+def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Array) -> None:
+    """Write weighted differences; for the attitude, twice the vector part of q_predicted^* q_measured.
+
+    Args:
+        predicted: Predicted states of shots, (S, K, 13).
+        measured: Measured states of the same rows.
+        lead: Rows at the beginning of a shot that are left out.
+        weight: Weights of the differences, (12,).
+        out: Output: differences, (S, K - lead, 12).
+    """
+    for m in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            a, b, e = predicted[m, lead + k], measured[m, lead + k], out[m, k]
             for i in range(3):
                 e[i] = (b[i] - a[i]) * weight[i]
             scalar = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6]
@@ -285,7 +293,7 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
         answers: Output: responses to changes; or None.
     """
-    motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
+    motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are
     for m in range(places.starts.size):
         begin, end = places.bounds[m, 0], places.bounds[m, 1]
         course = Course(places.commands[begin:end], places.t[begin:end], places.steps, 0.0)

@@ -108,8 +108,9 @@ def linearise(
         columns = columns[:, shots.lead :]
         with np.errstate(over="ignore", invalid="ignore"):
             _weigh(
-                states[:, shots.lead :],
-                shots.measured[part][:, shots.lead :],
+                states,
+                shots.measured[part],
+                shots.lead,
                 1.0 / shots.sigma,
                 columns[..., : done + len(logged)],
                 columns[..., -1],
@@ -153,9 +154,10 @@ def beginnings(base: Prepared, shots: Shots) -> Array:
     for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
         part = slice(begin, begin + SHOTS_TOGETHER)
         states, columns = _predicted(base, varied, shots, part, 0)
-        logged = shots.measured[part][:, shots.lead :]
         columns = columns[:, shots.lead :]
-        _weigh(states[:, shots.lead :], logged, 1.0 / shots.sigma, columns[..., :-1], columns[..., -1])
+        _weigh(
+            states, shots.measured[part], shots.lead, 1.0 / shots.sigma, columns[..., :-1], columns[..., -1]
+        )
         if (counted := shots.weights(part)) is not None:
             columns[~counted] = 0.0
         flat = np.nan_to_num(columns[..., :-1].reshape(len(states), -1, CHANNELS))
@@ -271,15 +273,17 @@ def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns:
 
 
 @kernel
-def _weigh(states: Array, measured: Array, weight: Array, columns: Array, error: Array) -> None:
+def _weigh(states: Array, measured: Array, lead: int, weight: Array, columns: Array, error: Array) -> None:
     """Write weighted residuals and weighted columns, with the sign of changes of the prediction.
+
+    Columns and residuals begin after the `lead` rows of each shot that are left out.
 
     The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); a rotation of
     the prediction by a small theta changes it by -(a theta + theta x e/2).
     """
-    multiple_shooting.deviate(states, measured, weight, error)
-    for m in range(states.shape[0]):
-        for k in range(states.shape[1]):
+    multiple_shooting.deviate(states, measured, lead, weight, error)
+    for m in range(error.shape[0]):
+        for k in range(error.shape[1]):
             x, e = columns[m, k], error[m, k]
             a, b, c = 0.5 * e[3] / weight[3], 0.5 * e[4] / weight[4], 0.5 * e[5] / weight[5]
             whole = np.sqrt(max(1.0 - a * a - b * b - c * c, 0.0))

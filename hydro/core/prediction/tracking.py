@@ -278,7 +278,7 @@ def _corrected(
         if not (np.abs(states) < WILD).all():
             return None
         error = np.empty((1, count, CHANNELS))
-        deviate(states[None, :count], here.logged[None, first : first + count], 1.0 / sigma, error)
+        deviate(states[None, :count], here.logged[None, first : first + count], 0, 1.0 / sigma, error)
         columns = (answers[:count] / sigma[:, None])[seen]
         information = known + columns.T @ columns
         away = _apart(state, expected)
@@ -300,7 +300,7 @@ def _corrected(
 def _apart(state: Array, other: Array) -> Array:
     """Return the difference from `other` to `state`: position, small rotation (body), nu, (12,)."""
     out = np.empty((1, 1, CHANNELS))
-    deviate(other[None, None], state[None, None], np.ones(CHANNELS), out)
+    deviate(other[None, None], state[None, None], 0, np.ones(CHANNELS), out)
     return np.asarray(out[0, 0])
 
 

@@ -141,9 +141,10 @@ def trajectory(
 @jit
 def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
     """Integrate one segment from `first` (13,); return the number of finite rows of `out` (N, 13)."""
-    motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
+    motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)
+    begin = int(np.int64(0))  # a variable: a literal would compile what it calls once more
     motion.y[:BODY], motion.s[TIME] = first, course.t[0]
     settle(motion)
-    resume(thrusters, course, 0, settled)
+    resume(thrusters, course, begin, settled)
     thrusters.rotors[2] = thrusters.target
-    return march(motion, thrusters, course, 0, out, None, None)
+    return march(motion, thrusters, course, begin, out, None, None)

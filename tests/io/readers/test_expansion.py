@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +20,7 @@ import pytest
 
 from hydro import cli
 from hydro.core.errors import DataError
-from hydro.io import log, table
+from hydro.io import log, schema, table
 from hydro.io.readers import parquet_pages
 from hydro.io.readers.expansion import LEAST, RATIO, Expansion, allowed, limit
 
@@ -87,6 +88,47 @@ def test_a_recording_that_expands_too_much_is_refused_by_other_commands_too(
         assert cli.main(["check", str(source), "--max-expanded", "0.0001"]) == 1
         assert " bytes would take 0.0003" in capsys.readouterr().err
         assert cli.main(["check", str(source)]) == 0
+
+
+READERS = (
+    "show {raw}",
+    "report {comparison} -o page.html",
+    "split {labels} -o split.parquet",
+    "features {labels} -o features.parquet",
+    "train {split} -o model.parquet",
+    "evaluate {model} --labels {split} -o metrics.parquet",
+    "rl train vehicle.toml --condition R_MLP --model {model} -o learnt",
+    "rl eval . -o flown.parquet",
+    "rl watch . -o flight.png",
+    "rl curves . -o curves.png",
+    "rl study vehicle.toml --model {model} -o study",
+)
+"""Command lines that read tables, by the kinds of these."""
+
+
+def flat(kind: str, path: Path, rows: int) -> Path:
+    """Write a table of a kind whose rows are all alike, of 8 bytes or more each in memory."""
+    fields = schema.load(kind).columns(()).items()
+    alike = {pl.String: "", pl.Boolean: False}
+    values = {
+        name: pl.Series([[] if field.type == "array" else alike.get(field.widest, 0)], dtype=field.widest)
+        for name, field in fields
+    }
+    pl.DataFrame({name: value.new_from_index(0, rows) for name, value in values.items()}).write_parquet(path)
+    return path
+
+
+@pytest.mark.parametrize("line", READERS, ids=lambda line: line.partition(" {")[0].partition(" .")[0])
+def test_a_table_that_expands_too_much_is_refused_by_every_reader(
+    line: str, tmp_path: Path, datasets: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(datasets / "vehicles" / "auv151.toml", "vehicle.toml")
+    kinds = ("raw", "comparison", "labels", "split", "model", "run", "policy", "evaluations")
+    bombs = {kind: flat(kind, tmp_path / f"{kind}.parquet", 20_000) for kind in kinds}
+    assert cli.main([*line.format(**bombs).split(), "--max-expanded", "0.0001"]) == 1
+    (told,) = capsys.readouterr().err.splitlines()
+    assert "once they are decompressed, and the limit is 0.0001 GB" in told
 
 
 @pytest.mark.parametrize("version", ["1.0", "2.0"])
