@@ -1,4 +1,4 @@
-"""Sixty seconds of commands on four vehicles, and what `simulate` makes of them."""
+"""Sixty seconds of commands for four vehicles, and the motion that `simulate` computes."""
 
 from __future__ import annotations
 

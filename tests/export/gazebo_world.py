@@ -1,4 +1,4 @@
-"""A reader of Gazebo worlds that shares no code with hydro: the documented equations, in Gazebo's own frames.
+"""Independent reader of Gazebo worlds: the documented equations, in Gazebo's frames.
 
 Sources: the SDF specification (inertial, fluid_added_mass, axis), and the class documentation of gz-sim's
 Hydrodynamics, Thruster and Buoyancy systems.  Worlds are z-up, links forward, left, up; spatial vectors are

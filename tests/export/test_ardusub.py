@@ -1,4 +1,4 @@
-"""A client that speaks ArduPilot's documented protocol flies a vehicle."""
+"""ArduSub interface, tested by a client of ArduPilot's documented protocol."""
 
 from __future__ import annotations
 

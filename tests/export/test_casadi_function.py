@@ -1,4 +1,4 @@
-"""The CasADi functions move as `simulate` does, and their derivatives are those of differences."""
+"""CasADi functions: motion equal to `simulate`, and derivatives equal to finite differences."""
 
 from __future__ import annotations
 

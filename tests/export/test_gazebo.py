@@ -1,4 +1,4 @@
-"""Gazebo's documented equations, integrated apart from hydro, move a world as `simulate` moves a vehicle."""
+"""Gazebo worlds: independently integrated documented equations give the motion of `simulate`."""
 
 from __future__ import annotations
 

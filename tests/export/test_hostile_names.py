@@ -1,4 +1,4 @@
-"""Names of vehicles and thrusters in exported files: none is run as code, ends a comment or breaks a file."""
+"""Hostile names of vehicles and thrusters: none executes code, ends a comment or breaks an exported file."""
 
 from __future__ import annotations
 

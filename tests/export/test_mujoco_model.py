@@ -1,4 +1,4 @@
-"""The exported MJCF moves as `simulate` does."""
+"""Exported MJCF: motion equal to `simulate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exported class moves as `simulate` does, without hydro and without numpy."""
+"""Exported Python class: motion equal to `simulate`, without hydro and numpy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Source with all that it calls, as one module."""
+"""Extraction of source code with all called functions into one module."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scalar code run on symbols does what it does on numbers, on either side of every branch."""
+"""Symbolic tracing of scalar code: equal to the numeric result on both sides of every branch."""
 
 from __future__ import annotations
 

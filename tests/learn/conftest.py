@@ -1,4 +1,4 @@
-"""A small split table whose labels are the damping of a vehicle with known coefficients."""
+"""Small split table whose labels are the damping of a vehicle with known coefficients."""
 
 from __future__ import annotations
 

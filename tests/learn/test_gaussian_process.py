@@ -1,4 +1,4 @@
-"""The Gaussian process learns from little, and from one side of the hull what holds on the other."""
+"""Gaussian process: learning from little data, and from mirrored motion by port-starboard symmetry."""
 
 from __future__ import annotations
 

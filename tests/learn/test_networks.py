@@ -1,4 +1,4 @@
-"""Networks are what their descriptions say, and carry their standardising with them."""
+"""Networks: architecture as described, with standardisation included."""
 
 from __future__ import annotations
 

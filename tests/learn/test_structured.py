@@ -1,4 +1,4 @@
-"""The structured model is passive: not because it was trained well, but whatever its weights are."""
+"""Structured model: passive for any weights, by construction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training: the protocol of the paper, from the training part alone, to the same bytes every time."""
+"""Training: protocol of the paper, use of the training part only, and reproducible bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fleets, vehicles and poses that the tests of reinforcement learning share."""
+"""Fleets, vehicles and poses shared by the tests of reinforcement learning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A training goes on after a kill with the same bits, passes its levels, and keeps what it did."""
+"""Training runs: bit-exact resumption after a kill, passing of levels, and stored results."""
 
 from dataclasses import replace
 from itertools import pairwise

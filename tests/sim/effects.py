@@ -1,4 +1,4 @@
-"""Vehicles with effects, commands and a state that tests of the student share."""
+"""Vehicles with effects, commands and a state, shared by the tests of the MuJoCo model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles and exact solutions that the tests of MuJoCo share."""
+"""Vehicles and exact solutions shared by the tests of MuJoCo."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Vehicles on a GPU, or in its simulator, beside `simulate`: what `test_gpu` runs in a process of its own.
+"""Comparison of vehicles on a GPU (or its simulator) with `simulate`, run by `test_gpu` in a process.
 
-Prints one line of JSON: the largest differences, and what else was to be seen.
+Prints one line of JSON: the largest differences, and other observations.
 """
 
 from __future__ import annotations

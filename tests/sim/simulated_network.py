@@ -1,6 +1,6 @@
-"""Residual networks on a GPU, or in its simulator, beside MuJoCo: what `test_gpu` runs by itself.
+"""Comparison of residual networks on a GPU (or its simulator) with MuJoCo, run by `test_gpu`.
 
-Prints one line of JSON: how far the vehicles came, and how far the two are apart.
+Prints one line of JSON: the distance covered by the vehicles, and the difference of the two.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The compiled student against `simulation.simulate`: every preset, every effect, every integrator."""
+"""Compiled MuJoCo model, compared with `simulation.simulate`: every preset, effect and integrator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the camera looks, and that a film shows the vehicle; the latter where there is OpenGL."""
+"""Camera of the film, and visibility of the vehicle in it (with OpenGL only)."""
 
 import importlib.util
 import os

@@ -1,4 +1,4 @@
-"""Vehicles on a GPU: in numba-cuda's simulator beside `simulate`, and compiled without a GPU."""
+"""Vehicles on a GPU: numba-cuda's simulator compared with `simulate`, and compilation without a GPU."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plants: the student and the teacher, one control step at a time, beside what flies them at length."""
+"""Plants: MuJoCo model and reference simulator by control steps, compared with continuous simulation."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""Replay: it starts where the recording does, flies what the vehicle file says, and hides no divergence."""
+"""Replay: start state of the recording, effects of the vehicle file, and reported divergence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The embedded teacher against independent right-hand sides, closed forms and symmetries of nature."""
+"""Embedded reference simulator, compared with independent equations, closed forms and symmetries."""
 
 from __future__ import annotations
 

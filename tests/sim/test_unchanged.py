@@ -1,4 +1,4 @@
-"""What MuJoCo and its tools do with a model and its state works with vehicles of hydro as with any other."""
+"""MuJoCo's own functions and tools work with models and states of hydro's vehicles."""
 
 from __future__ import annotations
 

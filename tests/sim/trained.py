@@ -1,4 +1,4 @@
-"""Model artefacts with random weights, and the torch networks they came from."""
+"""Model artefacts with random weights, and the corresponding torch networks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Actions become commands whose wrench has the direction that was demanded."""
+"""Conversion of actions to thruster commands: the wrench has the demanded direction."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""What each condition feels of the water."""
+"""Water forces in each training condition."""
 
 import msgspec
 import numpy as np

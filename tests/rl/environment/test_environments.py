@@ -1,4 +1,4 @@
-"""The environments as their users know them: Gymnasium, its vector interface, TorchRL, Stable-Baselines3."""
+"""Public interfaces of the environments: Gymnasium, its vector interface, TorchRL, Stable-Baselines3."""
 
 import os
 import pickle

@@ -1,4 +1,4 @@
-"""The batched core: episodes begin and end as they should, and go on exactly from a saved state."""
+"""Batched environment core: start and end of episodes, and exact continuation from a saved state."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The point ahead, its smoothing, and the cost of being off the way."""
+"""Guidance along a planned path: look-ahead point, its smoothing, and the cost of path deviation."""
 
 from itertools import pairwise
 

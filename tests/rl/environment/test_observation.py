@@ -1,4 +1,4 @@
-"""Frames and signs of what a policy sees, one by one."""
+"""Frames and signs of every part of the observation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The real vehicle is not the file: draws, and that each acts as the effect it is."""
+"""Domain randomisation: random draws, each of which acts like the effect that it represents."""
 
 from dataclasses import replace
 

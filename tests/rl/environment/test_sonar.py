@@ -1,4 +1,4 @@
-"""The sonar and the hull's collisions, against MuJoCo's rays and distances."""
+"""Sonar and hull collisions, compared with MuJoCo's rays and distances."""
 
 import mujoco
 import numpy as np

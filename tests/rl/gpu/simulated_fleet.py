@@ -1,6 +1,6 @@
-"""A fleet on a GPU, or in its simulator, beside the processor's: what `test_gpu_fleet` runs by itself.
+"""Comparison of a fleet on a GPU (or its simulator) with the processor's, run by `test_gpu_fleet`.
 
-Prints one line of JSON: how far the two are apart, and what else was to be seen.
+Prints one line of JSON: the differences of the two, and other observations.
 """
 
 from __future__ import annotations

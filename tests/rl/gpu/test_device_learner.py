@@ -1,4 +1,4 @@
-"""The learner that stays on its environment's device, here the processor."""
+"""Learner that keeps all data on the environment's device, here the processor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tasks where the vehicles of a GPU fly: in a simulator beside the fleet of the processor, and compiled."""
+"""Tasks on a GPU: in a GPU simulator compared with the processor's fleet, and compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes lie within the tank and are what they are called; they depend on nothing but their numbers."""
+"""Scenes of all tasks: inside the tank, true to their definition, and determined by their seeds alone."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""What was said at earlier levels is learnt again with what is said at the newest."""
+"""Expert labels of earlier levels stay in the training data of later levels."""
 
 import numpy as np
 import pytest

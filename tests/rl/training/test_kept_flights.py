@@ -1,4 +1,4 @@
-"""Flights that are kept: the way of a goal that moves."""
+"""Stored flights, including the path of a moving goal."""
 
 from dataclasses import replace
 

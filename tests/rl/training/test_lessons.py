@@ -1,4 +1,4 @@
-"""A training under a pilot: he corrects what the policy does, level by level, and nothing is unlearnt."""
+"""Imitation learning: expert corrections of the policy level by level, without loss of earlier levels."""
 
 from dataclasses import replace
 

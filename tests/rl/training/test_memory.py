@@ -1,4 +1,4 @@
-"""A checkpoint's transitions are packed without loss, and into half."""
+"""Lossless compression of a checkpoint's transitions to half of their size."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A pilot by hand flies every task: within half its time, and not without what it asks for."""
+"""Hand-written pilot: solves every task in time with a map, and collides with obstacles without one."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Rewards of several steps ahead, against TorchRL's own and by counting."""
+"""Multi-step returns, compared with TorchRL and with explicit sums."""
 
 import numpy as np
 import torch

@@ -1,4 +1,4 @@
-"""The learner against TorchRL's own loss, closed forms, and itself after a break."""
+"""Soft actor-critic, compared with TorchRL's loss, closed forms, and itself after an interruption."""
 
 import copy
 import math

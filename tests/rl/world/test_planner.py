@@ -1,4 +1,4 @@
-"""A* against shortest paths by other means, and what a way must keep to."""
+"""A* planner, compared with independent shortest paths, and the constraints of its paths."""
 
 from itertools import pairwise
 

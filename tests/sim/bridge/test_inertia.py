@@ -1,4 +1,4 @@
-"""Added mass in MuJoCo's M: its factors are those that MuJoCo itself would find."""
+"""Added mass in MuJoCo's mass matrix: same factorisation as MuJoCo's."""
 
 from __future__ import annotations
 

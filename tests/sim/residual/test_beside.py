@@ -1,4 +1,4 @@
-"""A network flown with a changed vehicle file: what adds to it acts, what does not is refused."""
+"""Network with a changed vehicle file: additional effects act, and incompatible changes are refused."""
 
 from __future__ import annotations
 

@@ -1,3 +1,5 @@
+"""Filter and limits of a residual network's output (conditioning)."""
+
 from __future__ import annotations
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""A residual network inside the simulation against the same pieces put together outside."""
+"""Residual network inside the simulation, compared with the same parts combined outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stand-in for hydro-stonefish that needs no Stonefish: a vehicle that keeps the velocity it began with.
+"""Replacement for hydro-stonefish without Stonefish: a vehicle that keeps its initial velocity.
 
     drifter.py WHAT SCENARIO
 

@@ -1,4 +1,4 @@
-"""What is flown in Stonefish by the tests: with the real program, and with one that plays what it said."""
+"""Flights in Stonefish for the tests, with the real program and with recorded answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The protocol against a recorded exchange, and every way in which a program can fail."""
+"""Protocol of hydro-stonefish, compared with a recorded exchange, and all failures of the program."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Stonefish itself: does it do again what it did when the bundled data were recorded?
+"""Reproduction of the bundled recordings by Stonefish itself.
 
-With HYDRO_STONEFISH_RECORD=1 the exchanges that the other tests play are written anew.
+With HYDRO_STONEFISH_RECORD=1 the exchanges that the other tests replay are recorded again.
 """
 
 from __future__ import annotations

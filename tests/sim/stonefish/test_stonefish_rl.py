@@ -1,4 +1,4 @@
-"""`hydro rl eval` and `watch` in Stonefish, end to end: a program in its place that drifts or fails."""
+"""`hydro rl eval` and `watch` in Stonefish, end to end, with a replacement program that drifts or fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scenario says of a vehicle what its file says, and refuses what Stonefish has not."""
+"""Stonefish scenario of a vehicle file: conversion, and refusal of unsupported features."""
 
 from __future__ import annotations
 
