@@ -60,7 +60,7 @@ IDLE = 0.01
 DELAYS = np.arange(-0.1, 0.81, 0.05)
 """Candidate delays from command to motion [s]; negative if the commands were logged late."""
 ORDER = 2
-"""Order of the autoregression of the errors: adjacent windows overlap, and every second window touches."""
+"""Order of the autoregression of the errors: a window overlaps the next one and touches the one after."""
 ROUNDS = 2
 """Number of alternations between regression and autoregression; more have no visible effect."""
 SLOW = 0.98
