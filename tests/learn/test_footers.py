@@ -49,7 +49,7 @@ def artefact(name: str) -> Artefact:
 
 
 def changed(sound: Artefact, place: tuple, value: object) -> Artefact:
-    """The artefact with another value at a place of what its footer says of the network."""
+    """Return the artefact with another value at one place of the network description in its footer."""
     said = copy.deepcopy(dict(sound.provenance.model or {}))
     home = said
     for key in place[:-1]:

@@ -68,7 +68,7 @@ def with_effect(vehicle, name):
 
 
 def commands(thrusters, rows=ROWS, seed=0):
-    """Smooth commands, with a jump in every one of them."""
+    """Return smooth commands with a jump in each channel."""
     rng = np.random.default_rng(seed)
     t = np.arange(rows) * DT
     waves = 0.4 * np.sin(

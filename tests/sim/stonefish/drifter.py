@@ -39,7 +39,7 @@ def main(what: str, scenario: str) -> None:
 
 
 def drifted(state: list[float], seconds: float) -> list[float]:
-    """The state of a level vehicle some time later, along its axes."""
+    """Return the state of a level vehicle after some time at constant velocity."""
     w, _, _, z = state[3:7]
     cosine, sine = w * w - z * z, 2.0 * w * z
     u, v, down = state[7:10]

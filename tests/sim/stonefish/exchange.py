@@ -17,13 +17,13 @@ from pathlib import Path
 
 
 def same(asked: str, wanted: str) -> bool:
-    """Whether a request is the recorded one."""
+    """Return whether a request equals the recorded one."""
     (word, *numbers), (known, *others) = asked.split(), wanted.split()
     return word == known and len(numbers) == len(others) and all(map(_close, numbers, others))
 
 
 def play(exchange: Path) -> Iterator[str]:
-    """What is said, line by line."""
+    """Replay the recorded answers line by line."""
     for line in exchange.read_text().splitlines():
         if line.startswith("<"):
             yield line[2:]
@@ -37,7 +37,7 @@ def play(exchange: Path) -> Iterator[str]:
 
 
 def record(exchange: Path, scenario: str, program: str) -> Iterator[str]:
-    """What the real program says; every line is kept."""
+    """Relay the real program's answers and record every line."""
     with (
         exchange.open("w") as kept,
         subprocess.Popen(

@@ -22,7 +22,7 @@ EVAL = ["rl", "eval", VEHICLE, "--in", "stonefish", "--episodes", 2]
 
 @pytest.fixture
 def standing_in(tmp_path, monkeypatch):
-    """Lets the drifter be run in the place of Stonefish."""
+    """Replace Stonefish by the drifter."""
 
     def stand(what):
         monkeypatch.setenv(program.VARIABLE, str(script(tmp_path, HERE / "drifter.py", what)))
