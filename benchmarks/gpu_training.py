@@ -1,8 +1,8 @@
 """Training time of a task entirely on a GPU: vehicles, sonar, rewards, networks and memory.
 
 Soft actor-critic of `hydro.rl.gpu` trains until 97 % of new episodes succeed without exploration, one episode
-per vehicle.  Seeds run one after another in one process, so that only the first waits for compilers.  With
-`--device cpu` the same learner flies MuJoCo's vehicles on the processor, for a baseline.
+per vehicle.  Seeds run one after another in one process, so only the first includes compilation.  With
+`--device cpu` the same learner trains with MuJoCo on the processor, as a baseline.
 
     python benchmarks/gpu_training.py -o trained
     python benchmarks/gpu_training.py --device cpu --vehicles 128 --updates 4 --batch 512 -o trained_cpu
@@ -37,11 +37,11 @@ from hydro.rl.training.runs import POLICY, RUN, policy_artefact, run_artefact
 from hydro.rl.training.train import EXAM_SEED
 from hydro.rl.world.config import Settings
 
-PASSED = 0.97
+PASSED = 0.97  # success rate at which a training ends
 
 
 def environment(device: str, vehicle: str, task: str, count: int, seed: int) -> Batch:
-    """Vehicles of a preset at a task's greatest level."""
+    """Create vehicles of a preset at a task's highest level."""
     if device == "cpu":
         return FleetEnv(make_fleet(FleetConfig(task, vehicle=vehicle), count=count, seed=seed))
     from hydro.rl.gpu.env import GpuEnv
@@ -52,7 +52,7 @@ def environment(device: str, vehicle: str, task: str, count: int, seed: int) -> 
 
 
 def trained(chosen: argparse.Namespace, config: TrainingConfig, exam: Batch) -> tuple[Any, dict[str, Any]]:
-    """A learner that has passed, or has run out of steps, and how it went."""
+    """Train until the learner passes or runs out of steps; return it with its results."""
     env = environment(chosen.device, chosen.vehicle, chosen.task, config.vehicles, config.seed)
     learner = DeviceLearner(env, encoding(config.settings), config.sac, config.seed)
     limit = task_of(chosen.task).steps(config.settings)
@@ -85,14 +85,16 @@ def main() -> None:
     parser.add_argument("--vehicle", default="auv151", help="preset")
     parser.add_argument("--task", default="point_to_point")
     parser.add_argument("--vehicles", type=int, default=1024)
-    parser.add_argument("--updates", type=int, default=16, help="of a control step of all vehicles")
+    parser.add_argument(
+        "--updates", type=int, default=16, help="gradient updates per control step of all vehicles"
+    )
     parser.add_argument("--batch", type=int, default=2048)
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--steps", type=int, default=20_000_000, help="of all vehicles together at most")
-    parser.add_argument("--examine", type=int, default=500, help="updates from one examination to the next")
     parser.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder of policies and of table.parquet"
+        "--steps", type=int, default=20_000_000, help="maximum number of steps of all vehicles together"
     )
+    parser.add_argument("--examine", type=int, default=500, help="updates between two examinations")
+    parser.add_argument("-o", "--out", type=Path, required=True, help="folder for policies and table.parquet")
     chosen = parser.parse_args()
     torch.set_num_threads(1)
     learner = SACConfig(

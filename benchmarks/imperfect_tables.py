@@ -3,7 +3,7 @@
     python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet --commit 1234567
     python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet --commit 1234567
 
-Results are those of `benchmarks.judge`, of the lists `panel-...` and `unchanged-...` or of `logs...`.  The
+The results come from `benchmarks.judge`, lists `panel-...` and `unchanged-...`, or `logs...`.  The
 tables are benchmarks/results/imperfect_base.csv and imperfect_logs.csv.  Every name of a rival counts as a
 statement.  The baseline is the file as given, which names nothing and lowers no error.
 """
@@ -30,7 +30,7 @@ SPENT = 3.0
 
 
 def told(studies: Sequence[Score]) -> dict[str, str]:
-    """Return the cells of the diagnosis, of studies where something is hidden and of others."""
+    """Return the cells of the diagnosis, from studies with and without a hidden effect."""
     hidden, nothing = _parted(studies)
     return {
         "named first": rate(one.first for one in hidden),
@@ -47,16 +47,16 @@ def told(studies: Sequence[Score]) -> dict[str, str]:
 
 
 def _parted(studies: Sequence[Score]) -> tuple[list[Score], list[Score]]:
-    """Return studies whose hidden effect makes at least SHARE of the error, and studies that hide none.
+    """Return studies whose hidden effect causes at least SHARE of the error, and studies without one.
 
-    A condition of a log that hides something itself, such as a current, makes no difference.
+    A log condition that adds an effect itself, such as a current, does not count.
     """
     hidden = [one for one in studies if one.row["title"] and one.row["share"] >= SHARE]
     return hidden, [one for one in studies if not one.row["title"]]
 
 
 def _tied(one: Score) -> bool:
-    """Return whether the first name is a tie that holds the truth."""
+    """Return whether the first name is a tie that includes the true effect."""
     return one.answer is not None and one.answer.tie and one.answer.right is True
 
 
@@ -66,7 +66,7 @@ def _stated(one: Score) -> bool:
 
 
 def _blind(one: Score) -> bool:
-    """Return whether nothing is called missing although the residual is above SPENT."""
+    """Return whether the verdict is `nothing_missing` although the residual is above SPENT."""
     return "nothing_missing" in one.verdicts and one.row["chi2_end"] > SPENT
 
 
@@ -91,7 +91,7 @@ def rival(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _ratio(rows: Iterable[Row]) -> str:
-    """Return the median held-out error after over that of the file as given, and how often it is greater."""
+    """Return the median ratio of held-out errors, after over before, and how often it exceeds 1."""
     ratios = np.array([row["after"] / row["before"] for row in rows if row["after"] is not None])
     return f"{np.median(ratios):.2f}, greater in {rate((ratios > 1.0).tolist())}" if ratios.size else ""
 
@@ -151,8 +151,8 @@ def main() -> None:
     parser.add_argument("which", choices=("base", "logs"))
     parser.add_argument("results", type=Path)
     parser.add_argument("--rivals", type=Path, help="results of rivals on the same studies")
-    parser.add_argument("--commit", required=True, help="of the code that was measured")
-    parser.add_argument("--rivals-commit", help="of the code that the rivals ran beside; by default the same")
+    parser.add_argument("--commit", required=True, help="commit of the measured code")
+    parser.add_argument("--rivals-commit", help="commit with which the rivals ran; default: --commit")
     chosen = parser.parse_args()
     table = results.read([chosen.results])
     others = pl.DataFrame(schema=SCHEMA) if chosen.rivals is None else pl.read_parquet(chosen.rivals)

@@ -1,10 +1,10 @@
 """Time and memory of `hydro import` for a bag, compared with its reader library.
 
-A ROS 1 bag of a given size is made: odometry and an IMU 100 times a second, commands 50 times.  Each case
+The benchmark writes a ROS 1 bag of a given size: odometry and IMU at 100 Hz, commands at 50 Hz.  Each case
 reads it in its own process, which gives its peak memory.  All cases run in alternation:
 
-    library    `rosbags` deserialises every message and keeps none: the floor
-    kept       the same, and the 15 numbers of each are appended to lists, as a script would
+    library    `rosbags` deserialises every message and keeps none: the lower bound
+    kept       the same, and the numbers of each message are appended to lists, as in a script
     read       `hydro.io.log.read` with the columns of the map
     import     `hydro.import_log`: read, resample, check the conventions
 
@@ -39,9 +39,9 @@ KINDS = {
 }
 BEGUN, TURN = 1_700_000_000, 0.5  # s since 1970; rad/s
 NOISE = 1e-3
-"""Of velocity [m/s] and rates [rad/s]: readings that only repeat the last one would be none."""
+"""Noise of velocity [m/s] and rates [rad/s], since identical readings count as repeated, not as new ones."""
 MOST = 1000
-"""Megabytes of the largest bag."""
+"""Maximum size of a bag [MB]."""
 RATE, EVERY = 100.0, 2  # Hz of odometry and IMU; a command at each second of them
 CASES = ("library", "kept", "read", "import")
 _AXES = ("x", "y", "z")
@@ -59,9 +59,9 @@ commands.columns = {COMMANDS}
 
 
 def make(path: Path, megabytes: float) -> int:
-    """Write a bag of that size of a vehicle that circles; how many messages it has.
+    """Write a bag of the given size for a circling vehicle; return the number of messages.
 
-    One circle is serialised, and repeated with other stamps, so that a gigabyte takes little time and memory.
+    One circle is serialised and repeated with new stamps, so a gigabyte needs little time and memory.
     """
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -85,7 +85,7 @@ def make(path: Path, megabytes: float) -> int:
 
 
 def _circle(types: Any) -> list[list[tuple[str, bytes]]]:
-    """Topics and messages of every row of one circle; a header begins with its number and its stamp."""
+    """Return topics and messages of every row of one circle; headers begin with number and stamp."""
     new = types.types
     empty, still = np.zeros(36), new["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     layout = new["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
@@ -140,7 +140,7 @@ def library(path: Path, keep: bool) -> int:
 
 
 def measured(case: str, path: Path, results: Any) -> None:
-    """Run a case in this process: processor time [s], peak and growth of memory [MB], messages or rows."""
+    """Run a case in this process; report processor time [s], peak and growth of memory [MB], and count."""
     import hydro
     from hydro.io import log, logmap
 
@@ -155,7 +155,7 @@ def measured(case: str, path: Path, results: Any) -> None:
         wanted = [f"/odom.{name}" for name in ODOMETRY] + [f"/imu.{name}" for name in IMU] + COMMANDS
         with log.opened(path) as file:
             count = file.read(wanted, shares.append).table.height
-        assert len(shares) > 1, "progress is told"
+        assert len(shares) > 1, "progress is reported"
         assert shares == sorted(shares)
     else:
         count = hydro.import_log(path, meaning)[0].height
@@ -165,13 +165,13 @@ def measured(case: str, path: Path, results: Any) -> None:
 
 
 def _memory(name: str) -> float:
-    """A figure of this process's memory by the kernel [MB]."""
+    """Return a memory figure of this process from the kernel [MB]."""
     (line,) = [each for each in Path("/proc/self/status").read_text().splitlines() if each.startswith(name)]
     return float(line.split()[1]) / 1e3
 
 
 def _warm(path: Path, meaning: Any) -> None:
-    """Load and compile all that any case needs, on a bag of a few seconds."""
+    """Load and compile everything that the cases need, with a short bag."""
     import hydro
 
     library(path, True)
@@ -179,7 +179,7 @@ def _warm(path: Path, meaning: Any) -> None:
 
 
 def run(megabytes: float, rounds: int, cases: Sequence[str] = CASES) -> pl.DataFrame:
-    """Processor time and memory of each case in each round."""
+    """Measure processor time and memory of each case in each round."""
     context, rows = multiprocessing.get_context("spawn"), []
     with tempfile.TemporaryDirectory() as folder:
         if shutil.disk_usage(folder).free < 2e6 * megabytes:
@@ -215,15 +215,19 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--megabytes", type=float, default=20.0, help=f"size of the bag, at most {MOST}")
-    parser.add_argument("--rounds", type=int, default=3, help="how often every case is timed")
-    parser.add_argument("-o", "--output", type=Path, help="table of every case and round")
-    parser.add_argument("--cases", nargs="*", choices=CASES, default=CASES, help="the library's among them")
-    parser.add_argument("--keep", metavar="COMMIT", help="write benchmarks/results, with the code's commit")
+    parser.add_argument("--rounds", type=int, default=3, help="number of runs of every case")
+    parser.add_argument("-o", "--output", type=Path, help="write a table with a row per case and round")
+    parser.add_argument(
+        "--cases", nargs="*", choices=CASES, default=CASES, help="cases to run; must include library"
+    )
+    parser.add_argument(
+        "--keep", metavar="COMMIT", help="write benchmarks/results for this commit of the code"
+    )
     given = parser.parse_args()
     if not 0.0 < given.megabytes <= MOST:
         parser.error(f"--megabytes must be above 0 and at most {MOST}")
     if "library" not in given.cases:
-        parser.error("--cases must have library among them: all are held against it")
+        parser.error("--cases must include library: all cases are compared with it")
     rows = run(given.megabytes, given.rounds, given.cases)
     if given.output is not None:
         rows.write_parquet(given.output)
@@ -247,16 +251,16 @@ WORDS = {
 
 
 def kept(rows: pl.DataFrame) -> list[dict[str, str]]:
-    """The summary as it is to be read."""
+    """Return the summary as rows of the results table."""
     size = f"{rows['megabytes'][0]:,.0f} MB"
     return [
         {
             "reading": WORDS[case],
             "bag": f"{size}; {messages:,} messages",
             "processor time": f"{seconds:.1f} s",
-            "beside the library": f"{ratio:.2f}",
+            "relative to the library": f"{ratio:.2f}",
             "peak memory": f"{peak:,.0f} MB",
-            "of it for the log": f"{growth:,.0f} MB",
+            "of this for the log": f"{growth:,.0f} MB",
         }
         for case, messages, seconds, ratio, peak, growth in summary(rows).iter_rows()
     ]

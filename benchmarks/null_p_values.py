@@ -1,6 +1,6 @@
-"""Test of the level of the screening in a diagnosis: p-values of recordings without a missing effect.
+"""Calibration of the screening test in a diagnosis: p-values of recordings without a missing effect.
 
-Each seed is one vehicle of `hidden_effects` without hidden effects and with a damping error of up to a
+Each seed draws one vehicle of `hidden_effects` without hidden effects and with a damping error of up to a
 quarter, flown once for each length.  The same flight is recorded with white noise, and with Student-t(3)
 noise of equal variance on every channel.  Each log is screened as in the first round of a diagnosis.  A group
 is an effect of the catalogue in all its shapes, with a p-value of its own.  The overall p-value, used by a
@@ -62,7 +62,7 @@ screened has one row with its `failure` and no group.
 
 
 def written(quiet: pl.DataFrame, noise: str, size: float, rng: np.random.Generator) -> pl.DataFrame:
-    """A raw table of true motion as a sensor of so many times ordinary noise writes it down."""
+    """Return a raw table of true motion with sensor noise of `size` times the ordinary level."""
     names = (*POSE, *VELOCITY)
     motion = quiet.select(names).to_numpy()
     # The variance of t(3) is 3.
@@ -73,7 +73,7 @@ def written(quiet: pl.DataFrame, noise: str, size: float, rng: np.random.Generat
 
 
 def screened(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[Screening, float]:
-    """The first screening of a diagnosis, and the mean squared residual before it."""
+    """Return the first screening of a diagnosis, and the reduced chi-square before it."""
     log = preprocess(vehicle, raw)
     start, problem = stable_start(vehicle, log)
     baseline = refit(vehicle, log, problem, start)
@@ -94,7 +94,7 @@ def run_one(seed: int, seconds: float, wanted: tuple[str, ...]) -> list[Row]:
             screening, chi2 = screened(flown.given, written(flown.measured, noise, case.noise, rng))
             row |= {"overall": screening.p_value, "chi2": chi2, "shots": len(screening.evidence.error)}
             groups = list(_groups(screening))
-        except Exception as error:  # a log that fails is a result, and must not end the others
+        except Exception as error:  # a failed log is a result; the others continue
             groups = [{"failure": f"{type(error).__name__}: {error}"}]
         row["cpu"] = time.process_time() - begun
         rows += [row | group for group in groups]
@@ -102,7 +102,7 @@ def run_one(seed: int, seconds: float, wanted: tuple[str, ...]) -> list[Row]:
 
 
 def _groups(screening: Screening) -> Iterator[Row]:
-    """Each group's own p-value."""
+    """Yield the p-value of each group alone."""
     for name, shapes in screening.shapes.items():
         alone = p_values(screening.evidence, screening.own, {name: shapes})[name]
         yield {"group": name, "columns": len(shapes[0]), "p_value": alone}
@@ -123,7 +123,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def line(rows: list[Row]) -> str:
-    """The logs of a flight in one line, for whoever watches."""
+    """Return the results of a flight in one line, for progress."""
     head = f"{rows[0]['seed']} {rows[0]['preset']} {rows[0]['source']}, {rows[0]['seconds']:g} s:"
     told = []
     for noise in dict.fromkeys(row["noise"] for row in rows):
@@ -134,7 +134,7 @@ def line(rows: list[Row]) -> str:
 
 
 def conditions(table: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
-    """The rows of each kind of noise and length that were screened."""
+    """Yield the screened rows of each noise and length."""
     there = table.filter(pl.col("failure") == "").unique([*KEY, "group"], keep="last", maintain_order=True)
     for noise in NOISES:
         for seconds in sorted(set(there["seconds"])):
@@ -144,21 +144,21 @@ def conditions(table: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
 
 
 def uniform(p: Array) -> float:
-    """Kolmogorov-Smirnov p-value of p-values (N,) against uniform ones.
+    """Return the Kolmogorov-Smirnov p-value of p-values (N,) against the uniform distribution.
 
-    P-values of flips are multiples of a small step, of which half is taken off: so they are uniform about
-    the middles of as many cells.
+    P-values of sign flips are multiples of a small step.  Half a step is subtracted, so that they are
+    uniform at the centres of equal cells.
     """
     return float(kstest(np.asarray(p) - 0.5 / (FLIPS + 1), "uniform").pvalue)
 
 
 def rare(p: Array) -> float:
-    """Probability of as many p-values (N,) at or below ALPHA or more, were they uniform."""
+    """Return the probability of at least as many p-values (N,) at or below ALPHA if they were uniform."""
     return float(binomtest(int((p <= ALPHA).sum()), len(p), ALPHA, alternative="greater").pvalue)
 
 
 def holm(p: Array) -> Array:
-    """P-values (K,) adjusted for their number by Holm's steps (1979), (K,)."""
+    """Adjust p-values (K,) for multiple testing by Holm's method (1979), (K,)."""
     order, count = np.argsort(p), len(p)
     adjusted = np.maximum.accumulate(np.asarray(p)[order] * (count - np.arange(count)))
     out = np.empty(count)
@@ -167,11 +167,11 @@ def holm(p: Array) -> Array:
 
 
 def groups(part: pl.DataFrame) -> pl.DataFrame:
-    """One row per group of a condition, the farthest from uniform first.
+    """Return one row per group of a condition, farthest from uniform first.
 
     Returns:
-        `group`, `logs`; `uniform` and `rare`, see there, and both adjusted over the groups by Holm's steps;
-        `at_alpha`, how many p-values are at or below ALPHA.
+        `group`, `logs`; `uniform` and `rare` (see these functions), and both adjusted over groups by `holm`;
+        `at_alpha`, the number of p-values at or below ALPHA.
     """
     rows = []
     for (name,), those in part.group_by("group", maintain_order=True):
@@ -184,7 +184,7 @@ def groups(part: pl.DataFrame) -> pl.DataFrame:
 
 
 def sums(table: pl.DataFrame) -> Iterator[Row]:
-    """A row per condition: of the groups, and of the p-value over all of them at once."""
+    """Yield a row per condition: results of the groups, and of the overall p-value."""
     for words, part in conditions(table):
         each, once = groups(part), part.unique(KEY)["overall"].to_numpy()
         worst, most = each.row(0, named=True), each.sort("rare").row(0, named=True)
@@ -246,9 +246,9 @@ def main() -> None:
     two = commands.add_parser("report", help="sum up results, as Markdown")
     two.add_argument("results", type=Path)
     two.set_defaults(action=lambda chosen: print(summary(pl.read_parquet(chosen.results)), end=""))
-    three = commands.add_parser("write", help="keep the sums for the pages")
+    three = commands.add_parser("write", help="write the sums for the pages")
     three.add_argument("results", type=Path)
-    three.add_argument("--commit", required=True, help="of the code that was measured")
+    three.add_argument("--commit", required=True, help="commit of the measured code")
     three.set_defaults(action=lambda chosen: write(pl.read_parquet(chosen.results), chosen.commit))
     chosen = top.parse_args()
     chosen.action(chosen)

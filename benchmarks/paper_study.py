@@ -4,7 +4,7 @@
         --model structured.parquet --identified identified.toml --recipe demos -o study
     python -m benchmarks.paper_study study --commit COMMIT
 
-Cells of flights are those of `benchmarks.policies`: the median training, with the range of all.  Expert
+Flight cells are those of `benchmarks.policies`: the median training, with the range of all.  Expert
 pilots are included, in the MuJoCo model of each condition and once in the reference simulator.
 """
 
@@ -56,7 +56,7 @@ def flights(tests: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 
 
 def _words(found: pl.DataFrame, by: str) -> str:
-    """Flights of a pilot, or of the policies of all trainings, in words."""
+    """Return the flights of a pilot, or of the policies of all trainings, in words."""
     rows = found.filter(flown_by=by).to_dicts()
     return cell(of_seeds(rows)) if rows else ""
 
@@ -98,9 +98,9 @@ def main() -> None:
     from hydro.rl.tasks.registry import TASKS
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="of a study")
-    parser.add_argument("--commit", required=True, help="of the code that was measured")
-    parser.add_argument("--command", default=COMMAND, help="by which")
+    parser.add_argument("folder", type=Path, help="folder of a study")
+    parser.add_argument("--commit", required=True, help="commit of the measured code")
+    parser.add_argument("--command", default=COMMAND, help="command of the study")
     given = parser.parse_args()
     tests = table.read(given.folder / "tests.parquet", "evaluations").frame
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}

@@ -1,4 +1,4 @@
-"""Cost of a folder of sessions: memory for one and for many, and labelling speed on two cluster nodes.
+"""Memory for a folder of one and of many sessions, and labelling speed on two cluster nodes.
 
     python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
     python -m benchmarks.partitions memory FOLDER
@@ -44,15 +44,15 @@ from hydro.study.steps import apart
 
 DT = 0.02
 NOISE = (0.01, 0.01, 0.01, 0.002, 0.002, 0.002)
-"""Standard deviations of the velocities' noise [m/s, rad/s]."""
+"""Standard deviations of the velocity noise [m/s, rad/s]."""
 MEASURED = "import resource, sys; from hydro import cli; code = cli.main(sys.argv[1:]); \
 use = resource.getrusage(resource.RUSAGE_SELF); \
 print(use.ru_maxrss, use.ru_utime + use.ru_stime); sys.exit(code)"
-"""Runs a command line; then its peak memory [KiB] and its processor time [s]."""
+"""Program that runs a command line, then prints its peak memory [KiB] and processor time [s]."""
 
 
 def make(folder: Path, sessions: int, rows: int) -> None:
-    """Write sessions of so many rows each."""
+    """Write sessions of `rows` rows each."""
     whole = table.read(bundled("stonefish") / "sample.parquet", "raw")
     for number in range(sessions):
         rng = np.random.default_rng(number)
@@ -72,7 +72,7 @@ def make(folder: Path, sessions: int, rows: int) -> None:
 
 
 def peak(*line: str) -> tuple[float, float]:
-    """Peak memory [MB] and processor time [s] of a command in a process of its own."""
+    """Return the peak memory [MB] and processor time [s] of a command in its own process."""
     done = subprocess.run(
         [sys.executable, "-c", MEASURED, *line], check=True, stdout=subprocess.PIPE, text=True
     )
@@ -81,7 +81,7 @@ def peak(*line: str) -> tuple[float, float]:
 
 
 def memory(folder: Path, vehicle: Path, rounds: int) -> None:
-    """Label one session, one in a folder, and all; print the medians."""
+    """Label one session as a file, one in a folder, and all; print the medians."""
     data = partitions.opened(folder, ("raw",))
     first = data.parts[0]
     with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
@@ -95,7 +95,7 @@ def memory(folder: Path, vehicle: Path, rounds: int) -> None:
             "a folder of 1": ("labels", str(home / "one"), *given, "-o", str(home / "of-one")),
             f"a folder of {len(data.parts)}": ("labels", str(folder), *given, "-o", str(home / "of-all")),
         }
-        peak(*cases["a file"])  # kernels are compiled by now
+        peak(*cases["a file"])  # compiles the kernels
         found: dict[str, list[tuple[float, float]]] = {name: [] for name in cases}
         for _ in range(rounds):
             for name, line in cases.items():
@@ -109,7 +109,7 @@ def memory(folder: Path, vehicle: Path, rounds: int) -> None:
 
 
 def timed(part: Part, folder: Path, how: Labelling) -> tuple[str, float]:
-    """Label a session; where, and the processor time that it took [s]."""
+    """Label a session; return its node and processor time [s]."""
     began = time.process_time()
     label_part(part, folder, how)
     spent = time.process_time() - began
@@ -119,9 +119,9 @@ def timed(part: Part, folder: Path, how: Labelling) -> tuple[str, float]:
 
 
 def labelled(engine: Engine, data: Dataset, how: Labelling, scratch: Path) -> tuple[float, float, float]:
-    """Label all sessions once the nodes are warm; time, and processor time of all and of the busiest [s]."""
+    """Label all sessions on warm nodes; return wall time, total and busiest node's processor time [s]."""
     engine.prepare(partial(warm, data.parts[0], how))
-    list(engine.each(timed, [(data.parts[0], scratch, how)] * engine.slots))  # workers have begun
+    list(engine.each(timed, [(data.parts[0], scratch, how)] * engine.slots))  # starts the workers
     began = time.perf_counter()
     spent = Counter[str]()
     for node, seconds in engine.each(timed, [(part, scratch, how) for part in data.parts]):
@@ -157,12 +157,12 @@ def speed(folder: Path, vehicle: Path, rounds: int) -> None:
 
 
 def told(values: Array) -> str:
-    """The median of some values and their range."""
+    """Return the median of some values, and their range, in words."""
     return f"{np.median(values):.2f} [{values.min():.2f}, {values.max():.2f}]"
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line."""
+    """Return the parser of the command line."""
     top = argparse.ArgumentParser(prog="python -m benchmarks.partitions", description=__doc__.splitlines()[0])
     commands = top.add_subparsers(required=True)
     made = commands.add_parser("make", help="write sessions")

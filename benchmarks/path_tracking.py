@@ -4,13 +4,13 @@ A vehicle follows a figure of eight that rises and falls, with a target point of
 the reference simulator, whose hull consists of panels.  A controller knows only a vehicle file, without its
 dead bands, through the CasADi functions of `hydro export --to casadi`:
 
-    pilot               the proportional law of `rl.environment.helmsman`, to a point ahead on the path: of
-                        several look-aheads the best
-    MPC, file as given  the file's plausible numbers
+    pilot               the proportional law of `rl.environment.helmsman`, to a point ahead on the path; best
+                        of several look-ahead times
+    MPC, file as given  the vehicle file with its plausible numbers
     MPC, fitted         the file after a fit of drag and added mass to five minutes of the reference simulator
 
-All know the true state, and give a command every 0.1 s.  The cross-track error is the distance from the
-nearest point of the path, after the first ten seconds.
+All controllers know the true state and give a command every 0.1 s.  The cross-track error is the distance to
+the nearest point of the path.  The first ten seconds do not count.
 
     python -m benchmarks.path_tracking --keep COMMIT
 """
@@ -45,14 +45,14 @@ from hydro.sim import teacher as sim
 from hydro.sim.teacher_plant import TeacherPlant
 
 PERIOD = 0.1
-"""Between two commands [s]."""
+"""Control period [s]."""
 SECONDS, SETTLING = 90.0, 10.0
 SPEED = 0.6
 """Speed of the target point [m/s]."""
 SIZE, DEPTH, DIVE = 8.0, 10.0, 2.0
-"""Half the length of the eight, its mean depth, and half the height by which it rises and falls [m]."""
+"""Half the length of the figure of eight, its mean depth, and its depth amplitude [m]."""
 INTERVAL, AHEAD, SUBSTEPS = 0.25, 10, 2
-"""Of the controller: length of a prediction step [s], their number, Runge-Kutta steps in each."""
+"""Length of a prediction step of the controller [s], number of steps, Runge-Kutta substeps of each."""
 LITTLE = 0.05
 """Initial commands of the first solution: at zero thrust, derivatives vanish."""
 WEIGHTS = {"place": 20.0, "heading": 4.0, "level": 4.0, "effort": 0.05, "change": 0.2}
@@ -61,11 +61,11 @@ LOOK_AHEADS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 FITTED = ("linear_damping", "quadratic_damping", "added_mass")
 DATA_ROWS, DATA_SEED = 15_000, 7
 Controller = Callable[[float, Array, Array, Array], Array]
-"""Commands (n,) from the time [s], the pose (7,), the velocity (6,) and the thrusts (n,)."""
+"""Function from time [s], pose (7,), velocity (6,) and thrusts (n,) to commands (n,)."""
 
 
 def eight() -> tuple[Array, Array]:
-    """Points of the path (N, 3), NED, and their distances along it (N,) [m]."""
+    """Return the points of the path (N, 3), NED, and their distances along it (N,) [m]."""
     turn = np.linspace(0.0, 2.0 * np.pi, 20_001)
     points = np.column_stack(
         [SIZE * np.sin(turn), 0.5 * SIZE * np.sin(2.0 * turn), DEPTH - DIVE * np.sin(turn + 0.5)]
@@ -129,7 +129,7 @@ class Predictive:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Predictive:
-        """The controller that knows a vehicle file."""
+        """Return the controller for a vehicle file."""
         made = functions(without_dead_bands(vehicle), INTERVAL, SUBSTEPS)
         n, m = len(made.states), len(made.commands)
         x, u = ca.MX.sym("x", n, AHEAD + 1), ca.MX.sym("u", m, AHEAD)
@@ -202,7 +202,7 @@ def without_dead_bands(vehicle: Vehicle) -> Vehicle:
 
 
 def track(vehicle: Vehicle, steer: Controller, seconds: float = SECONDS) -> tuple[Array, Array]:
-    """Positions (N, 3) of a flight in the teacher, and distances from the nearest point of the path (N,)."""
+    """Fly in the reference simulator; return positions (N, 3) and distances to the path (N,)."""
     plant = TeacherPlant(vehicle, period=PERIOD)
     toward = heading(0.0)
     yaw = float(np.arctan2(toward[1], toward[0]))
@@ -218,13 +218,13 @@ def track(vehicle: Vehicle, steer: Controller, seconds: float = SECONDS) -> tupl
 
 
 def fitted(vehicle: Vehicle) -> Vehicle:
-    """The vehicle file after a fit to the teacher."""
+    """Return the vehicle file after a fit to the reference simulator."""
     raw = sim.collect(sim.teacher(vehicle), DATA_ROWS, DATA_SEED)
     return hydro.add(vehicle, hydro.fit(vehicle, raw, FITTED))
 
 
 def measured(name: str, positions: Array, errors: Array, control: Predictive | None = None) -> Row:
-    """A row of the table."""
+    """Return a row of the table."""
     after = slice(round(SETTLING / PERIOD), None)
     behind = np.linalg.norm(positions - place((np.arange(len(positions)) + 1) * PERIOD), axis=1)[after]
     cross = errors[after]
@@ -241,7 +241,7 @@ def measured(name: str, positions: Array, errors: Array, control: Predictive | N
 
 
 def study(seconds: float = SECONDS) -> list[Row]:
-    """All controllers on the same path."""
+    """Fly all controllers on the same path; return the rows of the table."""
     vehicle = files.read(bundled("vehicles") / "auv151.toml")[0]
     flights = {ahead: track(vehicle, pilot(vehicle, ahead), seconds) for ahead in LOOK_AHEADS}
     after = slice(round(SETTLING / PERIOD), None)
@@ -254,12 +254,14 @@ def study(seconds: float = SECONDS) -> list[Row]:
 
 
 def main() -> None:
-    """Fly, print, and keep where asked to."""
+    """Fly all controllers, print the table, and write it with --keep."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seconds", type=float, default=SECONDS, help="length of each flight [s]")
-    parser.add_argument("--keep", metavar="COMMIT", help="keep the table, of the code of a commit")
+    parser.add_argument(
+        "--keep", metavar="COMMIT", help="write benchmarks/results for this commit of the code"
+    )
     given = parser.parse_args()
     assert BODY_STATES[:3] == ("x", "y", "z")
     rows = study(given.seconds)

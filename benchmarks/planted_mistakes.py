@@ -1,8 +1,8 @@
-"""Detection of mistakes of a map, a mounting or a clock by `hydro import`.
+"""Detection of planted mistakes in maps, mountings and clocks by `hydro import`.
 
     python -m benchmarks.planted_mistakes
 
-Thirteen mistakes are planted one by one in logs of three bundled vehicles, flown by the reference simulator
+Thirteen mistakes are planted one at a time in logs of three bundled vehicles in the reference simulator
 with the noise of an ordinary navigation suite.  A mistake counts as named if a line of the import, or its
 error, states the correction.  `clean` counts the warnings without a mistake.
 """
@@ -30,7 +30,7 @@ VEHICLES = ("bluerov2_heavy", "remus100", "auv151")
 ROWS, SEED = 15_000, 5
 """Rows at 50 Hz, and the seed of demands and noise."""
 LATE = 0.4
-"""Seconds by which a stamp is late."""
+"""Delay of the late time stamps [s]."""
 CLEAN = "none"
 Spec = dict[str, dict[str, object]]
 Change = Callable[[pl.DataFrame, Spec], tuple[pl.DataFrame, Spec]]
@@ -38,7 +38,7 @@ Change = Callable[[pl.DataFrame, Spec], tuple[pl.DataFrame, Spec]]
 
 @dataclass(frozen=True)
 class Mistake:
-    """Change of a log or of its map, and a part of the line that names it."""
+    """Change of a log or of its map, and parts of the messages that identify it."""
 
     change: Change
     named: tuple[str, ...]
@@ -96,7 +96,7 @@ MISTAKES: dict[str, Mistake] = {
 
 
 def log_of(raw: pl.DataFrame) -> tuple[pl.DataFrame, Spec]:
-    """A raw table as a log, and the map that reads it."""
+    """Return a raw table as a log, and its map."""
     commands = [name for name in raw.columns if name.startswith("cmd_")]
     spec: Spec = {
         "time": {"column": "t"},
@@ -111,13 +111,13 @@ def log_of(raw: pl.DataFrame) -> tuple[pl.DataFrame, Spec]:
 
 
 def flown(name: str, rows: int = ROWS) -> tuple[Vehicle, pl.DataFrame]:
-    """A bundled vehicle and a recording of it."""
+    """Return a bundled vehicle and a recording of it."""
     vehicle = vehicle_io.read(bundled(f"vehicles/{name}.toml"))[0]
     return vehicle, collect(teacher(vehicle), rows, SEED, noise=PROFILES["ordinary"], threads=1)
 
 
 def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
-    """Return the warnings of an import, and those of the order of thrusters; or its error."""
+    """Return the warnings of an import and of its thruster audit, or its error."""
     source = Log("log", log, "sha256:0")
     try:
         report = log_import.import_log(source, logmap.parse(_toml(spec)))
@@ -148,8 +148,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--vehicles", nargs="*", default=VEHICLES)
     parser.add_argument("--rows", type=int, default=ROWS)
-    parser.add_argument("--lines", action="store_true", help="print what is said")
-    parser.add_argument("--keep", metavar="COMMIT", help="write benchmarks/results, with the code's commit")
+    parser.add_argument("--lines", action="store_true", help="print all messages")
+    parser.add_argument(
+        "--keep", metavar="COMMIT", help="write benchmarks/results for this commit of the code"
+    )
     given = parser.parse_args()
     cells: dict[str, dict[str, str]] = {name: {} for name in (*MISTAKES, CLEAN)}
     for name in given.vehicles:

@@ -1,4 +1,4 @@
-"""Result tables of `hydro rl eval`: the tasks, and the settings in which they are flown.
+"""Result tables of `hydro rl eval`, by task and by setting.
 
     hydro rl eval datasets/vehicles/auv151.toml --task slalom --in teacher -o slalom-teacher.parquet
     python -m benchmarks.policies tasks *.parquet --commit COMMIT --command "hydro rl eval ..."
@@ -24,11 +24,11 @@ from hydro.io import table
 
 POLICY = "policy"
 HOLDING = ("station_keeping", "circle", "helix", "lemniscate")
-"""Tasks with a fixed duration, for which a time has no meaning."""
+"""Tasks with a fixed duration, for which a time to the goal has no meaning."""
 
 
 def arrivals(row: Row) -> list[str]:
-    """Successes of one evaluation in words, and the time that they took."""
+    """Return the success rate of one evaluation, and its median time to the goal, in words."""
     low, high = 100.0 * row["success_low"], 100.0 * row["success_high"]
     words = [f"{100.0 * row['success']:.3g}% ({low:.1f} to {high:.1f}){spread(row)}"]
     if row["task"] not in HOLDING and row["time_to_goal"] is not None:
@@ -37,7 +37,7 @@ def arrivals(row: Row) -> list[str]:
 
 
 def cell(row: Row) -> str:
-    """One evaluation in words."""
+    """Return one evaluation in words."""
     words = arrivals(row)
     if row["success"] > 0.5:
         words += [f"{row['tracking_error']:.2f} m off", f"energy {row['energy']:.2g} s"]
@@ -45,7 +45,7 @@ def cell(row: Row) -> str:
 
 
 def of_seeds(rows: Sequence[Row]) -> Row:
-    """The evaluation of the median training by success, the less successful of two, and the range of all."""
+    """Return the evaluation of the training with median success (the lower of two), and all success rates."""
     ranked = sorted(rows, key=lambda row: (row["success"], -row["collision"]))
     return ranked[(len(ranked) - 1) // 2] | {"all": [row["success"] for row in ranked]}
 
@@ -57,13 +57,13 @@ def spread(row: Row) -> str:
 
 
 def named(row: Row, counted: dict[str, str]) -> str:
-    """A task with its level in words."""
+    """Return a task with its level in words."""
     level = counted.get(row["task"], "")
     return row["task"].replace("_", " ") + (f", {row['level']} {level}" if level else "")
 
 
 def medians(found: pl.DataFrame) -> list[Row]:
-    """Evaluations with those of several trainings as one, see `of_seeds`; a pilot's are alike."""
+    """Return evaluations with several trainings merged into one, see `of_seeds`; pilots do not vary."""
     alike = ["task", "level", "flown_by", "condition", "plant", "setting", "episodes"]
     once = found.unique([*alike, "seed"], keep="first", maintain_order=True)
     once = once.filter((pl.col("flown_by") == POLICY) | (pl.col("seed") == pl.col("seed").min().over(alike)))
@@ -97,14 +97,14 @@ def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 
 
 def passed_exams(evaluations: pl.DataFrame) -> pl.DataFrame:
-    """The examinations of a training that it has passed."""
+    """Return the passed examinations of a training."""
     from hydro.rl.training.config import Curriculum
 
     return evaluations.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)
 
 
 def training(run: Path) -> Row:
-    """Steps until a training had passed each task for the first time, and all with its last policy."""
+    """Return the steps until a training first passed each task, and all tasks with its last policy."""
     from hydro.rl.tasks.registry import STAGES
 
     found = table.read(run / "evaluations.parquet", "evaluations").frame
@@ -130,8 +130,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("which", choices=["tasks", "settings", "trained", "trainings"])
     parser.add_argument("files", nargs="+", type=Path, help="tables of evaluations, or folders of trainings")
-    parser.add_argument("--commit", required=True, help="of the code that was measured")
-    parser.add_argument("--command", required=True, help="by which")
+    parser.add_argument("--commit", required=True, help="commit of the measured code")
+    parser.add_argument("--command", required=True, help="command of the evaluations")
     given = parser.parse_args()
     if given.which == "trainings":
         rows = [training(run) for run in given.files]

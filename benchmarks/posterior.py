@@ -26,13 +26,13 @@ from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
-"""Training distribution of a policy, and its options."""
+"""Options of each training distribution."""
 RECIPE = ("--recipe", "demos", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),
     "teacher": ("teacher", ("nominal", "current", "load", "dead_thruster")),
 }
-"""Flight conditions and settings."""
+"""Simulator and settings of each group of flights."""
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -60,13 +60,13 @@ def flights(folder: Path) -> list[Row]:
 
 
 def by_flyer(found: list[Row]) -> list[Row]:
-    """Yield a row for each pilot and each training distribution: the median training and all, by place."""
+    """Return a row for each pilot and each training distribution: the median training and all, by place."""
     places: dict[str, dict[str, list[Row]]] = {}
     for row in found:
         who = f"policy trained on {row['trained']}" if row["trained"] else str(row["flown_by"])
         place = f"{row['plant']}, {row['setting'].replace('_', ' ')}"
         rows = places.setdefault(who, {}).setdefault(place, [])
-        if row["trained"] or not rows:  # a pilot flies the same tasks the same way again
+        if row["trained"] or not rows:  # repeated flights of a pilot are identical
             rows.append(row)
     return [
         {"flown by": who} | {place: ", ".join(arrivals(of_seeds(rows))) for place, rows in each.items()}
@@ -75,7 +75,7 @@ def by_flyer(found: list[Row]) -> list[Row]:
 
 
 def kept(chosen: argparse.Namespace) -> None:
-    """Keep the table of a study."""
+    """Write the results table of a study."""
     found = flights(chosen.folder)
     trained = sorted({row["seed"] for row in found if row["trained"]})
     command = "python -m benchmarks.posterior run fitted.toml -o posterior"
@@ -85,7 +85,7 @@ def kept(chosen: argparse.Namespace) -> None:
 
 def main() -> None:
     whole, runs = parser(__doc__.splitlines()[0], run, kept, seeds=5)
-    runs.add_argument("vehicle", type=Path, help="file with the covariance of a fit beside it")
+    runs.add_argument("vehicle", type=Path, help="vehicle file with the covariance of a fit")
     runs.add_argument("--episodes", type=int, default=100)
     chosen = whole.parse_args()
     chosen.what(chosen)

@@ -1,4 +1,4 @@
-"""Residual of drag on the Stonefish recordings, and excerpts of these for `hydro explain`.
+"""Regression of the residual wrench on the Stonefish recordings, and excerpts of them for `hydro explain`.
 
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
     python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-EVERY = 37  # step between the label rows in use
+EVERY = 37  # step between the label rows that are used
 
 
 def terms(labels: pl.DataFrame) -> None:
@@ -38,7 +38,7 @@ def terms(labels: pl.DataFrame) -> None:
 
 
 def explained(columns: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarray]:
-    """R^2 of a least-squares fit, and its amounts."""
+    """Return the R^2 of a least-squares fit, and its coefficients."""
     amounts = np.linalg.lstsq(columns, wanted, rcond=None)[0]
     return 1.0 - float(
         ((wanted - columns @ amounts) ** 2).sum() / ((wanted - wanted.mean()) ** 2).sum()
@@ -46,7 +46,7 @@ def explained(columns: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarra
 
 
 def heads(path: Path, sessions: int, rows: int, *, between: bool = False) -> pl.DataFrame:
-    """The first `rows` rows, where rotors are at rest, of sessions spread over a recording, or of others."""
+    """Return the first `rows` rows, with rotors at rest, of evenly spread sessions or of those between."""
     raw = pl.read_parquet(path)
     names = raw["session"].unique(maintain_order=True)
     places = (np.arange(sessions) + 0.5 * between) * len(names) / sessions
@@ -66,8 +66,8 @@ def excerpts(recordings: Path, folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("recordings", type=Path)
-    parser.add_argument("--labels", type=Path, help="of nominal.parquet; without, no regression")
-    parser.add_argument("--excerpts", type=Path, metavar="FOLDER", help="where to write excerpts")
+    parser.add_argument("--labels", type=Path, help="labels of nominal.parquet; no regression without them")
+    parser.add_argument("--excerpts", type=Path, metavar="FOLDER", help="folder for the excerpts")
     chosen = parser.parse_args()
     if chosen.labels:
         terms(pl.read_parquet(chosen.labels))

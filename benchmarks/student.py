@@ -2,20 +2,20 @@
 
 The same vehicle is stepped by `mujoco.batch.Batch`, with a new command for every vehicle and control step:
 
-    bare       MuJoCo alone: body, weight, buoyancy, and as many thrusters, each a plain first-order lag
-    effects    all effects of the vehicle file, added mass exact, thrusters with dead band
+    bare       MuJoCo alone: body, weight, buoyancy and the same number of thrusters with first-order lag
+    effects    all effects of the vehicle file with exact added mass, and thrusters with dead band
     network    M_A and PhysicsFeature-MLP at every control step, no effects
     both       all effects and the network
 
 A round times every case once, in alternating order.  Results are medians over rounds, of steps per second and
-of each round's ratio to its bare MuJoCo.  So a busy machine slows all cases of a round equally.  Callbacks
+of each round's ratio to bare MuJoCo, so that other load slows all cases of a round equally.  Callbacks
 are removed from the process while bare MuJoCo runs.  Also measured: one vehicle in a loop, with quadratic
 drag compiled and as a Python callback; `hydro simulate`; and the reference simulator of `hydro collect`.
 
     python benchmarks/student.py -o student.parquet
 
-`--processor` uses the processor time of the simulation threads, for a busy machine: the work of two threads
-in a second that both have.
+`--processor` measures the processor time of the simulation threads, for a busy machine.  Two threads count as
+one second if both run for a second.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ TIMESTEP, CONTROL_STEP = 0.002, 0.04
 SUBSTEPS = round(CONTROL_STEP / TIMESTEP)
 COUNTS, THREADS = (1, 8, 64, 512), (1, 2)
 SLOTS = ("mjcb_passive", "mjcb_sensor", "mjcb_act_dyn", "mjcb_act_bias")
-EPISODE = 128  # control steps until all vehicles start anew
-ROW = 0.02  # s between commands of `hydro simulate` and of the teacher
+EPISODE = 128  # control steps until all vehicles are reset
+ROW = 0.02  # s between commands of `hydro simulate` and of the reference simulator
 PHYSFEAT = (45, 128, 256, 128, 6)
 Rows = list[dict[str, Any]]
 Work = Callable[[], int]
@@ -110,7 +110,7 @@ def bare(vehicle: Vehicle) -> mujoco.MjModel:
 
 
 def models(vehicle: Vehicle) -> dict[str, mujoco.MjModel]:
-    """The four cases."""
+    """Return the compiled models of the four cases."""
     control = Control(Network.of(random_model()), CONTROL_STEP)
     waters = {
         "effects": wet(vehicle),
@@ -139,13 +139,13 @@ def without_callbacks() -> Iterator[None]:
 
 
 def excitation(shape: tuple[int, ...]) -> np.ndarray:
-    """Commands (EPISODE, *shape) in opposite pairs, so that a vehicle without drag stays slow."""
+    """Return commands (EPISODE, *shape) in opposite pairs, so that a vehicle without drag stays slow."""
     pairs = np.random.default_rng(1).uniform(-0.4, 0.4, (EPISODE // 2, 1, *shape))
     return (pairs * np.array([1.0, -1.0]).reshape(1, 2, *[1] * len(shape))).reshape(EPISODE, *shape)
 
 
 def side_by_side(model: mujoco.MjModel, count: int, threads: int) -> Work:
-    """One control step of `count` vehicles, each under a new command."""
+    """Return a function that advances `count` vehicles one control step under new commands."""
     many = batch.Batch(model, count, nthread=threads)
     commands = excitation((count, model.nu))
     tick = 0
@@ -163,7 +163,7 @@ def side_by_side(model: mujoco.MjModel, count: int, threads: int) -> Work:
 
 
 def in_a_loop(model: mujoco.MjModel) -> Work:
-    """One control step of one vehicle by `mj_step`."""
+    """Return a function that advances one vehicle one control step by `mj_step`."""
     data = mujoco.MjData(model)
     commands = excitation((model.nu,))
     tick = 0
@@ -181,7 +181,7 @@ def in_a_loop(model: mujoco.MjModel) -> Work:
 
 
 def python_drag(vehicle: Vehicle) -> Callable[[Any, Any], None]:
-    """Quadratic drag as one writes it in Python."""
+    """Return quadratic drag as a plain Python callback."""
     table = next(effect for effect in vehicle.effect if effect["name"] == "quadratic_damping")
     factors = np.array(table["diagonal"])
 
@@ -196,7 +196,7 @@ def python_drag(vehicle: Vehicle) -> Callable[[Any, Any], None]:
 
 
 def rate(work: Work, seconds: float) -> float:
-    """Steps per second, over at least so many seconds."""
+    """Return the steps per second over at least `seconds`."""
     done, start = 0, Clock.now()
     while (spent := Clock.now() - start) < seconds or not done:
         done += work()
@@ -204,7 +204,7 @@ def rate(work: Work, seconds: float) -> float:
 
 
 def interleaved(cases: dict[str, Callable[[float], float]], rounds: int, seconds: float) -> dict[str, Any]:
-    """Rates (rounds,) of every case; a round times each of them once, beginning with another every time."""
+    """Return the rates (rounds,) of every case; each round starts with the next case."""
     found: dict[str, list[float]] = {name: [] for name in cases}
     names = list(cases)
     for name in names:
@@ -217,13 +217,13 @@ def interleaved(cases: dict[str, Callable[[float], float]], rounds: int, seconds
 
 
 def silenced(work: Work, seconds: float) -> float:
-    """`rate` without hydro's callbacks."""
+    """Return the `rate` without hydro's callbacks."""
     with without_callbacks():
         return rate(work, seconds)
 
 
 def with_python(work: Work, passive: Any, seconds: float) -> float:
-    """`rate` with a Python callback in place of hydro's."""
+    """Return the `rate` with a Python callback instead of hydro's."""
     with without_callbacks():
         mujoco.set_mjcb_passive(passive)
         try:
@@ -235,10 +235,10 @@ def with_python(work: Work, passive: Any, seconds: float) -> float:
 def rows_of(
     found: dict[str, Any], what: str, vehicles: int, threads: int, unit: str, sharing: int = 1
 ) -> Rows:
-    """Rows of the table of results; the ratio is to the first case, round by round.
+    """Return rows of the results table, with the ratio to the first case in each round.
 
-    By the processor's clock a rate is that of one thread, and `sharing` threads are said to do so many times
-    as much: that they wait for one another does not show.
+    By processor time, a rate is that of one thread and is multiplied by the number of threads, `sharing`.
+    Waiting of threads for one another is not included.
     """
     base = next(iter(found.values()))
     rows = []
@@ -265,7 +265,7 @@ def rows_of(
 def of_batches(
     flown: dict[str, mujoco.MjModel], count: int, threads: int, rounds: int, seconds: float
 ) -> Rows:
-    """The four cases side by side."""
+    """Return rows of the four cases in batches."""
     works = {name: side_by_side(model, count, threads) for name, model in flown.items()}
     cases: dict[str, Callable[[float], float]] = {
         name: partial(silenced if name == "bare" else rate, work) for name, work in works.items()
@@ -290,7 +290,7 @@ def of_callbacks(vehicle: Vehicle, flown: dict[str, mujoco.MjModel], rounds: int
 
 
 def of_others(vehicle: Vehicle, rounds: int, seconds: float, rows: int) -> Rows:
-    """`hydro simulate`, by RK4 at 500 Hz, and rows of the embedded teacher."""
+    """Return rows of `hydro simulate` (RK4 at 500 Hz) and of the embedded reference simulator."""
     program, master = assemble(vehicle), teacher(vehicle)
     t = np.arange(rows) * ROW
     commands = np.random.default_rng(2).uniform(-0.3, 0.3, (rows, program.thrusters))
@@ -310,7 +310,7 @@ def of_others(vehicle: Vehicle, rounds: int, seconds: float, rows: int) -> Rows:
 
 
 def show(results: Rows) -> None:
-    """The results as tables."""
+    """Print the results as tables."""
     print("\nMany vehicles by mujoco.batch.Batch: thousands of physics steps per second,")
     print("and shares of bare MuJoCo's with the quartiles of the rounds\n")
     print("| vehicles | threads | bare | effects | network | both |", end="")
@@ -323,7 +323,7 @@ def show(results: Rows) -> None:
         shares = [f"{r['ratio']:.2f} [{r['ratio_low']:.2f}, {r['ratio_high']:.2f}]" for r in line[1:]]
         print(f"| {' | '.join([*map(str, setting), *speeds, *shares])} |")
     print(f"\nControl steps per second are physics steps / {SUBSTEPS}.\n")
-    print("| besides | threads | per second | time a step, bare = 1 |")
+    print("| case | threads | per second | time a step, bare = 1 |")
     print("|---|---:|---:|---:|")
     for r in results:
         if r["what"] != "batch":
@@ -344,10 +344,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vehicle", default="auv151", help="preset")
     parser.add_argument("--rounds", type=int, default=15)
-    parser.add_argument("--seconds", type=float, default=0.15, help="of every case in every round")
-    parser.add_argument("--vehicles", type=int, action="append", help="how many; repeat for several")
-    parser.add_argument("--quick", action="store_true", help="see that it runs; the figures mean nothing")
-    parser.add_argument("--processor", action="store_true", help="by processor time")
+    parser.add_argument("--seconds", type=float, default=0.15, help="time per case and round")
+    parser.add_argument(
+        "--vehicles", type=int, action="append", help="number of vehicles; repeat for several"
+    )
+    parser.add_argument("--quick", action="store_true", help="short test run; the figures are meaningless")
+    parser.add_argument("--processor", action="store_true", help="measure processor time")
     parser.add_argument("-o", "--out", type=Path, help="write the rows as .parquet or .json")
     chosen = parser.parse_args()
     if chosen.processor:

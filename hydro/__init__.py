@@ -1,7 +1,7 @@
-"""hydro: find the missing physics of an underwater vehicle, and simulate it fast and accurately in MuJoCo.
+"""hydro: diagnose missing physics in underwater vehicle models, and simulate the vehicles in MuJoCo.
 
-The functions take polars frames and vehicles; the command line offers the same on files. Importing `hydro` is
-quick: each function loads its libraries at its first call.
+The functions work on polars data frames and vehicles; the command line does the same with files. Importing
+`hydro` is fast, because each function loads its libraries at its first call.
 
 Train a network and replay a recording:
 
@@ -11,7 +11,7 @@ Train a network and replay a recording:
     model = hydro.train(split, model="physfeat")
     series, metrics = hydro.replay(vehicle, raw, models=[model])
 
-Find what a vehicle file lacks, and add it:
+Find missing effects of a vehicle file, and add them:
 
     found = hydro.diagnose(vehicle, raw)
     print(found.headline)
@@ -104,7 +104,7 @@ _moved.install()
 
 
 def __getattr__(name: str) -> Any:
-    """Return `hydro.__version__` of the installed distribution, or a class that is loaded when it is used."""
+    """Return the installed version as `hydro.__version__`, or a class that is loaded on first use."""
     if name == "__version__":
         from importlib.metadata import version
 
@@ -115,5 +115,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return all public names, those too that are loaded when they are used."""
+    """Return all public names, including those that are loaded on first use."""
     return sorted({*globals(), *__all__})

@@ -116,16 +116,16 @@ class Drawn:
 
     @property
     def size(self) -> float:
-        """That the change begins with: seed 1 begins with 1 everywhere, as its tables were first made."""
+        """Return the initial size of the change; 1 for all cases of seed 1, as in its first tables."""
         return LARGER if self.seed > 1 and self.maker == ROV and self.case.name in SMALL else 1.0
 
     def rng(self, *stream: int) -> np.random.Generator:
-        """A generator of the case's own."""
+        """Return the random generator of the case."""
         return np.random.default_rng([self.seed, self.place, *stream])
 
 
 def draw(seed: int, place: int) -> Drawn:
-    """The case of a seed at a place of `CASES`."""
+    """Return the case of a seed at a place of `CASES`."""
     case = CASES[place]
     rng = np.random.default_rng([seed, place, 7])
     dealt = int(np.random.default_rng([seed, 77]).permutation(PLACES)[place])

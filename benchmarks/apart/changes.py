@@ -47,54 +47,54 @@ class Draw:
 
     @property
     def P(self) -> Parameters:
-        """Parameters of the unchanged vehicle."""
+        """Return the parameters of the unchanged vehicle."""
         return self.vehicle.P
 
     @property
     def slender(self) -> bool:
-        """Whether it is a torpedo, which is sensitive to small changes."""
+        """Return whether it is a torpedo, which is sensitive to small changes."""
         return self.vehicle.kind == "torpedo"
 
     @property
     def weight(self) -> float:
-        """[N]."""
+        """Return the weight [N]."""
         return self.P["mass"] * G
 
     def between(self, low: float, high: float) -> float:
-        """A number between two."""
+        """Draw a number between two bounds."""
         return self.rng.uniform(low, high)
 
     def sized(self, low: float, high: float) -> float:
-        """A number between two, times the size."""
+        """Draw a number between two bounds, times the size of the change."""
         return self.s * self.rng.uniform(low, high)
 
     def sign(self) -> float:
-        """-1 or 1."""
+        """Draw -1 or 1."""
         return self.rng.choice([-1.0, 1.0])
 
     def heading(self) -> float:
-        """A direction [rad]."""
+        """Draw a direction [rad]."""
         return self.rng.uniform(-np.pi, np.pi)
 
     def axis(self, *slender: int) -> int:
-        """Surge, sway, heave or yaw; of a torpedo one of those given."""
+        """Draw surge, sway, heave or yaw; for a torpedo, one of the given axes."""
         return int(self.rng.choice(slender if self.slender else [0, 1, 2, 5]))
 
     def resistance(self) -> tuple[Array, Array]:
-        """Force of the hull per axis (6,) [N, N m] and the speeds it is met at [m/s, rad/s]."""
+        """Return the hull force per axis (6,) [N, N m], and the speeds at which it acts [m/s, rad/s]."""
         speeds = SPEEDS[self.vehicle.kind]
         return resistance(self.P, self.vehicle.kind, speeds), speeds
 
 
 def current_steady(d: Draw) -> Truth:
-    """A steady current, 0.12 to 0.25 m/s."""
+    """Add a steady current of 0.12 to 0.25 m/s."""
     a, v = d.heading(), d.sized(0.12, 0.25)
     d.Q["vc"] = np.array([v * np.cos(a), v * np.sin(a), 0.0])
     return {"vc": d.Q["vc"]}
 
 
 def current_shear(d: Draw) -> Truth:
-    """A current that grows with the depth, 0.03 to 0.06 1/s, from a depth near the middle on."""
+    """Add a current with a shear of 0.03 to 0.06 1/s below a depth near the middle."""
     a, g = d.heading(), d.sized(0.03, 0.06)
     d.Q["shear"] = g * np.array([np.cos(a), np.sin(a)])
     d.Q["shear_z0"] = MIDDLE + d.between(-4, 4)
@@ -102,7 +102,7 @@ def current_shear(d: Draw) -> Truth:
 
 
 def current_time(d: Draw) -> Truth:
-    """A current that grows with time, 3 to 6 mm/s^2, from some time of a session on."""
+    """Add a current that increases by 3 to 6 mm/s^2 from some time of a session."""
     a, g = d.heading(), d.sized(0.003, 0.006)
     d.Q["trend"] = g * np.array([np.cos(a), np.sin(a)])
     d.Q["trend_t0"] = d.between(0, 70)
@@ -110,17 +110,17 @@ def current_time(d: Draw) -> Truth:
 
 
 def payload(d: Draw) -> Truth:
-    """A weight somewhere on the hull, with its mass."""
+    """Add a weight, with its mass, at a random place on the hull."""
     return _load(d, 1)
 
 
 def float_(d: Draw) -> Truth:
-    """A float somewhere on the hull, with its mass."""
+    """Add a float, with its mass, at a random place on the hull."""
     return _load(d, -1)
 
 
 def _load(d: Draw, sign: int) -> Truth:
-    """A load of 1.2 to 2.5 % of the weight, half of that on a torpedo."""
+    """Add a load of 1.2 to 2.5 % of the weight, half of that on a torpedo."""
     L, Wd, H = d.vehicle.box
     w = sign * d.sized(0.012, 0.025) * d.weight * (0.5 if d.slender else 1)
     x, y = d.between(0.15, 0.4) * d.sign() * L, d.between(0.0, 0.3) * d.sign() * Wd
@@ -132,7 +132,7 @@ def _load(d: Draw, sign: int) -> Truth:
 
 
 def cg_shift(d: Draw) -> Truth:
-    """The centre of gravity moved by 6 to 14 mm ahead or astern and by less across."""
+    """Move the centre of gravity by 6 to 14 mm forward or aft, and by less across."""
     x, y = d.between(0.006, 0.014) * d.sign(), d.between(0.002, 0.006) * d.sign()
     moved = d.s * np.array([x, y, d.between(-0.006, 0.006)])
     if d.slender:
@@ -143,7 +143,7 @@ def cg_shift(d: Draw) -> Truth:
 
 
 def trapped_water(d: Draw) -> Truth:
-    """Water held by the hull: mass without weight, 15 to 35 % of the vehicle's."""
+    """Add water held by the hull: mass without weight, 15 to 35 % of the vehicle's mass."""
     L, _, H = d.vehicle.box
     m = d.sized(0.15, 0.35) * d.P["mass"]
     r = np.array([d.between(-0.2, 0.2) * L, 0.0, d.between(-0.1, 0.1) * H])
@@ -152,21 +152,21 @@ def trapped_water(d: Draw) -> Truth:
 
 
 def net_buoyancy(d: Draw) -> Truth:
-    """Buoyancy that differs by 0.8 to 2 % of the weight, less on a torpedo."""
+    """Change the buoyancy by 0.8 to 2 % of the weight, less on a torpedo."""
     more = d.sized(0.008, 0.02) * d.weight * d.sign() * (0.4 if d.slender else 1)
     d.Q["buoy"] = d.P["buoy"] + more
     return {"dB": more}
 
 
 def thr_one(d: Draw) -> Truth:
-    """One thruster that gives 30 to 55 % less."""
+    """Reduce the thrust of one thruster by 30 to 55 %."""
     i = d.rng.choice(d.vehicle.thrusters)
     d.Q["thr_gain"][i] = 1 - min(0.95, d.sized(0.3, 0.55))
     return {"g": d.Q["thr_gain"] - 1}
 
 
 def thr_two(d: Draw) -> Truth:
-    """Two thrusters that give 20 to 45 % less."""
+    """Reduce the thrust of two thrusters by 20 to 45 %."""
     i, j = d.rng.choice(d.vehicle.thrusters, 2, replace=False)
     d.Q["thr_gain"][i] = 1 - min(0.9, d.sized(0.2, 0.45))
     d.Q["thr_gain"][j] = 1 - min(0.9, d.sized(0.2, 0.45))
@@ -174,35 +174,35 @@ def thr_two(d: Draw) -> Truth:
 
 
 def thr_dead(d: Draw) -> Truth:
-    """One thruster that gives nothing."""
+    """Disable one thruster."""
     i = d.rng.choice(d.vehicle.thrusters)
     d.Q["thr_gain"][i] = 0.0
     return {"g": d.Q["thr_gain"] - 1}
 
 
 def lag(d: Draw) -> Truth:
-    """All thrusters slower by 0.15 to 0.35 s."""
+    """Increase the time constant of all thrusters by 0.15 to 0.35 s."""
     more = d.sized(0.15, 0.35)
     d.Q["thr_tau"] = d.P["thr_tau"] + more
     return {"dT": more}
 
 
 def delay(d: Draw) -> Truth:
-    """All commands later by 0.12 to 0.3 s."""
+    """Delay all commands by 0.12 to 0.3 s."""
     late = min(0.6, round(d.sized(0.12, 0.3), 2))
     d.Q["thr_delay"] = late
     return {"d": late}
 
 
 def deadband(d: Draw) -> Truth:
-    """Dead bands wider by 0.06 to 0.12."""
+    """Widen the dead bands by 0.06 to 0.12."""
     more = d.sized(0.06, 0.12)
     d.Q["thr_db"] = d.P["thr_db"] + more
     return {"d": more}
 
 
 def curve(d: Draw) -> Truth:
-    """Thrust of another power of the command, by 0.3 to 0.6."""
+    """Change the power of the thrust curve by 0.3 to 0.6."""
     other = d.sized(0.3, 0.6) * (1 if d.P["thr_pow"][0] == 1 else d.sign())
     other = float(np.clip(other, 0.6 - d.P["thr_pow"][0], 1.5))
     d.Q["thr_pow"] = d.P["thr_pow"] + other
@@ -210,14 +210,14 @@ def curve(d: Draw) -> Truth:
 
 
 def asymmetry(d: Draw) -> Truth:
-    """Thrust astern weaker by 25 to 45 %."""
+    """Reduce the reverse thrust by 25 to 45 %."""
     a = min(0.8, d.sized(0.25, 0.45))
     d.Q["thr_rev"] = 1 - a
     return {"a": a}
 
 
 def added_mass(d: Draw) -> Truth:
-    """Added mass of one axis greater by 30 to 60 % of that axis' whole."""
+    """Increase the added mass of one axis by 30 to 60 % of the axis' total inertia."""
     i = d.axis(0, 1, 5)
     more = d.sized(0.3, 0.6) * (d.P["Ma"][i, i] + d.P["Mrb"][i, i])
     d.Q["Ma"] = d.P["Ma"].copy()
@@ -226,7 +226,7 @@ def added_mass(d: Draw) -> Truth:
 
 
 def linear(d: Draw) -> Truth:
-    """Drag of one axis that grows with the speed, half as strong as the hull's or as strong."""
+    """Add linear drag on one axis, between half and all of the hull's drag."""
     i = d.axis(0, 1, 2, 5)
     met, speeds = d.resistance()
     d.Q["lin"][i] = D = d.sized(0.5, 1.0) * met[i] / speeds[i]
@@ -234,7 +234,7 @@ def linear(d: Draw) -> Truth:
 
 
 def quadratic(d: Draw) -> Truth:
-    """Drag of one axis that grows with its square, half as strong as the hull's or as strong."""
+    """Add quadratic drag on one axis, between half and all of the hull's drag."""
     i = d.axis(0)
     met, speeds = d.resistance()
     d.Q["quad"][i] = D = d.sized(0.5, 1.0) * met[i] / speeds[i] ** 2
@@ -253,7 +253,7 @@ def appendage(d: Draw) -> Truth:
 
 
 def fin_trim(d: Draw) -> Truth:
-    """A pair of fins askew by 0.05 to 0.12 rad."""
+    """Rotate a pair of fins by 0.05 to 0.12 rad."""
     angle = d.sized(0.05, 0.12) * d.sign()
     k = int(d.rng.choice([0, 1]))
     d.Q["fin_trim"] = np.zeros(4)
@@ -268,7 +268,7 @@ def fin_trim(d: Draw) -> Truth:
 
 
 def fin_lost(d: Draw) -> Truth:
-    """A fin that is gone, or a pair where one alone is too little."""
+    """Remove a fin, or a pair if the effect of one is too small."""
     lost = [int(d.rng.integers(4))] if d.s <= 1 else ([0, 1] if d.rng.integers(2) else [2, 3])
     d.Q["fin_area"] = d.P["fin_area"].copy()
     d.Q["fin_area"][lost] = 0
@@ -277,7 +277,7 @@ def fin_lost(d: Draw) -> Truth:
 
 
 def tether(d: Draw) -> Truth:
-    """An elastic tether to an anchor above, slack at first."""
+    """Add an elastic tether to an anchor above, slack at first."""
     L, _, H = d.vehicle.box
     k = d.sized(0.4, 1.0) * 0.01 * d.weight
     anchor = np.array([d.between(-6, 6), d.between(-6, 6), MIDDLE - d.between(5, 12)])
@@ -303,7 +303,7 @@ def inflow(d: Draw) -> Truth:
 
 
 def suction(d: Draw) -> Truth:
-    """A pull towards the surface that decays with the depth."""
+    """Add a suction towards the surface that decays with depth."""
     d.Q["suc_A"], d.Q["suc_d"] = d.sized(0.02, 0.04) * d.weight, d.between(0.6, 1.5)
     return {"A": d.Q["suc_A"], "decay": d.Q["suc_d"]}
 
@@ -324,18 +324,18 @@ def dvl_late(d: Draw) -> Truth:
 
 
 def heading_bias(d: Draw) -> Truth:
-    """A heading that is off by 0.1 to 0.15 rad."""
+    """Add a heading error of 0.1 to 0.15 rad."""
     return {"sensor": "heading", "bias": d.sign() * d.between(0.1, 0.15)}
 
 
 def exchanged(d: Draw) -> Truth:
-    """Two command columns exchanged in the log; columns from 1."""
+    """Exchange two command columns in the log; columns are counted from 1."""
     i, j = sorted(int(v) + 1 for v in d.rng.choice(d.vehicle.thrusters, 2, replace=False))
     return {"columns": [i, j]}
 
 
 def reversed_(d: Draw) -> Truth:
-    """A command column with the wrong sign in the log; from 1."""
+    """Reverse the sign of a command column in the log; columns are counted from 1."""
     return {"columns": [int(d.rng.choice(d.vehicle.thrusters)) + 1]}
 
 

@@ -29,7 +29,7 @@ UNBOUND = 1e9
 def multisine(
     rng: np.random.Generator, t: Array, low: float = 0.03, high: float = 0.6, parts: int = 6
 ) -> Array:
-    """A sum of sines between two frequencies [Hz], in [-1, 1], over times `t` [s]."""
+    """Return a sum of sines between two frequencies [Hz], in [-1, 1], over times `t` [s]."""
     f = np.exp(rng.uniform(np.log(low), np.log(high), parts))
     a = rng.uniform(0.4, 1.0, parts) * (f / low) ** -0.25
     phase = rng.uniform(0, 2 * np.pi, parts)
@@ -38,7 +38,7 @@ def multisine(
 
 
 def steps(rng: np.random.Generator, t: Array, low: float = 1.5, high: float = 6.0) -> Array:
-    """Levels in [-1, 1] that are held between `low` and `high` seconds each, over times `t` [s]."""
+    """Return levels in [-1, 1], each held for `low` to `high` seconds, over times `t` [s]."""
     out, at = np.zeros_like(t), 0.0
     while at < t[-1]:
         small = [rng.uniform(-1, 1), rng.uniform(-1, 1)]
@@ -160,7 +160,7 @@ class Pilot:
 
 
 def way_points(leg: Leg, t: Array) -> Array:
-    """Position [m], NED, and heading [rad] to be held, (rows, 4): a new one every 9 to 16 s."""
+    """Return position [m], NED, and heading [rad] to hold, (rows, 4); they change every 9 to 16 s."""
     rng, start, excursion = leg.rng, leg.start, leg.excursion
     points, at = np.zeros((t.size, 4)), 0.0
     here = np.array(start, float)

@@ -18,7 +18,7 @@ G = 9.81
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The vector product along the last axis."""
+    """Return the vector product along the last axis."""
     return np.stack(
         [
             a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
@@ -30,7 +30,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def skew(a: Array) -> Array:
-    """The matrix S(a), (..., 3, 3), with S(a) b = a x b."""
+    """Return the matrix S(a), (..., 3, 3), with S(a) b = a x b."""
     z = np.zeros(a.shape[:-1])
     return np.stack(
         [
@@ -43,7 +43,7 @@ def skew(a: Array) -> Array:
 
 
 def rotation(q: Array) -> Array:
-    """Matrices (..., 3, 3) from body to world of unit quaternions (..., 4)."""
+    """Return the matrices (..., 3, 3) from body to world of unit quaternions (..., 4)."""
     w, x, y, z = np.moveaxis(q, -1, 0)
     return np.stack(
         [
@@ -56,7 +56,7 @@ def rotation(q: Array) -> Array:
 
 
 def quaternion(phi: Array, theta: Array, psi: Array) -> Array:
-    """Unit quaternions (..., 4) of roll, pitch and heading [rad], turned about z, then y, then x."""
+    """Return unit quaternions (..., 4) of roll, pitch and heading [rad], rotated about z, then y, then x."""
     c, s = np.cos, np.sin
     a, b, d = phi / 2, theta / 2, psi / 2
     return np.stack(
@@ -71,7 +71,7 @@ def quaternion(phi: Array, theta: Array, psi: Array) -> Array:
 
 
 def euler(q: Array) -> Array:
-    """Roll, pitch and heading (..., 3) [rad] of unit quaternions."""
+    """Return roll, pitch and heading (..., 3) [rad] of unit quaternions."""
     r = rotation(q)
     return np.stack(
         [
@@ -84,7 +84,7 @@ def euler(q: Array) -> Array:
 
 
 def rigid_body(mass: float, cg: Any, inertia: Array) -> Array:
-    """Mass matrix (6, 6) about the origin [kg, kg m, kg m^2].
+    """Return the mass matrix (6, 6) about the origin [kg, kg m, kg m^2].
 
     Args:
         mass: [kg].
@@ -101,7 +101,10 @@ def rigid_body(mass: float, cg: Any, inertia: Array) -> Array:
 
 
 def kirchhoff(m: Array, nu: Array) -> Array:
-    """C(nu) nu, (B, 6), of mass matrices (B, 6, 6): (omega x p, v x p + omega x h) of the momenta p, h."""
+    """Return C(nu) nu = (omega x p, v x p + omega x h), (B, 6), of mass matrices (B, 6, 6).
+
+    p and h are the linear and angular momentum.
+    """
     ph = np.einsum("bij,bj->bi", m, nu)
     p, h = ph[:, :3], ph[:, 3:]
     v, om = nu[:, :3], nu[:, 3:]
@@ -109,5 +112,5 @@ def kirchhoff(m: Array, nu: Array) -> Array:
 
 
 def wrench(force: Array, at: Array) -> Array:
-    """Force and moment about the origin, (..., 6), of a force at a point of the body."""
+    """Return force and moment about the origin, (..., 6), of a force at a point of the body."""
     return np.concatenate([force, cross(at, force)], -1)

@@ -20,7 +20,7 @@ Parameters = Mapping[str, Array]
 
 
 def frame(P: Parameters, nu: Array) -> Array:
-    """An open frame: bars and boxes that shelter one another, and side plates whose pressure centre travels.
+    """Compute the wrench of an open frame: bars and boxes with mutual shielding, and side plates.
 
     Reads `el_pos` (B, E, 3) [m] and `el_cda` (B, E, 3) [m^2] of the bars; `shade`, the part of its force
     that a bar right behind the middle loses; `re_a` [(m/s)^0.5], by which Cd falls with the speed;
@@ -51,7 +51,7 @@ def frame(P: Parameters, nu: Array) -> Array:
 
 
 def torpedo(P: Parameters, nu: Array) -> Array:
-    """A slender hull: cross-flow strips with Cd(Re), turbulent skin friction, lift that grows with the angle.
+    """Compute the wrench of a slender hull: cross-flow strips with Cd(Re), turbulent skin friction, lift.
 
     Reads the strips `st_x`, `st_d` (B, E) and `st_dx` (B) [m]; their `cd_lo`, `cd_hi` and `re_c`, the
     Reynolds number between; `kx` [N (s/m)^1.85]; `klift` [kg/m] at `x_lift` [m] and `kvort`, its growth
@@ -84,7 +84,7 @@ def torpedo(P: Parameters, nu: Array) -> Array:
 
 
 def flat(P: Parameters, nu: Array) -> Array:
-    """A flat body: rectangular sections whose drag and lift hang on the flow's angle round them, and a mast.
+    """Compute the wrench of a flat body: rectangular sections with angle-dependent drag and lift, and a mast.
 
     Reads the sections `st_x`, `st_w`, `st_h` (B, E) and `st_dx` (B) [m], their `cdy` and `cdz`; `kx`
     [N (s/m)^1.85]; `klift`, `klift_z` [kg/m] at `x_lift` [m]; `kp1`, `kp2`, `kq1` as of a torpedo; the mast's
@@ -136,7 +136,7 @@ def resistance(P: Mapping[str, object], kind: str, speeds: Array) -> Array:
 
 
 def fins(P: Parameters, nu: Array, delta: Array) -> Array:
-    """Wrench (B, 6) [N, N m] of four stern fins: starboard and port (elevator), upper and lower (rudder).
+    """Return the wrench (B, 6) [N, N m] of four stern fins: starboard and port, upper and lower.
 
     Reads `fin_area` (B, 4) [m^2], `fin_pos` (B, 4, 3) [m], `cla` [1/rad], the angle of `stall` [rad] and
     `upwash` of the hull.

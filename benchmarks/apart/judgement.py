@@ -29,7 +29,7 @@ class Names:
 
 OF_THRUST = "a share of thrust that is gone has one name, of whichever thruster"
 BESIDE = "over the speeds flown, drag of another power of the speed fits nearly as well"
-COLUMNS = "the columns at fault, no more and no fewer"
+COLUMNS = "exactly the columns at fault"
 NAMES: Mapping[str, Names] = {
     "current_steady": Names(
         ("ocean_current",),
@@ -104,9 +104,9 @@ NAMES: Mapping[str, Names] = {
         ("thruster_inflow",), ("linear_damping",), "at steady thrust the loss is in proportion to the speed"
     ),
     "suction": Names(("surface_suction",), ("net_buoyancy",), "at one depth a pull upwards is buoyancy"),
-    "dvl_scale": Names(("sensor_scale",), (), "kinematics tells it from all forces"),
-    "dvl_yaw": Names(("sensor_misalignment",), (), "kinematics tells it from all forces"),
-    "dvl_late": Names(("sensor_delay",), (), "kinematics tells it from all forces"),
+    "dvl_scale": Names(("sensor_scale",), (), "kinematics separates it from all forces"),
+    "dvl_yaw": Names(("sensor_misalignment",), (), "kinematics separates it from all forces"),
+    "dvl_late": Names(("sensor_delay",), (), "kinematics separates it from all forces"),
     "heading_bias": Names(
         (FAULT,),
         ("sensor_misalignment",),

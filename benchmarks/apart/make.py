@@ -115,7 +115,7 @@ def owners_file(drawn: Drawn, folder: Path) -> None:
 
 
 def error_of(vehicle: Path, before: Path) -> float:
-    """Root mean square 5 s error of a file on two sessions before the change, all axes [m/s, rad/s].
+    """Return the root mean square 5 s error of a file on two earlier sessions, all axes [m/s, rad/s].
 
     Raises:
         RuntimeError: `hydro compare` fails.

@@ -27,17 +27,17 @@ Effect = tuple[str, list[tuple[str, str]]]
 
 
 def number(x: Any) -> str:
-    """A number as TOML, to a millionth."""
+    """Return a number as TOML, rounded to 1e-6."""
     return repr(round(float(x), 6))
 
 
 def array(x: Any) -> str:
-    """Numbers as TOML, to a millionth."""
+    """Return numbers as TOML, rounded to 1e-6."""
     return "[" + ", ".join(number(v) for v in np.ravel(x)) + "]"
 
 
 def drag(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Linear and quadratic damping (6,) of every axis alone, by least squares over the speeds towed."""
+    """Fit linear and quadratic damping (6,) of every axis alone to towing speeds by least squares."""
     one = {k: np.asarray(v, float)[None] for k, v in vehicle.P.items()}
     linear, quadratic = np.zeros(6), np.zeros(6)
     for i in range(6):
@@ -54,7 +54,7 @@ def drag(vehicle: Vehicle) -> tuple[Array, Array]:
 
 
 def effects(vehicle: Vehicle, rng: np.random.Generator, spread: float) -> list[Effect]:
-    """Effects of the file as names and keys, every number wrong by a factor of logarithm 0 +- spread."""
+    """Return the file's effects as names and keys; log errors of the numbers have deviation `spread`."""
 
     def wrong(count: int) -> Array:
         return np.exp(rng.normal(0, spread, count))
@@ -78,7 +78,7 @@ def effects(vehicle: Vehicle, rng: np.random.Generator, spread: float) -> list[E
 
 
 def _slender(vehicle: Vehicle, quadratic: Array, wrong: Any) -> list[Effect]:
-    """Effects of a torpedo: couplings, drag of strips, lift of the hull, and of fins that turn their own."""
+    """Return a torpedo's effects: couplings, drag of strips, lift of the hull, and movable fins."""
     P, fin = vehicle.P, vehicle.fin
     coupling = [("M15", number(P["Ma"][1, 5] * wrong(1)[0])), ("M24", number(P["Ma"][2, 4] * wrong(1)[0]))]
     told: list[Effect] = [("added_mass_coupling", coupling)]
@@ -111,7 +111,7 @@ def _slender(vehicle: Vehicle, quadratic: Array, wrong: Any) -> list[Effect]:
 def file(
     vehicle: Vehicle, name: str, told: Sequence[Effect], rng: np.random.Generator, sloppy: float = 0.02
 ) -> str:
-    """The vehicle file, TOML, with inertia wrong by chance as one factor of 1 +- `sloppy`."""
+    """Return the vehicle file, TOML, with one random factor 1 +- `sloppy` on the inertia."""
     P = vehicle.P
     L, Wd, H = vehicle.box
     inertia = P["I"] * (1 + rng.normal(0, sloppy))

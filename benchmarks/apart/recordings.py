@@ -64,7 +64,7 @@ class Recording:
 
     @property
     def legs(self) -> list[Leg]:
-        """Flight plan of each session."""
+        """Return the flight plan of each session."""
         drawn = self.drawn
         after = self.name == "after"
         depth, excursion = (drawn.depth, drawn.excursion) if after else (MIDDLE, 3.0)
@@ -181,7 +181,7 @@ def sensed(flown: Flown, count: int, truth: Mapping[str, Any]) -> Array:
 
 
 def logged(commands: Array, columns: Sequence[int]) -> Array:
-    """Commands (rows, n) with two columns exchanged or one reversed, from 1."""
+    """Return commands (rows, n) with two columns exchanged or one reversed; columns are counted from 1."""
     commands = commands.copy()
     if len(columns) == 2:
         i, j = columns[0] - 1, columns[1] - 1

@@ -91,7 +91,7 @@ class Simulator:
     """
 
     def __init__(self, kind: str, params: Sequence[Mapping[str, Any]], step: float = STEP) -> None:
-        """Stack the parameters.
+        """Stack the parameters of all vehicles.
 
         Args:
             kind: Of the hull, one of `HULLS`.
@@ -110,7 +110,7 @@ class Simulator:
         self.steps = round(ROW / step)
 
     def initial(self, pos: Any, att: Any, nu: Any) -> Array:
-        """States (B, 29 + n) of thrusters and fins at rest, water that has long flowed by as it does.
+        """Return states (B, 29 + n) with thrusters and fins at rest, in steady flow.
 
         Args:
             pos: NED (B, 3) [m].
@@ -129,7 +129,7 @@ class Simulator:
         return x
 
     def water(self, pos: Array, posdot: Array, t: float) -> tuple[Array, Array]:
-        """Current (B, 3) [m/s] where the vehicles are, and its rate [m/s^2] as they see it, NED."""
+        """Return the current (B, 3) [m/s] at the vehicles, and its rate along their motion [m/s^2], NED."""
         P = self.P
         vc = P["vc"].copy()
         vc[:, :2] += (
@@ -140,7 +140,7 @@ class Simulator:
         return vc, rate
 
     def target(self, c: Array) -> Array:
-        """Thrust (B, n) [N] asked for by commands in [-1, 1]: dead band, power, weaker astern."""
+        """Return the steady thrust (B, n) [N] of commands in [-1, 1]: dead band, power, weaker in reverse."""
         P = self.P
         c = np.clip(c, -1, 1)
         a = np.where(np.abs(c) <= P["thr_db"], 0.0, np.abs(c))
@@ -149,7 +149,7 @@ class Simulator:
         return np.sign(c) * f * top
 
     def rates(self, x: Array, want: Array, dfin: Array, t: float) -> Array:
-        """Rates of the states.
+        """Return the rates of the states.
 
         Args:
             x: States (B, 29 + n).

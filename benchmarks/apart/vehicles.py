@@ -45,17 +45,17 @@ class Vehicle:
 
     @property
     def driven(self) -> bool:
-        """Whether it has fins that turn."""
+        """Return whether it has movable fins."""
         return bool(self.fin_commands)
 
     @property
     def thrusters(self) -> list[int]:
-        """Commands that drive a thruster, from 0."""
+        """Return the indices of commands that drive a thruster, from 0."""
         return [i for i in range(self.n) if i not in self.fin_commands]
 
 
 def ellipsoid(a: float, b: float, c: float, rho: float) -> Array:
-    """Added mass (6,) [kg, kg m^2] of an ellipsoid with half axes a, b, c [m] in water, rho [kg/m^3]."""
+    """Return the added mass (6,) [kg, kg m^2] of an ellipsoid: half axes a, b, c [m], water rho [kg/m^3]."""
 
     def alpha(square: float) -> float:
         def integrand(l: float) -> float:
@@ -78,7 +78,7 @@ def ellipsoid(a: float, b: float, c: float, rho: float) -> Array:
 
 
 def tilted(diagonal: Array, angles: Array, shift: Array | Sequence[float]) -> Array:
-    """A diagonal added mass in axes turned by angles [rad] about a point `shift` [m]: full, positive."""
+    """Return a full positive added mass: diagonal in axes rotated by angles [rad] at `shift` [m]."""
     cx, cy, cz = np.cos(angles)
     sx, sy, sz = np.sin(angles)
     R = (
@@ -111,12 +111,12 @@ def _body(P: Parameters, mass: float, cg: Any, inertia: Array, buoyancy: float, 
 
 
 def _radii(L: float, Wd: float, H: float) -> Array:
-    """Squared radii of gyration (3,) [m^2] of a full box."""
+    """Return the squared radii of gyration (3,) [m^2] of a homogeneous box."""
     return np.array([Wd**2 + H**2, L**2 + H**2, L**2 + Wd**2]) / 12
 
 
 def rov(rng: np.random.Generator) -> Vehicle:
-    """An open frame with eight thrusters: four vectored in a plane, four vertical."""
+    """Draw an open frame with eight thrusters: four vectored in a plane, four vertical."""
     n = 8
     rho = rng.choice([1000.0, 1025.0])
     P = defaults(n)
@@ -171,7 +171,7 @@ def rov(rng: np.random.Generator) -> Vehicle:
 
 
 def torpedo(rng: np.random.Generator, driven: bool) -> Vehicle:
-    """A slender hull with a propeller: with driven fins, or with fixed ones and four tunnel thrusters."""
+    """Draw a slender hull with a propeller and movable fins, or with fixed fins and four tunnel thrusters."""
     rho = 1025.0
     n = 3 if driven else 5
     P = defaults(n)
@@ -270,7 +270,7 @@ def _slender(P: Parameters, rng: np.random.Generator, L: float, D: float, mass: 
 
 
 def hover(rng: np.random.Generator) -> Vehicle:
-    """A flat body that hovers: two propellers astern, two vertical and one or two lateral thrusters."""
+    """Draw a hovering flat body: two aft propellers, two vertical and one or two lateral thrusters."""
     n = int(rng.choice([5, 6]))
     rho = 1025.0
     P = defaults(n)

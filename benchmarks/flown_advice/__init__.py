@@ -1,4 +1,4 @@
-"""Test of whether the flight that a diagnosis advises identifies effects that the first recording could not.
+"""Test of advised flights: do they identify effects that the first recording could not identify?
 
 Usage: `python -m benchmarks.flown_advice --help`.
 """

@@ -1,7 +1,7 @@
 """Recordings whose manoeuvre cannot identify the hidden effect: drawn from a seed alone, without feedback.
 
 One manoeuvre is repeated in four sessions.  Motion ahead on one heading cannot separate a current, a tether,
-weight and a bias of the log.  A circle at one speed cannot separate kinds of drag and lift.  Thrusters with
+weight and a bias of the DVL.  A circle at one speed cannot separate kinds of drag and lift.  Thrusters with
 equal commands cannot separate gains, curves and losses.  The vehicle is the benchmark's own simulator, with
 true damping.  The hidden effect causes a tenth of the error under a rich excitation.
 """
@@ -36,7 +36,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 STEADY = {HEADING: ("surge levels", 0.6), SPEED: ("circles", 0.1), STEP: ("surge levels", 0.6)}
 """Repeated manoeuvre of the library, and the part of it that is held at one speed."""
 NOISE = 6.0
-"""Times ordinary noise."""
+"""Noise relative to the ordinary level."""
 DEPTH = 15.0
 SESSIONS = 4
 ATTEMPTS, WEAKER = 50, 4
@@ -89,7 +89,7 @@ def randomly(file: Vehicle, seconds: float, seed: int) -> list[Array]:
 
 @njit(cache=True)
 def _follow(plant: Plant, commands: Array, first: Array, dt: float) -> Array:
-    """Return states (N, 13) under commands (N, n), NaN from divergence on."""
+    """Return the states (N, 13) under commands (N, n), NaN after divergence."""
     states, y = np.full((commands.shape[0], BODY), np.nan), resting(plant, first)
     for k in range(commands.shape[0]):
         if not np.abs(y).max() < 1e6:
@@ -107,10 +107,10 @@ class Sea:
     actual: Vehicle
 
     def fly(self, name: str, sessions: list[Array], start: Array) -> pl.DataFrame:
-        """The raw table of sessions, each from rest at a pose (6,), with noise.
+        """Return the raw table of sessions, each from rest at a pose (6,), with noise.
 
         Raises:
-            DataError: The motion knows no bounds.
+            DataError: The motion diverges.
         """
         plant, tables = build(self.actual, self.case.hidden), []
         for number, commands in enumerate(sessions):

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis
 from hydro.core.experiment.flight import Limits, advise
 
 LIMITS = Limits(depth=(5.0, 25.0), space=30.0, thrust=1.0, seconds=120.0)
-"""Limits of the advised flight; a random one need not keep to depth and space."""
+"""Limits of the advised flight; a random flight may exceed depth and space."""
 WORDS = ("missing", "suspect", "cannot_tell_apart", "retune")
 TOLD: dict[str, Any] = {"outcome": pl.String, "confidence": pl.Float64, "findings": pl.String}
 SCHEMA: dict[str, Any] = {
@@ -73,7 +73,7 @@ def run(seed: int, seconds: float) -> dict[str, Any]:
     began = time.process_time()
     try:
         _study(row)
-    except Exception as error:  # a study that fails is a result, and must not end the others
+    except Exception as error:  # a failed study is a result; the others continue
         row["failure"] = f"{type(error).__name__}: {error}"
     row["cpu"] = time.process_time() - began
     return row
@@ -85,7 +85,7 @@ def _stated(row: dict[str, Any]) -> bool:
 
 
 def _study(row: dict[str, Any]) -> None:
-    """Fill the row in, as far as the study goes."""
+    """Complete the row up to the last possible step of the study."""
     seed = row["seed"]
     case, family = cases.draw(seed)
     effect = case.called[0]
@@ -98,7 +98,7 @@ def _study(row: dict[str, Any]) -> None:
     found, misjudged = diagnose(given, first), vehicles.damping_of(actual)
     row |= {f"first_{key}": value for key, value in outcome(found, effect, misjudged).items()}
     row["open"] = ""
-    if found.question is None:  # no model fits: a flight has nothing to separate
+    if found.question is None:  # no model fits, so a flight has nothing to separate
         return
     ties = [[one.name for one in tie] for tie in found.question.ties]
     row["rivals"] = ["/".join(tie) for tie in ties]

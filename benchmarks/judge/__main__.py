@@ -1,4 +1,4 @@
-"""Run the scoreboard of the diagnosis, print it, and compare two results in pairs.
+"""Scoreboard of the diagnosis: run studies, print scores, and compare two results in pairs.
 
     python -m benchmarks.judge run -o now.parquet          # lists and sizes of the frozen table
     python -m benchmarks.judge run --list panel-before=200 --first-seed 200000 -o before.parquet
@@ -6,7 +6,7 @@
     python -m benchmarks.judge show now.parquet --rescore confidence.NEAR=0.9
     python -m benchmarks.judge write --list panel-before --seed 12 -o study/
 
-`run` adds the studies that the results file lacks, so the same command continues an earlier run.  `--base`
+`run` adds the studies missing in the results file, so the same command continues an earlier run.  `--base`
 compares studies that both files have, in pairs.  `--rescore` repeats the decisions on the kept candidates
 with other constants; it needs no new fits.  `--keep` writes the scoreboard as a kept table.  `write` writes
 one study as files, for `hydro diagnose` and other programs.
@@ -37,7 +37,7 @@ from benchmarks.kept_tables import keep, origin
 from benchmarks.work import Results, add_workers, done
 
 Task = tuple[str, int, float, Path]
-"""List, seed, length of the recording [s] and folder of a study."""
+"""Task: list, seed, length of the recording [s] and folder of a study."""
 FIRST_SEED = 180_000
 """First seed of the frozen table; seeds from here on are held back."""
 

@@ -1,4 +1,4 @@
-"""Repeat the decisions of kept diagnoses with other constants: no study is flown and nothing is fitted.
+"""Repetition of the decisions of kept diagnoses with other constants, without flights or fits.
 
 The decision functions are those of the engines themselves (`core.diagnosis`), called on kept candidates.
 Some decisions cannot be repeated: steps after one that would now take another candidate, and effects that
@@ -81,7 +81,7 @@ def parsed(settings: Sequence[str]) -> dict[str, float]:
         try:
             found[name] = float(value)
         except ValueError:
-            raise SystemExit(f"--rescore {one}: {value!r} is no number") from None
+            raise SystemExit(f"--rescore {one}: {value!r} is not a number") from None
     return found
 
 
@@ -93,7 +93,7 @@ def rescored(table: pl.DataFrame, settings: Mapping[str, float]) -> list[Score]:
 
 @contextlib.contextmanager
 def changed(settings: Mapping[str, float]) -> Iterator[None]:
-    """Set constants of the engines' modules, and set them back afterwards."""
+    """Set constants of the engines' modules, and restore them afterwards."""
     kept = []
     try:
         for name, value in settings.items():
@@ -113,7 +113,7 @@ def changed(settings: Mapping[str, float]) -> Iterator[None]:
 
 
 def agreement(stated: Sequence[Score], again: Sequence[Score]) -> str:
-    """Return how many studies have the same first name by kept candidates and by the diagnosis."""
+    """Return the number of studies with the same first name by kept candidates and by the diagnosis."""
     fine = [(a, b) for a, b in zip(stated, again, strict=True) if not a.failed]
     same = sum(_first(a) == _first(b) for a, b in fine)
     both = [(a.named[0], b.named[0]) for a, b in fine if a.named and b.named and _first(a) == _first(b)]
@@ -145,7 +145,7 @@ def decided(rows: Sequence[Row]) -> list[Row]:
 
 
 def _renamed(rows: Sequence[Row], names: Mapping[str, float]) -> Iterator[Row]:
-    """Yield the findings with new confidences; names that are new stand where the old ones stood."""
+    """Yield the findings with new confidences; new names take the places of the old ones."""
     told = [row for row in rows if row["role"] == "finding"]
     old = {row["effect"]: row for row in told}
     searched = {row["effect"] for row in rows if row["role"] == "candidate"}
@@ -172,7 +172,7 @@ def _steps(tried: Sequence[Row]) -> Iterator[tuple[Row, list[Row]]]:
 
 
 def _penalised(row: Row) -> np.ndarray:
-    """Return the penalised cost of each kept block, as `Model.penalised` has it of each shot."""
+    """Return the penalised cost of each kept block, as in `Model.penalised` for each shot."""
     blocks = np.array(row["costs"], float)
     return np.asarray(blocks + penalty(row["shots"], row["entries"], row["chi2"]) / len(blocks))
 
@@ -220,7 +220,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
 
 
 def _contender(row: Row) -> Contender:
-    """Return a kept candidate as the engine's own record, with as many values and its costs by block."""
+    """Return a kept candidate as the engine's record, with the same number of values and costs by block."""
     model = cast(Any, SimpleNamespace(values=np.zeros(row["entries"])))
     return Contender(row["effect"], model, np.array(row["costs"], float))
 

@@ -13,7 +13,7 @@ from benchmarks.work import together
 
 
 def read(paths: Iterable[Path]) -> pl.DataFrame:
-    """Return results files as one table; a study that several files have is that of the last of them.
+    """Return results files as one table; the last file takes precedence for repeated studies.
 
     Raises:
         SystemExit: A file holds no results of the scoreboard.

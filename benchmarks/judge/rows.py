@@ -22,7 +22,7 @@ from hydro.core.vehicle.description import Vehicle
 
 Row = dict[str, Any]
 DIGITS = 4
-"""Significant digits of kept values: standard errors are rarely below a thousandth of a value."""
+"""Significant digits of stored values: standard errors are rarely below a thousandth of a value."""
 
 OF_STUDY: dict[str, Any] = {
     "list": pl.String,
@@ -94,7 +94,7 @@ KEY = ("list", "seed", "seconds")
 
 
 def run(name: str, seed: int, seconds: float, folder: Path) -> list[Row]:
-    """Run one study and return its rows; a failure stands in the column of that name."""
+    """Run one study and return its rows; an error is stored in the column `failure`."""
     shared: Row = dict.fromkeys(OF_STUDY) | {"list": name, "seed": seed, "seconds": seconds, "failure": ""}
     begun = time.process_time()
     rows: list[Row] = []
@@ -108,14 +108,14 @@ def run(name: str, seed: int, seconds: float, folder: Path) -> list[Row]:
         shared |= dict(zip(("chi2_given", "chi2_own", "chi2_end"), found.chi2, strict=True))
         rows = [*_findings(study, found), *map(_candidate, found.candidates)]
         shared |= _errors(study, found)
-    except Exception as error:  # a study that fails is a result, and must not end the others
+    except Exception as error:  # a failed study is a result; the others continue
         shared["failure"] = f"{type(error).__name__}: {error}"
     shared["study_cpu"] = time.process_time() - begun
     return [shared | row for row in rows or [dict.fromkeys(OF_ROW) | {"role": "none"}]]
 
 
 def _findings(study: Study, found: Diagnosis) -> Iterator[Row]:
-    """Yield a row for each finding but those that the recording could not show."""
+    """Yield a row for each finding except those that the recording cannot determine."""
     for rank, one in enumerate(found.findings):
         if one.verdict == "not_excited":
             continue
@@ -158,7 +158,7 @@ def _candidate(one: Candidate) -> Row:
 
 
 def _against_truth(study: Study, one: Finding) -> tuple[list[float] | None, list[bool] | None]:
-    """Return how far the values of a right name are off in standard errors, and which entries are affected.
+    """Return the errors of a right name's values in standard errors, and the affected entries.
 
     Entries without a standard error, such as a place that the file fixes, are left out.
     """

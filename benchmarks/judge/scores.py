@@ -3,7 +3,7 @@
 The first finding that names an effect counts as the answer.  Findings name by `missing`, `suspect`, `retune`
 or, as a tie, `cannot_tell_apart`.  A name in `alias`, or a `retune` of a value that the file has wrong by
 design, is neither right nor wrong.  The independent simulator also hides faults of the log; there a fault is
-named by `log_fault`, and is right if it names the columns at fault, no more and no fewer.
+named by `log_fault`, and is right if it names exactly the columns at fault.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ import polars as pl
 from benchmarks.judge.rows import KEY
 
 SURE = 0.9
-"""Confidence from which a name is a statement."""
+"""Minimum confidence of a statement."""
 NAMING = ("missing", "suspect", "retune", "cannot_tell_apart")
 FAULT = "log_fault"
 UNEXPLAINED = frozenset({"none_of_the_known", "far_from_noise"})
-"""Verdicts that say that a part of the error remains which no effect explains."""
+"""Verdicts that state an error which no effect explains."""
 WITHIN = 2.0
-"""Standard errors within which a value counts as right: 95 % of values are, where errors are honest."""
+"""Maximum error of a right value, in standard errors: 95 % of values if these are calibrated."""
 HALVED = 0.5
-"""Part of the error above the floor that an addition must remove to count as one that helps."""
+"""Minimum share of the error above the noise floor that a helpful addition removes."""
 Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Named:
-    """One finding that names something.
+    """Finding that names effects.
 
     Attributes:
-        members: Effects that it may be.
-        confidence: As stated; 0 where none was.
+        members: Named effects; several in a tie.
+        confidence: Stated confidence; 0 if none was stated.
         right: Whether it names the hidden effect; None if it counts as neither.
         tie: Whether it names several effects.
-        effect: The best of the effects, which the confidence is of.
+        effect: The best of the effects, to which the confidence refers.
         unsure: Whether no confidence was stated.
         support: Number that the confidence was computed from, see `core.diagnosis.findings.Finding`.
     """
@@ -55,13 +55,13 @@ class Named:
 
     @property
     def stated(self) -> bool:
-        """Whether it is a statement: one effect, at a confidence of SURE or more."""
+        """Return whether it is a statement: one effect with a confidence of at least SURE."""
         return not self.tie and self.confidence >= SURE
 
 
 @dataclass(frozen=True)
 class Score:
-    """One study, scored.
+    """Score of one study.
 
     Attributes:
         row: The columns of the study.
@@ -79,70 +79,70 @@ class Score:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Keys that identify a study."""
+        """Return the keys that identify a study."""
         return self.row["list"], self.row["seed"], self.row["seconds"]
 
     @property
     def failed(self) -> bool:
-        """Whether the study failed."""
+        """Return whether the study failed."""
         return bool(self.row["failure"])
 
     @property
     def changed(self) -> bool:
-        """Whether anything is hidden that an effect of the catalogue stands for."""
+        """Return whether a hidden effect is in the catalogue."""
         return bool(self.row["called"])
 
     @property
     def outside(self) -> bool:
-        """Whether something is hidden, but no effect of the catalogue stands for it."""
+        """Return whether a hidden effect is not in the catalogue."""
         return not self.changed and bool(hidden(self.row).get("foreign"))
 
     @property
     def unexplained(self) -> bool:
-        """Whether a part of the error is said to remain that no effect explains."""
+        """Return whether a verdict states an unexplained error."""
         return not UNEXPLAINED.isdisjoint(self.verdicts)
 
     @property
     def first(self) -> bool:
-        """Whether the first name is right and no tie."""
+        """Return whether the first name is right and not a tie."""
         answer = self.answer
         return answer is not None and answer.right is True and not answer.tie
 
     @property
     def stated(self) -> bool:
-        """Whether the first name is right and a statement."""
+        """Return whether the first name is right and a statement."""
         return self.first and self.named[0].stated
 
     @property
     def exact(self) -> bool:
-        """Whether exactly the hidden effects are named."""
+        """Return whether exactly the hidden effects are named."""
         told = [one for one in self.named if one.right is not None]
         names = {name for one in told for name in one.members}
         return not any(one.tie for one in told) and names == set(self.row["called"])
 
     @property
     def wrong(self) -> bool:
-        """Whether any statement is wrong."""
+        """Return whether any statement is wrong."""
         return any(one.stated and one.right is False for one in self.named)
 
     @property
     def statements(self) -> int:
-        """Number of statements that are right or wrong."""
+        """Return the number of statements that are right or wrong."""
         return sum(one.stated and one.right is not None for one in self.named)
 
     @property
     def alarm(self) -> bool:
-        """Whether anything is stated where nothing is hidden."""
+        """Return whether anything is stated although nothing is hidden."""
         return not self.changed and not self.outside and self.wrong
 
     @property
     def answer(self) -> Named | None:
-        """The first name; None where nothing is named."""
+        """Return the first name; None if nothing is named."""
         return self.named[0] if self.named else None
 
     @property
     def brier(self) -> float | None:
-        """Squared difference of the first name's confidence from its truth; None without one."""
+        """Return the Brier score of the first name's confidence; None without a confidence."""
         answer = self.answer
         if answer is None or answer.right is None:
             return None
@@ -165,7 +165,7 @@ class Score:
 
     @property
     def ratio(self) -> float | None:
-        """Held-out error after adding the statements over the error of the file; None if unknown."""
+        """Return the ratio of held-out errors with and without the statements added; None if unknown."""
         before, after = self.row["before"], self.row["after"]
         return None if before is None or after is None else float(after / before)
 

@@ -28,7 +28,7 @@ from hydro.core.vehicle.description import Vehicle, as_written
 from hydro.io import vehicle as files
 
 LEAST = 0.05
-"""Least share of the file's squared 5 s error that each hidden effect of a clean study makes."""
+"""Minimum share of the file's squared 5 s error caused by each hidden effect of a clean study."""
 
 APART_SEEDS = 1000
 """Seeds of a list of the independent simulator that share one seed of `benchmarks.apart`."""
@@ -42,10 +42,10 @@ The choice leaves a steady current, so the name `ocean_current` is neither right
 
 @dataclass(frozen=True)
 class Study:
-    """One recording to diagnose, and the truth about it.
+    """Recording to diagnose, with the truth.
 
     Attributes:
-        given: Vehicle file that is diagnosed.
+        given: Diagnosed vehicle file.
         measured: Raw table of the recording.
         called: Effects that a right answer names.
         truth: The vehicle that flew, in effects of the catalogue; None where they cannot express it.
@@ -76,10 +76,10 @@ class Studies:
     """A list of studies.
 
     Attributes:
-        about: Their purpose in a few words.
+        about: Purpose of the list in a few words.
         count: Number of studies in the frozen table.
-        seconds: Length of a recording by default [s].
-        prepare: Draws and flies the study of a seed, given the seconds and a folder for common files.
+        seconds: Default length of a recording [s].
+        prepare: Function that draws and flies the study of a seed, given the seconds and a common folder.
     """
 
     about: str

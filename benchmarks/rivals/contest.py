@@ -1,7 +1,7 @@
 """Studies as seen by a rival method, evaluation of its answer, and its results file.
 
-A rival gets the vehicle file and the log, and returns the name of one effect, or none, and a model.  Every
-name counts as a statement.  Its error is that of predictions 5 s ahead on the held-out session.
+A rival gets the vehicle file and the log.  It returns a model, and the name of one effect or none.  Every
+name counts as a statement.  The error is that of predictions 5 s ahead on the held-out session.
 """
 
 from __future__ import annotations
@@ -67,16 +67,16 @@ Rival = Callable[[Vehicle, pl.DataFrame], Answer]
 
 
 def ahead(errors: Ahead) -> np.ndarray:
-    """First rows of predictions laid end to end over the held-out session, as `Ahead` lays them."""
+    """Return the first rows of consecutive predictions over the held-out session, as in `Ahead`."""
     length = round(AHEAD / errors.record.dt) + 1
     parts = [np.arange(a, b - length + 1, length) for a, b in errors.record.segments]
     return np.concatenate(parts)
 
 
 def weighed(errors: Ahead, starts: np.ndarray, predicted: np.ndarray) -> float:
-    """Root mean square error of predicted velocities (S, L, 6), as `Ahead.of` weighs it.
+    """Return the root mean square error of predicted velocities (S, L, 6), weighted as in `Ahead.of`.
 
-    A prediction that leaves all bounds is off by as much as one may be.
+    A divergent prediction has the largest possible error.
     """
     rows = starts[:, None] + np.arange(predicted.shape[1])
     off = np.clip(np.nan_to_num(errors.record.nu[rows] - predicted, nan=np.inf), -100.0, 100.0)
@@ -87,7 +87,7 @@ def weighed(errors: Ahead, starts: np.ndarray, predicted: np.ndarray) -> float:
 def recorded(
     condition: str, kind: str, seed: int, seconds: float, folder: Path
 ) -> tuple[cases.Case, Flown, set[str]]:
-    """A study's case, recordings, and all that may be named in it."""
+    """Return a study's case, recordings, and all effects that may be named in it."""
     if condition == BASE:
         case = changes.draw("changed" if kind == "one" else "nothing", seed)
         known = base.of(case.preset, seed, base.UNCHANGED, folder / "bases")
@@ -117,7 +117,7 @@ def run(
         answer = rival(flown.given, flown.measured)
         row |= {"cpu": time.process_time() - cpu, "named": answer.name}
         row["after"] = answer.error(errors, flown.held_out)
-    except Exception as error:  # a study that fails is a result, and must not end the others
+    except Exception as error:  # a failed study is a result; the others continue
         row["failure"] = f"{type(error).__name__}: {error}"
     return row
 

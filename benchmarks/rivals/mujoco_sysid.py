@@ -2,9 +2,9 @@
 
     python -m benchmarks.rivals.mujoco_sysid --studies 30 -o rivals.parquet
 
-A floating ellipsoid of the hull's size with MuJoCo's fluid model, and all that MJCF can say of a vehicle:
-mass and moments of inertia (with the added ones, which MuJoCo has not), linear damping along the body's axes,
-the ellipsoid's five coefficients, wind in the place of a current, buoyancy and its centre, and a gain per
+The model is a floating ellipsoid of the hull's size with MuJoCo's fluid model and the parameters of MJCF:
+mass and moments of inertia (including added mass, which MuJoCo lacks), linear damping along the body's axes,
+the ellipsoid's five coefficients, wind instead of a current, buoyancy and its centre, and a gain per
 thruster.  They are fitted from the file's values by `sysid.optimize`; thrusts come from the file's thrusters.
 The named group is the one whose parameters moved most in standard errors; none if none moved by four.
 """
@@ -35,7 +35,7 @@ from hydro.sim.bridge.mjcf import FLUID, VISCOSITY
 
 ITERATIONS = 12
 FLOAT = 1e-3
-"""kg lent to the body that carries buoyancy: gravity compensation is a multiple of a body's weight."""
+"""Mass of the body that carries buoyancy [kg]: gravity compensation is a multiple of a body's weight."""
 VELOCITY = ("vehicle_qvel", sysid.SignalType.MjStateQVel)
 """Compared signal.  MuJoCo's sensors refer to the start of a step, its states to the end."""
 
@@ -64,12 +64,12 @@ def groups(vehicle: Vehicle) -> list[Group]:
 
 
 def changes(parameters: sysid.ParameterDict, those: list[Group]) -> dict[str, Array]:
-    """Changes by group [SI]."""
+    """Return the changes by group [SI]."""
     return {group.name: parameters[group.name].value * group.scales for group in those}
 
 
 def scene(vehicle: Vehicle, dt: float, d: dict[str, Array]) -> mujoco.MjSpec:
-    """The vehicle with changes `d`, as MJCF alone can describe it; z-up and FLU, stepped by `dt`."""
+    """Return the vehicle with changes `d` in plain MJCF; z-up and FLU, with time step `dt`."""
     plant, environment, hull = build(vehicle), vehicle.environment, vehicle.hull
     spec = mujoco.MjSpec()
     spec.compiler.balanceinertia = True  # added inertia need not be that of a rigid body
@@ -101,7 +101,7 @@ def scene(vehicle: Vehicle, dt: float, d: dict[str, Array]) -> mujoco.MjSpec:
 
 
 def _actuators(spec: mujoco.MjSpec, vehicle: Vehicle, damping: Array, gains: Array) -> None:
-    """Thrusters driven by their thrusts [N], and six dampers along the body's axes."""
+    """Add thrusters driven by their thrusts [N], and six dampers along the body's axes."""
     where = {"trntype": mujoco.mjtTrn.mjTRN_SITE, "target": "CO"}
     for i, wrench in enumerate(configuration_matrix(vehicle).T):
         spec.add_actuator(
@@ -119,13 +119,13 @@ def _actuators(spec: mujoco.MjSpec, vehicle: Vehicle, damping: Array, gains: Arr
 
 @dataclass(frozen=True)
 class Shots:
-    """Stretches of a recording as MuJoCo sees them.
+    """Stretches of a recording in MuJoCo's conventions.
 
     Attributes:
-        states: Where they begin, (S, states), as `mujoco.rollout` takes them.
+        states: Initial states for `mujoco.rollout`, (S, states).
         controls: Thrusts, and zeros for the dampers, (S, L, n + 6).
-        velocities: Measured, linear z-up and angular FLU as in `qvel`, (S, L, 6).
-        dt: Of a row [s].
+        velocities: Measured velocities, linear z-up and angular FLU as in `qvel`, (S, L, 6).
+        dt: Row interval [s].
     """
 
     states: Array
@@ -137,7 +137,7 @@ class Shots:
     def of(
         cls, record: Recording, eta: Array, nu: Array, thrusts: Array, starts: Array, length: int
     ) -> Shots:
-        """Stretches of `length` rows from `starts` of a recording with smoothed motion."""
+        """Return stretches of `length` rows from `starts` of a recording with smoothed motion."""
         rows = starts[:, None] + np.arange(length)
         pose = np.hstack([eta[:, :3] * HALF_TURN, _flipped(quaternion_from_euler(*eta[:, 3:].T))])
         turned = nu * FRD_FLU
@@ -167,7 +167,7 @@ class Shots:
         )
 
     def predicted(self, model: mujoco.MjModel) -> Array:
-        """Velocities (S, L, 6), FRD; NaN from where MuJoCo gives up."""
+        """Return velocities (S, L, 6), FRD; NaN after a failure of MuJoCo."""
         after, _ = mujoco.rollout.rollout(model, mujoco.MjData(model), self.states, self.controls[:, :-1])
         states = np.concatenate([self.states[:, None], np.asarray(after)], axis=1)
         quaternions, qvel = states[..., 4:8].reshape(-1, 4), states[..., 8:14].reshape(-1, 6)
@@ -177,13 +177,13 @@ class Shots:
 
 
 def _flipped(quaternions: Array) -> Array:
-    """Attitudes FRD to NED as FLU to z-up: both are turned by half a turn about x."""
+    """Convert attitudes from FRD-NED to FLU-z-up: both frames rotate by half a turn about x."""
     out: Array = quaternions * np.concatenate([[1.0], HALF_TURN])
     return out
 
 
 def _rotated(quaternions: Array, vectors: Array) -> Array:
-    """Vectors (N, 3) turned by quaternions (N, 4)."""
+    """Rotate vectors (N, 3) by quaternions (N, 4)."""
     w, q = quaternions[:, :1], quaternions[:, 1:]
     across = 2.0 * np.cross(q, vectors)
     out: Array = vectors + w * across + np.cross(q, across)
@@ -191,7 +191,7 @@ def _rotated(quaternions: Array, vectors: Array) -> Array:
 
 
 def thrusts(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """Thrusts by the file's thrusters (N, n) [N]."""
+    """Return the thrusts of the file's thrusters (N, n) [N]."""
     found = labels(vehicle, raw)
     out: Array = found.select([f"f_{i + 1}" for i in range(len(vehicle.thruster))]).to_numpy().astype(float)
     return out
@@ -238,7 +238,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
 
 
 def error(model: mujoco.MjModel, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> float:
-    """Error 5 s ahead on the held-out session."""
+    """Return the prediction error 5 s ahead on the held-out session."""
     record, starts = errors.record, ahead(errors)
     length = round(AHEAD / record.dt) + 1
     shots = Shots.of(record, errors.motion.eta, errors.motion.nu, thrusts(given, raw), starts, length)

@@ -1,10 +1,10 @@
-"""Output error with scipy: a full Fossen model fitted to short predictions, the parameters that moved blamed.
+"""Output error with scipy: a full Fossen model fitted to short predictions names the changed parameters.
 
     python -m benchmarks.rivals.output_error --studies 30 -o rivals.parquet
 
 Added mass, linear and quadratic damping on six axes, current, buoyancy and its centre, a gain per thruster,
 lag and delay are fitted together by `scipy.optimize.least_squares` in the benchmark's own simulator.  The fit
-starts from the file's values with a wide prior, since all forces and inertias together have no scale.
+starts from the file's values with a wide prior, since a common scale of all forces and inertias is free.
 Predictions start from the smoothed motion.  The named group is the one whose parameters moved most in
 standard errors; none if none moved by four.  Jategaonkar: Flight Vehicle System Identification, 2nd ed., AIAA
 2015, ch. 4.
@@ -28,11 +28,11 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
 
 SHOTS, SECONDS = 24, 4.0
-"""Predictions that are fitted, spread over the log, and their length [s]."""
-EVERY = 5  # rows of which one is compared
+"""Number of fitted predictions, spread over the log, and their length [s]."""
+EVERY = 5  # step between compared rows
 EVALUATIONS = 12  # of the residuals and their derivatives
 MOVED = 4.0
-"""Standard errors that a group must have moved to be blamed."""
+"""Minimum change of a named group, in standard errors."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def parameters(vehicle: Vehicle) -> list[Group]:
 
 
 def changed(plant: Plant, groups: list[Group], x: Array) -> Plant:
-    """The plant with changes x, in scales."""
+    """Return the plant with changes x, in scales."""
     parts = np.split(x, np.cumsum([group.scales.size for group in groups])[:-1])
     d = {group.name: part * group.scales for group, part in zip(groups, parts, strict=True)}
     added = plant.added + np.diag(d["added_mass"])
@@ -85,7 +85,7 @@ def changed(plant: Plant, groups: list[Group], x: Array) -> Plant:
 
 @njit(cache=True)
 def predict(plant: Plant, first: Array, at: Array, commands: Array, length: int, dt: float) -> Array:
-    """States (S, length, 13) of predictions from `first` (S, 13) at rows `at` of one log."""
+    """Return the states (S, length, 13) of predictions from `first` (S, 13) at rows `at` of one log."""
     count = plant.gains.size
     out = np.full((at.size, length, BODY), np.nan)
     for i in range(at.size):
@@ -104,7 +104,7 @@ def predict(plant: Plant, first: Array, at: Array, commands: Array, length: int,
 
 
 def beginnings(record: Recording, eta: Array, nu: Array, at: Array) -> Array:
-    """States of the body (S, 13) in the smoothed motion."""
+    """Return the states of the body (S, 13) in the smoothed motion."""
     return np.hstack([eta[at, :3], quaternion_from_euler(*eta[at, 3:].T), nu[at]])
 
 
@@ -131,7 +131,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
 
     low = np.concatenate([np.full(group.scales.size, group.low) for group in groups])
     start = np.where(np.isfinite(low), 1e-3, 0.0)
-    # About 1, as scipy takes its first trust region and its differences relative to where it begins.
+    # About 1, since scipy scales its first trust region and its differences with the initial value.
     found = least_squares(
         lambda about: residual(about - 1.0),
         1.0 + start,
@@ -150,7 +150,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
 
 
 def error(plant: Plant, errors: Ahead) -> float:
-    """Error 5 s ahead on the held-out session."""
+    """Return the prediction error 5 s ahead on the held-out session."""
     starts, record = ahead(errors), errors.record
     first = beginnings(record, errors.motion.eta, errors.motion.nu, starts)
     length = round(5.0 / record.dt) + 1

@@ -27,11 +27,11 @@ from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.vehicle.description import Vehicle
 
 WRENCH = tuple(f"{axis}_res" for axis in "XYZKMN")
-EVERY = 10  # rows of which one is looked at: neighbours say the same
-EDGE = 25  # rows at each end of a session, where a smoother sees one side only
-MOST = 6  # groups that may join
+EVERY = 10  # step between used rows: neighbours are correlated
+EDGE = 25  # rows at each end of a session, where the smoother is one-sided
+MOST = 6  # maximum number of groups
 LITTLE = 1e-2
-HELD = ("rates",)  # parameters that are no amounts
+HELD = ("rates",)  # parameters that are not amounts
 
 
 def groups(vehicle: Vehicle) -> Iterator[tuple[str, list[dict[str, Any]]]]:
@@ -84,7 +84,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
         try:
             moved = [left(vehicles.joined(given, [{"name": name, **table}]), measured) for table in little]
         except DataError:
-            continue  # not on this vehicle
+            continue  # invalid on this vehicle
         columns[name] = np.stack([((here - one) / scale).ravel() for one in moved], axis=1)
         tables[name] = little
     target, chosen = (here / scale).ravel(), list[str]()
@@ -114,7 +114,7 @@ def _models(
     tables: dict[str, list[dict[str, Any]]],
     target: Array,
 ) -> Iterator[Vehicle]:
-    """The file, and the file with the first one, two, three ... groups that were chosen."""
+    """Yield the file, and the file with the first one, two, three ... selected groups."""
     yield given
     for count in range(1, len(chosen) + 1):
         names = chosen[:count]
@@ -129,7 +129,7 @@ def _models(
 
 
 def _error(errors: Ahead, model: Vehicle) -> float:
-    """Error 5 s ahead; that of a regression may be no vehicle at all."""
+    """Return the prediction error 5 s ahead; a regressed model may be physically invalid."""
     try:
         return errors.of(model)
     except DataError:
@@ -137,7 +137,7 @@ def _error(errors: Ahead, model: Vehicle) -> float:
 
 
 def _merged(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Tables of one effect as one."""
+    """Merge the tables of one effect."""
     out: dict[str, dict[str, Any]] = {}
     for table in added:
         one = out.setdefault(table["name"], {"name": table["name"]})

@@ -3,8 +3,8 @@
     python -m benchmarks.rivals.sindy --studies 30 -o rivals.parquet
 
 The library contains velocities, their signed squares, their products, the world's directions in body axes,
-and the thrusts.  The residual acceleration of the file is regressed on it, and the family of terms that
-explains most is named.  A second regression, of the whole acceleration, is the model for predictions 5 s
+and the thrusts.  The residual acceleration of the file is regressed on it, and the family of terms with the
+largest explained share is named.  A second regression, of the whole acceleration, gives predictions 5 s
 ahead.
 """
 
@@ -27,14 +27,14 @@ from hydro.core.vehicle.frames import rotation
 
 VELOCITY = ("u", "v", "w", "p", "q", "r")
 THRESHOLD = 0.02
-"""Share of an axis' acceleration below which a term is left out."""
+"""Minimum share of an axis' acceleration of a kept term."""
 EXPLAINED = 0.1
-"""Share of the residual that the terms must explain for one to be named."""
+"""Minimum share of the residual that the terms must explain for one to be named."""
 PAIRS = tuple(itertools.combinations(range(6), 2))
 
 
 def library(nu: Array, R: Array, thrusts: Array) -> Array:
-    """Terms (N, T) of velocities (N, 6), rotations (N, 3, 3) and thrusts (N, n)."""
+    """Return the terms (N, T) of velocities (N, 6), rotations (N, 3, 3) and thrusts (N, n)."""
     products = [nu[:, i] * nu[:, j] for i, j in PAIRS]
     return np.hstack([nu, nu * np.abs(nu), np.stack(products, axis=1), R.reshape(-1, 9), thrusts])
 
@@ -59,13 +59,13 @@ def family(term: int, axis: int, thrusters: int) -> str:
 
 
 def rms(values: Array) -> Array:
-    """Root mean square of each column; steady forces count, which a variance would leave out."""
+    """Return the root mean square of each column, which unlike a variance includes steady forces."""
     out: Array = np.sqrt(np.mean(values**2, axis=0))
     return out
 
 
 def sparse(terms: Array, target: Array) -> Array:
-    """Coefficients (A, T) of a sparse regression of `target` (N, A), both taken in their own scales."""
+    """Return the coefficients (A, T) of a sparse regression of `target` (N, A) on scaled terms."""
     import pysindy
 
     size, scale = rms(terms) + 1e-9, rms(target) + 1e-12
@@ -82,7 +82,7 @@ def sparse(terms: Array, target: Array) -> Array:
 
 
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
-    """Regress, name the family that matters most, and predict with the whole regression."""
+    """Regress, name the family with the largest share, and predict with the whole regression."""
     plant, n = build(given), len(given.thruster)
     found = labels(given, measured, subtract="effects")
     thinned = pl.concat(
@@ -120,7 +120,7 @@ def _thrusts(table: pl.DataFrame, thrusters: int) -> Array:
 
 
 def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> float:
-    """Error 5 s ahead, all predictions side by side in steps of a row (Heun)."""
+    """Return the error 5 s ahead, with all predictions integrated in parallel by Heun's method."""
     record, starts = errors.record, ahead(errors)
     thrusts = _thrusts(labels(given, raw, subtract="effects"), len(given.thruster))
     nu, R = errors.motion.nu[starts].copy(), rotation(*errors.motion.eta[starts, 3:].T)
@@ -138,7 +138,7 @@ def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> flo
 
 
 def turned(R: Array, angle: Array) -> Array:
-    """Rotations (S, 3, 3) turned on by small rotation vectors (S, 3) in body axes (Rodrigues)."""
+    """Rotate (S, 3, 3) by small rotation vectors (S, 3) in body axes (Rodrigues' formula)."""
     size = np.linalg.norm(angle, axis=1)[:, None, None] + 1e-12
     x, y, z = (angle / size[:, 0]).T
     zero = np.zeros_like(x)

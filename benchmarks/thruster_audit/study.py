@@ -1,4 +1,4 @@
-"""One study: plant a fault of the thrusters, audit them, and compare the audit with the truth."""
+"""Study of a planted thruster fault: audit of the thrusters, compared with the truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.sim import teacher
 
 SECONDS, SESSIONS = 120.0, 2
-"""Length of the flights of a study [s], and into how many sessions it is divided."""
+"""Total length of the flights of a study [s], and number of sessions."""
 VEHICLES = ("bluerov2", "bluerov2_heavy", "panels, six", "panels, eight")
 FAULTS = ("reversed", "swapped", "scale")
 DISTURBANCES = ("current", "ballast", "delay", "damping", "controller")
@@ -35,7 +35,7 @@ BALLAST = 0.03
 """Largest error of the buoyancy, as a share of the weight, and of the centre of gravity, of the length."""
 DEPTH = 10.0
 LAG = 0.1
-"""Time constant that a first-day file guesses [s]."""
+"""Estimated thruster time constant of `hydro vehicle new` [s]."""
 SCHEMA: dict[str, Any] = {
     "kind": pl.String,
     "seed": pl.Int64,
@@ -62,7 +62,7 @@ def six() -> Vehicle:
 
 
 def first_day(actual: Vehicle) -> Vehicle:
-    """Return the file that `hydro vehicle new` makes of mass, box and thrusters."""
+    """Return the file that `hydro vehicle new` estimates from mass, box and thrusters."""
     sides = (actual.hull.length, actual.hull.width, actual.hull.height)
     guessed = tuple(
         Thruster(
@@ -89,7 +89,7 @@ def first_day(actual: Vehicle) -> Vehicle:
 
 
 def disturbed(name: str, actual: Vehicle, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Effects that act and that the file does not have."""
+    """Return the acting effects that the file lacks."""
     match name:
         case "current":
             speed, way = rng.uniform(0.1, 0.4), rng.uniform(-np.pi, np.pi)
@@ -109,7 +109,7 @@ def disturbed(name: str, actual: Vehicle, rng: np.random.Generator) -> list[dict
 def by_panels(actual: Vehicle, hidden: list[dict[str, Any]], held: bool, seed: int) -> pl.DataFrame:
     """Fly a tapered hull of panels.
 
-    With `held`, demands are gentle and the heading is held: the controller makes most of the commands.
+    With `held`, demands are small and the heading is held, so the controller makes most of the commands.
     """
     rng = np.random.default_rng([seed, 31])
     shape = hull(actual, float(rng.uniform(0.3, 0.7)))
@@ -233,6 +233,6 @@ def study(kind: str, seed: int) -> dict[str, Any]:
             "probability": found.probability,
             "scale": found.scale[0],
         }
-    except Exception as error:  # a study that fails is a result, and must not end the others
+    except Exception as error:  # a failed study is a result; the others continue
         row["failure"] = f"{type(error).__name__}: {error}"
     return row

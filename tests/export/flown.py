@@ -1,4 +1,4 @@
-"""Sixty seconds of commands on four vehicles, and what `simulate` makes of them."""
+"""Sixty seconds of commands for four vehicles, and the motion that `simulate` computes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def vehicle(datasets, name: str) -> Vehicle:
 
 @cache
 def commanded(thrusters: int, share: float = 1.0, seconds: float = SECONDS) -> pl.DataFrame:
-    """Smooth commands with a jump in each, in one session."""
+    """Return smooth commands of one session, with a jump in each channel."""
     rng = np.random.default_rng(1)
     t = np.arange(round(seconds / DT) + 1) * DT
     frequency, phase = rng.uniform(0.03, 0.4, thrusters), rng.uniform(0.0, 6.0, thrusters)
@@ -37,7 +37,7 @@ def commanded(thrusters: int, share: float = 1.0, seconds: float = SECONDS) -> p
 
 @cache
 def flown(datasets, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Commands (N, n) and the motion (N, 12) of a vehicle under them, by `simulate`."""
+    """Return commands (N, n) and the motion (N, 12) of a vehicle under them, by `simulate`."""
     craft = vehicle(datasets, name)
     table = commanded(len(craft.thruster), GENTLE.get(name, 1.0))
     return given(table), simulate(craft, table).select(MOTION).to_numpy()
@@ -48,7 +48,7 @@ def given(table: pl.DataFrame) -> np.ndarray:
 
 
 def apart(motion: np.ndarray, other: np.ndarray) -> float:
-    """Greatest difference of two motions (N, 12), angles within half a turn."""
+    """Return the largest difference of two motions (N, 12), with wrapped angles."""
     difference = np.asarray(motion) - np.asarray(other)
     difference[:, 3:6] = (difference[:, 3:6] + np.pi) % (2.0 * np.pi) - np.pi
     return float(np.abs(difference).max())

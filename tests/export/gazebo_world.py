@@ -1,4 +1,4 @@
-"""A reader of Gazebo worlds that shares no code with hydro: the documented equations, in Gazebo's own frames.
+"""Independent reader of Gazebo worlds: the documented equations, in Gazebo's frames.
 
 Sources: the SDF specification (inertial, fluid_added_mass, axis), and the class documentation of gz-sim's
 Hydrodynamics, Thruster and Buoyancy systems.  Worlds are z-up, links forward, left, up; spatial vectors are
@@ -25,7 +25,7 @@ def numbers(element, tag, default=None):
 
 
 def spatial(mass, at, moments):
-    """Inertia of a rigid body about the link's origin, (6, 6)."""
+    """Return the inertia of a rigid body about the link's origin, (6, 6)."""
     S = cross(at)
     return np.block([[mass * np.eye(3), -mass * S], [mass * S, moments - mass * S @ S]])
 
@@ -36,13 +36,13 @@ def moments_of(inertial):
 
 
 def product(a, b):
-    """a x b, many times as fast as numpy's."""
+    """Return a x b, much faster than numpy's function."""
     (p, q, r), (x, y, z) = a.tolist(), b.tolist()
     return np.array([q * z - r * y, r * x - p * z, p * y - q * x])
 
 
 class World:
-    """What a world's file says of its only model."""
+    """Content of a world file for its only model."""
 
     def __init__(self, text: bytes) -> None:
         root = ET.fromstring(text)
@@ -97,7 +97,7 @@ class World:
         return axis / np.linalg.norm(axis), at, limits, numbers(plugin, "deadband", np.zeros(1))[0]
 
     def wrench(self, newtons):
-        """Wrench of the thrusters about the origin."""
+        """Return the wrench of the thrusters about the origin."""
         tau = np.zeros(6)
         for (axis, at, (low, high), band), thrust in zip(self.thrusters, newtons, strict=True):
             thrust = min(max(thrust, low), high)
@@ -106,7 +106,7 @@ class World:
         return tau
 
     def rates(self, state, thrust, whole_rate=False):
-        """Rates of position, quaternion (w, x, y, z) and body velocity of the link's origin.
+        """Return the rates of position, quaternion (w, x, y, z) and body velocity of the link's origin.
 
         `whole_rate`: as if the added mass felt the rate of the velocity through the water.
         """
@@ -137,7 +137,7 @@ class World:
         return np.concatenate([R @ v, spin, self.solver @ tau])
 
     def fly(self, newtons, dt, **options):
-        """Motion (N, 12) in NED and FRD, Euler angles, of thrusts (N, n) held for a row each, from rest."""
+        """Return the motion (N, 12), NED and FRD, under thrusts (N, n) held for a row each, from rest."""
         state, h = np.r_[np.zeros(3), 1.0, np.zeros(9)], dt
         rows = [state]
         for row in newtons[:-1]:
@@ -153,7 +153,7 @@ class World:
 
 
 def coriolis(inertia, nu):
-    """omega x p, and omega x h + v x p, of the momentum [p; h] (Kirchhoff)."""
+    """Return omega x p and omega x h + v x p of the momentum [p; h] (Kirchhoff)."""
     momentum = inertia @ nu
     p, h = momentum[:3], momentum[3:]
     return np.concatenate([product(nu[3:], p), product(nu[3:], h) + product(nu[:3], p)])
@@ -171,7 +171,7 @@ def matrix(q):
 
 
 def in_ned(state):
-    """Pose and velocity after half a turn about x of world and body alike."""
+    """Return pose and velocity after half a turn of world and body about x."""
     flip = np.diag([1.0, -1.0, -1.0])
     R = flip @ matrix(state[3:7]) @ flip
     angles = [np.arctan2(R[2, 1], R[2, 2]), -np.arcsin(np.clip(R[2, 0], -1, 1)), np.arctan2(R[1, 0], R[0, 0])]

@@ -1,4 +1,4 @@
-"""A client that speaks ArduPilot's documented protocol flies a vehicle."""
+"""ArduSub interface, tested by a client of ArduPilot's documented protocol."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ RATE = 50
 
 
 def packet(number, pwm, rate=RATE, magic=18458):
-    """A frame as the protocol's documentation lays it out."""
+    """Return a frame in the documented format."""
     return struct.pack("<HHI", magic, rate, number) + struct.pack(f"<{len(pwm)}H", *pwm)
 
 
 def pulses(commands):
-    """Sixteen pulse widths, the first of them of commands."""
+    """Return sixteen pulse widths, the first ones from commands."""
     return [round(1500 + 400 * one) for one in commands] + [1500] * (16 - len(commands))
 
 
@@ -56,7 +56,7 @@ class Client:
 
 @pytest.fixture
 def served(datasets):
-    """A client of a running server, and its vehicle."""
+    """Return a client of a running server, and its vehicle."""
     craft, ready, over = vehicle(datasets, "bluerov2_heavy"), threading.Event(), threading.Event()
     sub, place = Sub(craft, channels("1,2,3,4,5,6,7,8", 8), depth=10.0), []
 
@@ -157,7 +157,7 @@ def test_a_second_client_neither_moves_nor_restarts_the_vehicle(served):
 
 
 def test_a_sender_that_cannot_be_answered_ends_nothing_and_junk_does_not_keep_it_awake(datasets, monkeypatch):
-    """A source port of 0 is legal in UDP, and no packet can be sent there."""
+    """A source port of 0 is legal in UDP, but no packet can be sent to it."""
     sub = Sub(vehicle(datasets, "bluerov2_heavy"), channels("1,2,3,4,5,6,7,8", 8))
 
     class Endpoint:

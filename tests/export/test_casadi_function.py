@@ -1,4 +1,4 @@
-"""The CasADi functions move as `simulate` does, and their derivatives are those of differences."""
+"""CasADi functions: motion equal to `simulate`, and derivatives equal to finite differences."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ca = pytest.importorskip("casadi", reason="the extra casadi is not installed")
 
 
 def motion_of(made, commands, eta=(0.0,) * 6, nu=(0.0,) * 6):
-    """Motion (N, 12) under commands held for a row each."""
+    """Return the motion (N, 12) under commands held for a row each."""
     first = made.start(list(eta), list(nu))
     after = made.step.mapaccum(len(commands) - 1)(first, commands[:-1].T)
     states = np.hstack([np.array(first), np.array(after)]).T
@@ -38,7 +38,7 @@ def test_sixty_seconds_are_those_of_simulate(datasets, name):
 
 
 def derivatives(made, eta, nu):
-    """A and B side by side, commands at 0."""
+    """Return A and B side by side, at zero commands."""
     found = made.jacobian(made.start(eta, nu), np.zeros(len(made.commands)))
     return np.hstack([np.array(one) for one in found])
 
@@ -79,7 +79,7 @@ def test_time_is_a_state_where_the_current_changes_with_it(datasets):
 
 
 def late(craft, delays):
-    """The vehicle with a delay [s] of each thruster."""
+    """Return the vehicle with a delay [s] of each thruster."""
     thrusters = zip(craft.thruster, delays, strict=True)
     return msgspec.structs.replace(
         craft, thruster=tuple(msgspec.structs.replace(one, delay=delay) for one, delay in thrusters)
@@ -87,7 +87,7 @@ def late(craft, delays):
 
 
 def test_a_delay_is_held_by_the_step_and_said_of_f(datasets):
-    """From none to several steps, whole and not: twenty seconds are those of `simulate`."""
+    """Delays of zero to several steps, integer or not, give twenty seconds equal to `simulate`."""
     craft = vehicle(datasets, "auv151")
     slow = late(craft, [0.0, 0.02, 0.1, 0.013, 0.051, 0.033, 0.0, 0.1])
     table = commanded(8, seconds=20.0)

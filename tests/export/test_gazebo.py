@@ -1,4 +1,4 @@
-"""Gazebo's documented equations, integrated apart from hydro, move a world as `simulate` moves a vehicle."""
+"""Gazebo worlds: independently integrated documented equations give the motion of `simulate`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HELD = {
 
 
 def newtons(craft, commands):
-    """What is published for commands: each curve in newtons; a dead band that is cut is left to Gazebo."""
+    """Return the published thrusts of commands [N]; dead bands of the style `cut` are left to Gazebo."""
     columns = []
     for thruster, u in zip(craft.thruster, np.clip(commands, -1.0, 1.0).T, strict=True):
         table = curve_table(thruster.curve)
@@ -46,7 +46,7 @@ def newtons(craft, commands):
 
 
 def both(craft, share=1.0, seconds=60.0, **options):
-    """Motions by Gazebo's equations, and by `simulate` without what Gazebo cannot hold."""
+    """Return the motions by Gazebo's equations, and by `simulate` without the unsupported parts."""
     table = commanded(len(craft.thruster), share, seconds)
     left = all_left_out(craft, lacks(craft))
     flight = World(to_sdf(craft)).fly(newtons(craft, given(table)), DT, **options)

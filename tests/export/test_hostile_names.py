@@ -1,4 +1,4 @@
-"""Names of vehicles and thrusters in exported files: none is run as code, ends a comment or breaks a file."""
+"""Hostile names of vehicles and thrusters: none executes code, ends a comment or breaks an exported file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ HOSTILE = (
 
 
 def named(name: str, datasets: Path, thruster: str | None = None) -> Vehicle:
-    """A vehicle with a name, and one for its first thruster, past the checks of vehicle files."""
+    """Return a vehicle with names for itself and its first thruster that bypass the checks."""
     craft = vehicle(datasets, "auv151")
     first = craft.thruster[0]
     if thruster is not None:
@@ -49,7 +49,7 @@ def named(name: str, datasets: Path, thruster: str | None = None) -> Vehicle:
 
 
 def outline(source: bytes) -> list[str]:
-    """Kinds of the statements of a module and of its last class, without those inside functions."""
+    """Return the kinds of statements of a module and of its last class, without function bodies."""
     tree = ast.parse(source)
     *_, last = tree.body
     assert isinstance(last, ast.ClassDef)

@@ -1,4 +1,4 @@
-"""The exported MJCF moves as `simulate` does."""
+"""Exported MJCF: motion equal to `simulate`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEPS = 10
 
 
 def motion_of(model, data, controls):
-    """Motion (N, 12) under controls held for a row each."""
+    """Return the motion (N, 12) under controls held for a row each."""
     rows = [np.concatenate(states.from_mujoco(data.qpos, data.qvel))]
     for row in controls[:-1]:
         data.ctrl[: len(row)] = row

@@ -1,4 +1,4 @@
-"""Networks and policies as ONNX, by the command."""
+"""ONNX export of networks and policies by the command."""
 
 from __future__ import annotations
 

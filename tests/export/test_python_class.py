@@ -1,4 +1,4 @@
-"""The exported class moves as `simulate` does, without hydro and without numpy."""
+"""Exported Python class: motion equal to `simulate`, without hydro and numpy."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ RATES = {"bluerov2_heavy": 500.0, "stonefish": 500.0}
 
 
 def made(craft):
-    """The vehicle of an exported file."""
+    """Return the vehicle of an exported file."""
     namespace = {}
     exec(compile(to_python(craft), "exported", "exec"), namespace)
     return namespace[class_name(craft.name)]()
 
 
 def motion_of(exported, commands, eta=(0.0,) * 6, nu=(0.0,) * 6, steps=1):
-    """Motion (N, 12) under commands held for a row each."""
+    """Return the motion (N, 12) under commands held for a row each."""
     eta, nu, u_actual = list(eta), list(nu), list(exported.u_actual)
     rows = [eta + nu]
     for row in commands[:-1].tolist():
@@ -78,7 +78,7 @@ def test_a_delay_between_two_steps_is_kept(datasets):
 
 
 def test_the_simulators_loop_comes_to_the_same_as_its_steps_grow_short(datasets):
-    """Fossen's main loop: velocity from `dynamics`, pose by Euler's rule."""
+    """Fossen's main loop takes velocity from `dynamics` and integrates the pose by Euler's method."""
     craft, commands = made(vehicle(datasets, "remus100")), np.full((101, 5), 0.4)
     expected = motion_of(made(vehicle(datasets, "remus100")), commands)[-1]
     errors = []
@@ -97,7 +97,7 @@ def test_the_simulators_loop_comes_to_the_same_as_its_steps_grow_short(datasets)
 
 
 def kinematics(eta, nu):
-    """Rates of the pose, Fossen (2011) eqs. 2.18 and 2.28."""
+    """Return the rates of the pose, Fossen (2011) eqs. 2.18 and 2.28."""
     phi, theta, psi = eta[3:]
     c, s = np.cos, np.sin
     x = np.array([[1, 0, 0], [0, c(phi), -s(phi)], [0, s(phi), c(phi)]])

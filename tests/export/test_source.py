@@ -1,4 +1,4 @@
-"""Source with all that it calls, as one module."""
+"""Extraction of source code with all called functions into one module."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SIZE = 3
 
 
 def doubled(x: list[float], out: list[float]) -> None:
-    """Twice a vector, and no more than SIZE of it."""
+    """Return twice a vector, at most SIZE of it."""
     count: int = min(x.size, SIZE)
     for i in range(count):
         out[i] = 2.0 * x[i + layout.RELATIVE_VELOCITY]

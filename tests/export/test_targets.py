@@ -1,4 +1,4 @@
-"""The registry of targets: what each takes, and what it cannot hold at what cost."""
+"""Registry of export targets: supported effects, omissions and their cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scalar code run on symbols does what it does on numbers, on either side of every branch."""
+"""Symbolic tracing of scalar code: equal to the numeric result on both sides of every branch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ca = pytest.importorskip("casadi", reason="the extra casadi is not installed")
 
 
 def branches(x, y, out):
-    """Nested branches, an early return, `or`, a list that is written to, and a value of several."""
+    """Nested branches, an early return, `or`, a modified list, and several return values."""
     size, sign = abs(x), 1.0
     if x < 0.0:
         sign = -1.0
@@ -36,7 +36,7 @@ def branches(x, y, out):
 
 
 def forever(x):
-    """A loop whose length is a symbol."""
+    """Loop whose length is a symbol."""
     for i in range(3):
         if x > i:
             break
@@ -44,7 +44,7 @@ def forever(x):
 
 
 def unknown(x):
-    """No scalar code."""
+    """Function that is not scalar code."""
     with open(x) as file:
         return file
 

@@ -1,4 +1,4 @@
-"""A small split table whose labels are the damping of a vehicle with known coefficients."""
+"""Small split table whose labels are the damping of a vehicle with known coefficients."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BLOCK = 50
 
 
 def wrench(states: np.ndarray) -> np.ndarray:
-    """C(nu) nu + D(nu) nu (N, 6) of a vehicle with a diagonal M (Fossen theorem 3.2, 6.57, 6.66)."""
+    """Return C(nu) nu + D(nu) nu (N, 6) of a vehicle with a diagonal M (Fossen theorem 3.2, 6.57, 6.66)."""
     nu = states[:, :6]
     linear, angular = nu[:, :3] @ MASS[:3, :3], nu[:, 3:] @ MASS[3:, 3:]
     coriolis = np.hstack(
@@ -30,7 +30,7 @@ def wrench(states: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="session")
 def table() -> Callable[..., pl.DataFrame]:
-    """A maker of split tables: states drawn around rest, and blocks that take turns in `parts`."""
+    """Return a function that makes split tables: random states around rest, blocks in cyclic `parts`."""
 
     def make(count: int = 2000, seed: int = 0, parts: tuple[str, ...] = ("train", "train", "test", "guard")):
         states = np.random.default_rng(seed).normal(size=(count, 12)) * SPREAD

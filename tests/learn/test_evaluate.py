@@ -1,4 +1,4 @@
-"""Predictions are in physical units, and the table of errors says what numpy says."""
+"""Evaluation of networks: physical units, and errors equal to numpy's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An exported model says what the model says, without torch."""
+"""Exported networks: same output as the torch model, without torch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Footers of networks in which something is wrong: each is refused in a line, or the network is built."""
+"""Damaged metadata of network files: a one-line error, or a valid network."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def artefact(name: str) -> Artefact:
 
 
 def changed(sound: Artefact, place: tuple, value: object) -> Artefact:
-    """The artefact with another value at a place of what its footer says of the network."""
+    """Return the artefact with another value at one place of the network description in its footer."""
     said = copy.deepcopy(dict(sound.provenance.model or {}))
     home = said
     for key in place[:-1]:
@@ -96,7 +96,7 @@ def test_a_window_without_its_period_is_named() -> None:
 
 def test_other_features_than_the_scalers_are_named() -> None:
     wrong = from_artefact(changed(artefact("mlp"), ("architecture", "features"), "physfeat"))
-    with pytest.raises(DataError, match=f"scalers are of 12 inputs .* of {len(names('physfeat'))} and 6"):
+    with pytest.raises(DataError, match=f"scalers have 12 inputs .* has {len(names('physfeat'))} and 6"):
         Network.of(wrong)
 
 

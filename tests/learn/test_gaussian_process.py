@@ -1,4 +1,4 @@
-"""The Gaussian process learns from little, and from one side of the hull what holds on the other."""
+"""Gaussian process: learning from little data, and from mirrored motion by port-starboard symmetry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hydro.learn.train import train
 
 
 def cubic(nu: np.ndarray) -> np.ndarray:
-    """Drag that grows with the speed's cube and turns with the direction of motion, (N, 6)."""
+    """Return drag proportional to the cube of the speed, along the direction of motion, (N, 6)."""
     arms = np.array([1.0, 1.0, 1.0, 0.2, 0.5, 0.5])
     drag = np.array([60.0, 150.0, 200.0, 5.0, 20.0, 15.0])
     speed = np.sqrt(((nu * arms) ** 2).sum(axis=1, keepdims=True))
@@ -25,7 +25,7 @@ def cubic(nu: np.ndarray) -> np.ndarray:
 
 
 def recorded(count: int, seed: int = 0, starboard: bool = False) -> pl.DataFrame:
-    """A split table of motions in that water; to starboard alone if wished."""
+    """Return a split table of motions in that water, optionally with motion to starboard only."""
     rng = np.random.default_rng(seed)
     nu = rng.normal(size=(count, 6)) * [0.5, 0.4, 0.4, 0.3, 0.2, 0.4]
     if starboard:
@@ -48,7 +48,7 @@ def quick(monkeypatch):
 
 
 def missed(model, nu: np.ndarray) -> np.ndarray:
-    """Root mean square errors by axis, as shares of the wrench's own size, (6,)."""
+    """Return root mean square errors by axis, relative to the size of the wrench, (6,)."""
     truth = cubic(nu)
     error = predict(model, np.hstack([nu, np.zeros_like(nu)])) - truth
     return np.sqrt((error**2).mean(axis=0) / (truth**2).mean(axis=0))

@@ -1,4 +1,4 @@
-"""Networks are what their descriptions say, and carry their standardising with them."""
+"""Networks: architecture as described, with standardisation included."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_description_may_be_changed_without_changing_the_default():
 
 
 def described(activation: str = "silu", layers=(12, 5, 4, 6)) -> Model:
-    """A small model with drawn weights and scalers."""
+    """Return a small model with random weights and scalers."""
     rng = np.random.default_rng(3)
     tensors = {}
     for i, (wide, next_wide) in enumerate(pairwise(layers)):

@@ -1,4 +1,4 @@
-"""Rows go to the regime that their motion says, and errors by regime are those of its rows."""
+"""Motion regimes: assignment of rows by their motion, and errors by regime."""
 
 from __future__ import annotations
 

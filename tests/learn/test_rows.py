@@ -1,4 +1,4 @@
-"""Rows are taken by part, and validation by whole blocks that their content chooses."""
+"""Selection of rows: by part, with validation blocks chosen by content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The structured model is passive: not because it was trained well, but whatever its weights are."""
+"""Structured model: passive for any weights, by construction."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hydro.sim.student import Physics, Student
 
 
 def drawn(seed: int, size: float):
-    """The torch network and the artefact of weights `size` times normal numbers."""
+    """Return the torch network and the artefact with random normal weights of the given size."""
     network, model = trained("structured", seed=seed)
     rng = np.random.default_rng(seed)
     for tensor in model.tensors.values():
@@ -31,7 +31,7 @@ def drawn(seed: int, size: float):
 
 
 def parts(network, nu: np.ndarray):
-    """Coriolis and dissipative wrench (N, 6) of velocities (N, 6)."""
+    """Return the Coriolis and the dissipative wrench (N, 6) of velocities (N, 6)."""
     with torch.no_grad():
         velocity = torch.from_numpy(nu)
         return network.coriolis(velocity).numpy(), network.dissipation(velocity).numpy()
@@ -108,7 +108,7 @@ def test_a_flight_without_thrust_never_gains_energy(datasets, seed):
 
 
 def energy(craft, state: np.ndarray) -> float:
-    """Kinetic energy with added mass, and potential energy of weight and buoyancy [J]."""
+    """Return the kinetic energy with added mass plus the potential energy of weight and buoyancy [J]."""
     eta, nu = state[:6], state[6:]
     inertia = mass_matrix(craft) + inertia_matrix(craft)
     R = rotation(*eta[3:])

@@ -1,4 +1,4 @@
-"""Training: the protocol of the paper, from the training part alone, to the same bytes every time."""
+"""Training: protocol of the paper, use of the training part only, and reproducible bytes."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from hydro.learn.train import train, trusted_accelerations
 
 
 def stored(model) -> bytes:
-    """The bytes of the model's artefact."""
+    """Return the bytes of the model's artefact."""
     file = io.BytesIO()
     tables.write(to_artefact(model, seed=0), file)
     return file.getvalue()
 
 
 def noise(split: pl.DataFrame) -> pl.DataFrame:
-    """The table with labels that nothing explains."""
+    """Return the table with random labels."""
     rng = np.random.default_rng(9)
     return split.with_columns(pl.Series(name, rng.normal(size=split.height)) for name in OUTPUTS)
 
 
 def with_bad(split: pl.DataFrame, part: str, column: str, value: float) -> pl.DataFrame:
-    """The table with `value` in one column of one part."""
+    """Return the table with `value` in one column of one part."""
     return split.with_columns(
         pl.when(pl.col("part") == part).then(pl.lit(value)).otherwise(pl.col(column)).alias(column)
     )
@@ -86,7 +86,7 @@ def test_the_structured_model_learns_them_from_few_rows_too(table):
 
 
 def remembering(count: int = 1600) -> pl.DataFrame:
-    """Labels that are the surge velocity of 0.08 s before, which nothing in (nu, nu_dot) tells."""
+    """Return labels equal to the surge velocity 0.08 s earlier, unpredictable from (nu, nu_dot)."""
     rng = np.random.default_rng(2)
     states = rng.normal(size=(count, 12))
     targets = np.zeros((count, 6))
@@ -148,7 +148,7 @@ def test_a_network_trained_blind_does_not_feel_accelerations(table, model):
 
 
 def logged(noise: float, count: int = 3000) -> pl.DataFrame:
-    """Labels of M nu_dot = -D nu, with white noise in the velocities that were logged."""
+    """Return labels of M nu_dot = -D nu, with white noise on the logged velocities."""
     rng = np.random.default_rng(3)
     t = 0.02 * np.arange(count)
     nu = np.stack([np.sin((0.3 + 0.1 * k) * t + k) for k in range(6)], axis=1)

@@ -1,4 +1,4 @@
-"""Fleets, vehicles and poses that the tests of reinforcement learning share."""
+"""Fleets, vehicles and poses shared by the tests of reinforcement learning."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def vehicle(**changes):
 
 
 def neutral():
-    """The vehicle of the paper, weightless in water: it stays where it is put."""
+    """Return the vehicle of the paper without weight in water, so that it stays at rest."""
     known = vehicle()
     weight = known.rigid_body.mass * known.environment.gravity
     return msgspec.structs.replace(known, buoyancy=msgspec.structs.replace(known.buoyancy, force=weight))
@@ -43,7 +43,7 @@ def teachers(settings=QUIET, count=1, seed=0):
 def put(
     flown: Fleet, at=(12.0, 6.0, 4.0), attitude=(0.0, 0.0, 0.0), velocity=(0.0,) * 6, goal=None, pillars=None
 ):
-    """Put the only vehicle of a fleet somewhere, with a goal and pillars; what it sees there."""
+    """Place the only vehicle of a fleet with a goal and pillars; return its observation."""
     flown.reset()
     pose = np.concatenate([at, quaternion_from_euler(*attitude)])[None]
     flown.plant.reset(np.ones(1, dtype=bool), pose, np.array([velocity], dtype=float))

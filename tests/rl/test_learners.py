@@ -1,4 +1,4 @@
-"""The scripts of the page on other learners run, shortened."""
+"""Shortened runs of the scripts on the page about other learners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A training goes on after a kill with the same bits, passes its levels, and keeps what it did."""
+"""Training runs: bit-exact resumption after a kill, passing of levels, and stored results."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -40,7 +40,7 @@ def auv151(datasets):
 
 
 def train(path, config, auv151, evaluations=1000):
-    """Train in a folder, for some evaluations at most."""
+    """Train in a folder, up to a number of evaluations."""
     vehicle, text = auv151
     folder, run = Folder(path), run_artefact(config, text, None)
     state = folder.state(run)
@@ -65,7 +65,7 @@ DRAWN = replace(SHORT, history=2, randomise=Randomisation(box=0.1, current=0.2, 
     ids=["alone", "shown", "corrected", "of drawn vehicles"],
 )
 def test_going_on_after_a_kill_gives_the_bytes_of_never_having_stopped(tmp_path, auv151, shown):
-    """More steps than memory holds, so that it has been overwritten when the kill comes."""
+    """The steps exceed the memory, so the kill comes after it was overwritten."""
     config = replace(QUICK, steps=480, **shown)
     train(tmp_path / "straight", config, auv151)
     killed = train(tmp_path / "broken", config, auv151, evaluations=4)
@@ -84,7 +84,7 @@ def test_more_steps_and_stages_go_on_beyond(tmp_path, auv151):
 
 
 def test_a_training_begins_with_what_another_has_learnt(tmp_path, auv151):
-    """Its policy flies from the first step on, under other physics, and its critics judge."""
+    """The other policy acts from the first step under new physics, with the other critics."""
     train(tmp_path / "first", replace(QUICK, steps=80), auv151)
     folder, (vehicle, _) = Folder(tmp_path / "first"), auv151
     config = replace(QUICK, condition="R_0", seed=3, steps=QUICK.vehicles)
@@ -137,7 +137,7 @@ def test_the_curriculum_is_passed_to_its_end(tmp_path, auv151):
 
 
 def test_what_passed_a_task_is_kept_as_it_was(tmp_path, auv151):
-    """The policy of each task is that of its last examination, whatever is learnt or stopped after it."""
+    """The policy of each task is that of its last examination, whatever is learnt afterwards."""
     levels = Curriculum(last=2, baffles=(0, 4), window=30)
     config = replace(QUICK, steps=4000, curriculum=levels, settings=EVERYWHERE)
     for _ in range(10):  # stopped after every evaluation
@@ -160,7 +160,7 @@ def test_what_passed_a_task_is_kept_as_it_was(tmp_path, auv151):
 
 
 def test_a_pilot_shows_the_way_past_pillars_that_the_policy_does_not_see_on_a_map(auv151):
-    """In the slalom what is seen has the goal for its target, and yet he arrives."""
+    """The target of the observation in the slalom is the goal, and yet the expert arrives."""
     fleet = Builder(TrainingConfig(), auv151[0])(4, 5)
     fleet.set_level("slalom", 4)
     steps = list(demonstrations(fleet))
@@ -228,7 +228,7 @@ def test_choices_are_made_by_name():
 
 
 def test_choices_and_runs_of_the_version_before_keep_their_names(auv151):
-    """What was called `ladder` is `curriculum` now."""
+    """The old name `ladder` is accepted for `curriculum`."""
     assert changed(TrainingConfig(), {"ladder.ready": "0.8"}).curriculum.ready == 0.8
     config = replace(QUICK, curriculum=Curriculum(last=2, ready=0.7))
     run = run_artefact(config, auv151[1], None)
@@ -262,7 +262,7 @@ def test_arrivals_are_counted(auv151):
 
 
 def test_an_examination_ends_with_the_failure_that_decides_it(auv151):
-    """What it has flown by then is as it would be without an end; what can be passed is flown whole."""
+    """Episodes before the end equal those without an early end; a passable examination runs completely."""
     fleets = Builder(TrainingConfig(), auv151[0])
 
     def flown(spare):
@@ -289,7 +289,7 @@ def test_as_many_may_fail_as_the_share_leaves(share, window, spare):
 
 
 def way(*points):
-    """A flight along straight lines between points north and east, 5 m deep."""
+    """Return a flight along straight lines between points north and east, at a depth of 5 m."""
     legs = [np.linspace(a, b, 50) for a, b in pairwise(points)]
     return np.column_stack([np.vstack(legs), np.full(50 * len(legs), 5.0)])
 
@@ -313,7 +313,7 @@ def test_pillars_passed_on_alternating_sides_are_counted(flown, share):
 
 
 def test_off_the_way_is_measured_as_it_was_flown(auv151):
-    """The helmsman's own distance from the corners of the plan, by a dense sampling of it."""
+    """Path deviation equals the densely sampled distance from the planned path."""
     vehicle, _ = auv151
     config = replace(QUICK, settings=Settings())
     told = fly(helmsman, led(config, vehicle, 2))["tracking_error"].to_list()
@@ -330,7 +330,7 @@ def led(config, vehicle, count):
 
 
 def test_intervals_are_wilsons():
-    """Centre and half width of Wilson's score interval for 190 of 200, z = 1.96."""
+    """Check centre and half width of Wilson's score interval for 190 of 200, z = 1.96."""
     low, high = interval(190, 200)
     z, p, n = 1.959964, 0.95, 200
     centre, half = p + z**2 / (2 * n), z * (p * (1 - p) / n + z**2 / (4 * n**2)) ** 0.5

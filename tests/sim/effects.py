@@ -1,4 +1,4 @@
-"""Vehicles with effects, commands and a state that tests of the student share."""
+"""Vehicles with effects, commands and a state, shared by the tests of the MuJoCo model."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def with_effect(vehicle, name):
 
 
 def commands(thrusters, rows=ROWS, seed=0):
-    """Smooth commands, with a jump in every one of them."""
+    """Return smooth commands with a jump in each channel."""
     rng = np.random.default_rng(seed)
     t = np.arange(rows) * DT
     waves = 0.4 * np.sin(

@@ -1,4 +1,4 @@
-"""Vehicles and exact solutions that the tests of MuJoCo share."""
+"""Vehicles and exact solutions shared by the tests of MuJoCo."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def thruster(name="T", position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0)) -> T
 def model(
     craft: Vehicle, *, inertia=None, coriolis=None, cancelled=None, held=False, **options
 ) -> mujoco.MjModel:
-    """The vehicle with its thrusters and whatever matrices are given."""
+    """Return the vehicle with its thrusters and the given matrices."""
     water = Water(assemble(craft), inertia=inertia, coriolis=coriolis, cancelled=cancelled, held=held)
     return native.prepare(mjcf.scene(craft, water, **options).compile())
 
 
 def exact(craft: Vehicle, eta, nu, seconds, *, inertia=None, coriolis=None, wrench=None):
-    """Position (NED), quaternion (FRD to NED) and nu after `seconds`, by scipy on the equations of motion.
+    """Return position (NED), quaternion (FRD to NED) and nu after `seconds`, integrated by scipy.
 
     (M_RB + M_A) nu_dot + C_RB nu + C(coriolis) nu = restoring + wrench, written here independently.
     """

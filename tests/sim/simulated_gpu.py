@@ -1,6 +1,6 @@
-"""Vehicles on a GPU, or in its simulator, beside `simulate`: what `test_gpu` runs in a process of its own.
+"""Comparison of vehicles on a GPU (or its simulator) with `simulate`, run by `test_gpu` in a process.
 
-Prints one line of JSON: the largest differences, and what else was to be seen.
+Prints one line of JSON: the largest differences, and other observations.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COUNT, ROWS = 64, 9
 
 
 def crafts(path: Path) -> list[hydro.core.vehicle.description.Vehicle]:
-    """Two vehicles with all effects that the shared tests know, in other numbers."""
+    """Return two vehicles with all effects of the shared tests, with different numbers."""
     known = files.read(path)[0]
     for name in EFFECTS:
         known = with_effect(known, name)
@@ -32,14 +32,14 @@ def crafts(path: Path) -> list[hydro.core.vehicle.description.Vehicle]:
 
 
 def begun(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (N, 6) with Euler angles, and velocities (N, 6)."""
+    """Return poses (N, 6) with Euler angles, and velocities (N, 6)."""
     rng = np.random.default_rng(3)
     eta = rng.uniform(-0.5, 0.5, (count, 6)) + np.array([0, 0, 3, 0, 0, 0])
     return eta, NU + rng.uniform(-0.2, 0.2, (count, 6))
 
 
 def told(vehicle, eta, nu, commands):
-    """Where `simulate` has the vehicles at the last row, pose and velocity (N, 12)."""
+    """Return pose and velocity (N, 12) at the last row, by `simulate`."""
     frames = [
         pl.DataFrame(np.hstack([np.tile([*eta[k], *nu[k]], (len(held), 1)), held]),
                      schema=[*POSE, *VELOCITY, *command_columns(held.shape[1])])

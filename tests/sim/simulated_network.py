@@ -1,6 +1,6 @@
-"""Residual networks on a GPU, or in its simulator, beside MuJoCo: what `test_gpu` runs by itself.
+"""Comparison of residual networks on a GPU (or its simulator) with MuJoCo, run by `test_gpu`.
 
-Prints one line of JSON: how far the vehicles came, and how far the two are apart.
+Prints one line of JSON: the distance covered by the vehicles, and the difference of the two.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ CURRENT = {"name": "ocean_current", "v_N": 0.3, "v_E": -0.2}
 
 
 def craft(path: Path):
-    """The vehicle without delays: MuJoCo rounds them to its steps."""
+    """Return the vehicle without delays, which MuJoCo rounds to its steps."""
     known = files.read(path)[0]
     thrusters = tuple(msgspec.structs.replace(one, delay=0.0) for one in known.thruster)
     return msgspec.structs.replace(known, thruster=thrusters)
 
 
 def learnt(kind: str) -> Network:
-    """A network of random weights whose wrench is some newtons."""
+    """Return a network with random weights and a wrench of a few newtons."""
     _, artefact = trained(kind)
     artefact.scalers = artefact.scalers | {"output_mean": np.full(6, 2.0), "output_scale": np.full(6, 9.0)}
     return Network.of(artefact)
 
 
 def waters(known) -> dict[str, object]:
-    """What vehicles feel, by name."""
+    """Return the water models of the vehicles by name."""
 
     def control(kind: str, conditioning: str = "off") -> Control:
         return Control(learnt(kind), PERIOD, conditioning=preset(conditioning, known))
@@ -59,7 +59,7 @@ def waters(known) -> dict[str, object]:
 
 
 def flown(plant, commands) -> np.ndarray:
-    """Where vehicles are after some steps, pose and velocity (N, 13)."""
+    """Return pose and velocity (N, 13) of the vehicles after some steps."""
     rng = np.random.default_rng(5)
     pose = np.tile([0.0, 0.0, 4.0, 1.0, 0.0, 0.0, 0.0], (COUNT, 1))
     plant.reset(np.ones(COUNT, dtype=bool), pose, rng.uniform(-0.4, 0.4, (COUNT, 6)))

@@ -1,4 +1,4 @@
-"""The compiled student against `simulation.simulate`: every preset, every effect, every integrator."""
+"""Compiled MuJoCo model, compared with `simulation.simulate`: every preset, effect and integrator."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ STARTS = (np.linspace(1.0, 0.1, SEGMENTS) * np.tile([-1.0, 1.0], SEGMENTS // 2))
 
 
 def minute(vehicle, segments=SEGMENTS, rows=ROWS):
-    """Commands (segments, rows, n) of 60 s: short segments, for rounding grows where a motion is unstable."""
+    """Return commands (segments, rows, n) of 60 s in short segments: rounding grows in unstable motion."""
     return np.stack([commands(len(vehicle.thruster), rows, seed) for seed in range(segments)])
 
 
 def fly(vehicle, held, *, timestep=0.002, integrator="rk4"):
-    """Motion (segments, rows, 12) at the end of every row of the commands."""
+    """Return the motion (segments, rows, 12) at the end of every row of the commands."""
     physics = Physics(timestep=timestep, integrator=integrator)
     student = Student(vehicle, count=len(held), physics=physics)
     student.start(np.tile(ETA, (len(held), 1)), STARTS[: len(held)])
@@ -68,14 +68,14 @@ def reference(vehicle, held, *, timestep=0.002):
 
 
 def apart(one, other):
-    """Differences, those of angles the short way round."""
+    """Return the differences, with wrapped angles."""
     difference = np.abs(one - other)
     difference[..., 3:6] = np.abs(np.angle(np.exp(1j * (one - other)[..., 3:6])))
     return difference
 
 
 def orders(vehicle, held, truth, integrator):
-    """By which power of the step the error falls, from 5 ms to 2.5 ms and from there to 1.25 ms."""
+    """Return the convergence orders of the error from 5 ms to 2.5 ms and from there to 1.25 ms."""
     errors = [
         np.sqrt(np.mean(apart(fly(vehicle, held, timestep=h, integrator=integrator), truth)[..., 6:] ** 2))
         for h in (0.005, 0.0025, 0.00125)
@@ -85,7 +85,7 @@ def orders(vehicle, held, truth, integrator):
 
 @cache
 def without(folder, name, effect):
-    """Reference motion of a preset without an effect."""
+    """Return the reference motion of a preset without an effect."""
     vehicle = preset(folder, name).without(effect)
     return reference(vehicle, minute(vehicle, FEWER))
 

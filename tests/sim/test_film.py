@@ -1,4 +1,4 @@
-"""Where the camera looks, and that a film shows the vehicle; the latter where there is OpenGL."""
+"""Camera of the film, and visibility of the vehicle in it (with OpenGL only)."""
 
 import importlib.util
 import os
@@ -15,7 +15,7 @@ from hydro.sim.film import Flown, bow, film
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.2, 1.2), st.floats(-3.1, 3.1))
 def test_the_camera_looks_where_the_bow_points(phi, theta, psi):
-    """MuJoCo's azimuth turns from its x, north, to its y, west; yaw turns from north to east."""
+    """MuJoCo's azimuth rotates from its x, north, to its y, west; yaw rotates from north to east."""
     pose = np.concatenate([np.zeros(3), quaternion_from_euler(phi, theta, psi)])
     assert bow(pose) == pytest.approx(-np.degrees(psi), abs=1e-6)
 

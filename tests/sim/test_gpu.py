@@ -1,4 +1,4 @@
-"""Vehicles on a GPU: in numba-cuda's simulator beside `simulate`, and compiled without a GPU."""
+"""Vehicles on a GPU: numba-cuda's simulator compared with `simulate`, and compilation without a GPU."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_commands_of_another_shape_are_refused(simulated):
 
 @needs_numba_cuda
 def test_residual_networks_fly_as_in_mujoco_whatever_they_are_and_stand_beside(networked):
-    """Every architecture that remembers, is passive, conditioned, beside effects or in a current."""
+    """Test architectures with memory, passivity and conditioning, with effects or in a current."""
     flights = networked["flights"]
     assert len(flights) == 7
     for name, flight in flights.items():
@@ -89,7 +89,7 @@ def test_water_that_only_mujoco_has_and_another_control_step_are_refused(network
 
 @needs_numba_cuda
 def test_the_step_compiles_for_a_gpu_with_every_effect_there_is_and_a_network(monkeypatch):
-    """To PTX, where the compiler's wheels are; the dispatchers hold the whole catalogue, whoever flies."""
+    """Kernels compile to PTX if the compiler's wheels are installed; dispatchers hold the whole catalogue."""
     pytest.importorskip("cuda.bindings.nvvm", reason="the CUDA compiler's bindings are not installed")
     from numba import cuda, types
 

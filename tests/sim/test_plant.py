@@ -1,4 +1,4 @@
-"""Plants: the student and the teacher, one control step at a time, beside what flies them at length."""
+"""Plants: MuJoCo model and reference simulator by control steps, compared with continuous simulation."""
 
 import msgspec
 import numpy as np
@@ -62,7 +62,7 @@ def test_the_teacher_flies_as_it_does_at_length(delay):
 
 
 def test_time_goes_on_from_step_to_step_and_begins_anew_with_a_reset():
-    """Of two vehicles in a current that changes, one is put back on the way."""
+    """One of two vehicles in a varying current is reset on the way."""
     known, turning = craft(), {"name": "current_trend", "a_N": 0.3, "a_E": -0.2, "t_0": 0.1}
     demand = np.random.default_rng(1).uniform(-0.5, 0.5, (30, 6))
     motion, held = fly(teacher(known, hidden=[turning]), demand, depth=5.0, heading=0.7, nu=NU)

@@ -1,4 +1,4 @@
-"""Replay: it starts where the recording does, flies what the vehicle file says, and hides no divergence."""
+"""Replay: start state of the recording, effects of the vehicle file, and reported divergence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def craft(datasets):
 
 
 def recording(craft, rows=120, sessions=("a", "b"), effects=None):
-    """What the vehicle itself would log: two sessions, the second with a gap in it."""
+    """Return the log of the vehicle itself: two sessions, the second with a gap."""
     frames = []
     for k, session in enumerate(sessions):
         t = np.arange(rows) * 0.02
@@ -72,7 +72,7 @@ def test_a_delayed_thruster_goes_on_after_a_gap_as_if_settled(craft):
 
 
 def test_a_current_that_changes_has_the_time_of_the_recording(craft):
-    """Sessions and what follows a gap begin at times of their own, delayed commands among them."""
+    """Sessions, and rows after a gap, start at their own times, also for delayed commands."""
     more = {"name": "current_trend", "a_N": 0.2, "a_E": -0.1, "t_0": 1.0}, {"name": "command_delay", "d": 0.1}
     turning = msgspec.structs.replace(craft, effect=(*craft.effect, *more))
     raw = recording(turning)
@@ -84,7 +84,7 @@ def test_a_current_that_changes_has_the_time_of_the_recording(craft):
 
 
 def test_velocities_are_compared_as_the_log_misreads_them(craft):
-    """A recording through a log askew, off centre and late: the vehicle with such a log flies it again."""
+    """The replay of a recording with a rotated, offset and biased DVL applies the same DVL errors."""
     askew = (
         {"name": "sensor_lever_arm", "r": [0.3, 0.0, 0.1]},
         {"name": "sensor_misalignment", "alpha": [0.0, 0.02, 0.05]},
@@ -103,7 +103,7 @@ def test_velocities_are_compared_as_the_log_misreads_them(craft):
 
 
 def test_a_late_log_is_compared_with_a_late_log(craft):
-    """Cut out of a longer recording: its log still tells of the time before when the flight begins."""
+    """In a section of a longer recording, the first samples of a late DVL belong to earlier times."""
     prompt = tuple(msgspec.structs.replace(one, time_constant=0.0) for one in craft.thruster)
     late = ({"name": "sensor_delay", "d": 0.1}, {"name": "sensor_lever_arm", "r": [0.3, 0.0, 0.1]})
     craft = msgspec.structs.replace(craft, thruster=prompt)
@@ -143,7 +143,7 @@ def test_the_baselines_are_what_they_say(craft):
 
 
 def test_mujoco_s_own_fluid_slows_an_ellipsoid_as_its_documentation_says(craft):
-    """Drag in surge, blunt on the frontal area and slender on the rest of the largest, hardly any viscosity:
+    """Surge drag is blunt on the frontal area and slender on the rest of the largest, with little viscosity:
     1/u of a vehicle that coasts grows linearly in time.  No inertia is added."""
     body = msgspec.structs.replace(craft.rigid_body, center_of_gravity=(0.0, 0.0, 0.0))
     balanced = msgspec.structs.replace(
@@ -183,7 +183,7 @@ def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
 
 
 def test_a_network_of_what_all_effects_leave_flies_the_recording(craft):
-    """The effects act; C_RB(nu) nu, which they leave in the label, comes from the network (here exactly)."""
+    """The effects act; C_RB(nu) nu, which their labels contain, comes from the network (exactly here)."""
     body = msgspec.structs.replace(craft.rigid_body, center_of_gravity=(0.0, 0.0, 0.0))
     current = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1}
     memory = {"name": "fluid_memory", "K": [[20.0, 20.0, 20.0, 1.0, 1.0, 1.0]], "rates": [2.0]}

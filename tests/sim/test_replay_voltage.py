@@ -1,4 +1,4 @@
-"""MuJoCo flies a recording again with the thrust of the voltage that each row has."""
+"""Replay in MuJoCo with thrust by the supply voltage of each row."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The embedded teacher against independent right-hand sides, closed forms and symmetries of nature."""
+"""Embedded reference simulator, compared with independent equations, closed forms and symmetries."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NAMES = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 
 def craft(*, thrusters: bool = True, excess: float = 3.0, **keys: object) -> Vehicle:
-    """An asymmetric vehicle: hull off the origin, low centre of gravity, one axis demand per axis."""
+    """Return an asymmetric vehicle: hull off the origin, low centre of gravity, one demand per axis."""
     wrenches = np.eye(6) if thrusters else np.empty((0, 6))
     return Vehicle(
         name="test",
@@ -52,7 +52,7 @@ def demand(rows: int, **axes: float) -> np.ndarray:
 
 
 def panel_force(subject, nu):
-    """The equations of the panel method on arrays."""
+    """Return the force of the panel method, in array equations."""
     r, n, area = subject.hull.table[:3].T, subject.hull.table[3:6].T, subject.hull.table[6]
     v = nu[:3] + np.cross(nu[3:], r)
     normal = (v * n).sum(axis=1)
@@ -63,7 +63,7 @@ def panel_force(subject, nu):
 
 
 def test_motion_is_that_of_scipy_on_the_same_equations():
-    """Rigid body, ellipsoid, panels, restoring forces and lagging thrusters, written anew in Euler angles."""
+    """Rigid body, ellipsoid, panels, restoring forces and thruster lag, independently in Euler angles."""
     vehicle = craft()
     subject = teacher(vehicle)
     rows = 120
@@ -112,7 +112,7 @@ def test_a_hull_left_to_itself_loses_energy(nu):
 @settings(max_examples=10)
 @given(st.tuples(*[st.floats(-0.5, 0.5)] * 2), st.floats(-3, 3), st.tuples(*[st.floats(-0.5, 0.5)] * 6))
 def test_motion_through_the_water_does_not_know_of_a_uniform_current(current, heading, nu):
-    """Galileo: flown from the same velocity through the water, the pose drifts with it and nothing else."""
+    """Galilean invariance: at equal velocity through the water, only the pose drifts."""
     shares = demand(200, surge=0.3, yaw=0.2, heave=0.1)
     still, still_commands = fly(teacher(craft()), shares, heading=heading, nu=nu)
     hidden = [{"name": "ocean_current", "v_N": current[0], "v_E": current[1]}]
@@ -187,7 +187,7 @@ def test_what_is_hidden_shows_in_the_motion(hidden, shows):
 
 
 def test_what_couples_axes_is_hidden_beside_the_files_damping():
-    """Panels damp the vehicle, the file says by how much: alone no damping that couples axes is passive."""
+    """Coupled damping alone is not passive; the file's damping describes that of the panels."""
     coupled = {"name": "coupled_damping", "D15": -20.0, "D51": -20.0}
     damping = {"name": "linear_damping", "diagonal": [50.0] * 6}
     with pytest.raises(DataError, match="positive semi-definite"):
@@ -266,7 +266,7 @@ def test_every_preset_keeps_upright_and_under_water_and_is_excited(path, excitat
 
 
 def test_labels_of_a_recording_are_the_water_that_made_it():
-    """tau_res = C(nu) nu - panels, where the file's added mass is the teacher's."""
+    """tau_res = C(nu) nu - panels if the file has the added mass of the simulator."""
     M_A = teacher(craft()).added_mass
     vehicle = craft(effect=({"name": "added_mass", "matrix": M_A.tolist()},))
     subject = teacher(vehicle)

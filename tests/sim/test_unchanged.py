@@ -1,4 +1,4 @@
-"""What MuJoCo and its tools do with a model and its state works with vehicles of hydro as with any other."""
+"""MuJoCo's own functions and tools work with models and states of hydro's vehicles."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEPS = 150
 
 @pytest.fixture(scope="module")
 def crafts(datasets):
-    """Three different vehicles: with internal states and delays, with a network, with rotor-speed lag."""
+    """Return three different vehicles: with internal states and delays, with a network, with rotor lag."""
     memory = preset(datasets, "auv151")
     for effect in ("fluid_memory", "command_delay", "crossflow_drag", "thruster_inflow"):
         memory = with_effect(memory, effect)
@@ -52,7 +52,7 @@ def put(data):
 
 
 def fly(model, data, first=0, steps=STEPS):
-    """Step on, each step under a command of its own."""
+    """Advance the simulation with a new command at every step."""
     held = commands(model.nu, rows=2 * STEPS)
     for command in held[first : first + steps]:
         data.ctrl[:] = command
@@ -126,7 +126,7 @@ class TestOneVehicle:
             np.testing.assert_array_equal(rolled[:, -1], expected)
 
     def test_a_viewer_beside_the_simulation_changes_nothing(self, models, name):
-        """What a viewer does but for its window: copies, forward passes on them, and a scene, in a thread."""
+        """A thread does the work of a viewer without a window: copies, forward passes on them, a scene."""
         model = models[name]
         alone = fly(model, started(model))
         shown_model, data = copy.copy(model), started(model)
@@ -178,7 +178,7 @@ def test_different_vehicles_in_one_process_keep_to_themselves(models):
 
 
 def test_different_vehicles_in_one_scene_fly_as_alone(crafts, models):
-    """Their activations, controls and parameters stand behind one another's."""
+    """Activations, controls and parameters of the vehicles follow one another in the arrays."""
     first, *others = crafts.values()
     spec = mjcf.scene(*first)
     for craft, water in others:

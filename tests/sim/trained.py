@@ -1,4 +1,4 @@
-"""Model artefacts with random weights, and the torch networks they came from."""
+"""Model artefacts with random weights, and the corresponding torch networks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.learn import networks
 
 
 def trained(name, seed=0, **changes):
-    """A model artefact's contents with random weights and scalers, and the torch network of them."""
+    """Return the content of a model artefact with random weights and scalers, and its torch network."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     architecture = networks.architecture(name) | changes

@@ -1,1 +1,1 @@
-"""Thruster audit: is every command column connected to its thruster, with the direction of the file?"""
+"""Thruster audit: test whether every command column drives its thruster in the direction of the file."""

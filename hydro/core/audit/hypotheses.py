@@ -1,16 +1,17 @@
 """Posterior probabilities of assignments of command columns to thrusters, with any signs.
 
-By a hypothesis, column pi(i) drives thruster i with effectiveness g_i, and axis a answers with a factor s_a
-of what the file's inertia says. Then c_aj = s_a h_ai g_i with j = pi(i), where h are the file's accelerations
-per newton (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior about sigma_i m with
-standard deviation SPREAD m, where m is the scale common to all thrusters. A thruster that does not push
-therefore says nothing about its sign, and a weak one little. Marginal likelihoods are exact in g; m is summed
-over a grid, s is at its mode.
+By a hypothesis, column pi(i) drives thruster i with effectiveness g_i. The acceleration of axis a is s_a
+times that by the file's inertia. Then c_aj = s_a h_ai g_i with j = pi(i), where h are the file's
+accelerations per newton (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior with mean
+sigma_i m and standard deviation SPREAD m, where m is the scale common to all thrusters. So a thruster without
+thrust carries no information on its sign, and a weak one carries little. Marginal likelihoods are exact in g;
+m is summed over a grid, and s is set to its mode.
 
-A command may move an axis on which it does not push by the file: a mixer that the file does not know,
-thrusters on the steep part of their curve, or a controller that answers a disturbance of two axes. Such a
-coupling is a Gaussian error of one c_aj with a variance of its own, at its mode (relevance determination,
-Tipping 2001). Thrusters whose commands are alike push as one, so a couple may have a coupling in heave.
+A command may accelerate an axis on which its thruster does not push in the file. Causes are a mixer outside
+the file, thrusters on the steep part of their curve, or a controller that reacts to a disturbance on two
+axes. Such a coupling is modelled as a Gaussian error of one c_aj. Its variance is set to its mode (relevance
+determination, Tipping 2001). Thrusters with correlated commands are treated as one, so two thrusters of equal
+command that pitch a vehicle may have a coupling in heave.
 """
 
 from __future__ import annotations
@@ -28,45 +29,44 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import Array, Mask
 
 SPREAD = 0.5
-"""Prior standard deviation of an effectiveness, as a share of the common scale: sound thrusters differ by
-less."""
+"""Prior standard deviation of an effectiveness, relative to the common scale: intact thrusters vary less."""
 FREE = 3.0
-"""Prior standard deviation of an effectiveness of unknown sign, for intervals: no thruster has more."""
+"""Prior standard deviation of an effectiveness of unknown sign, for intervals: above that of any thruster."""
 SCALES = np.exp(np.linspace(np.log(0.2), np.log(5.0), 21))
-"""Common scales that are tried; a curve or voltage that is wrong by more is not a matter of scale."""
+"""Grid of common scales, from 0.2 to 5: a wrong thrust curve or voltage stays within this range."""
 SCALE_SPREAD = 0.5
 """Prior standard deviation of the logarithm of the common scale: a factor of 1.6 either way."""
 INERTIA = 0.3
-"""Prior standard deviation of an axis factor: a first-day file has its inertia to a third or so."""
+"""Prior standard deviation of an axis factor: estimated inertia is accurate to about 30 %."""
 FACTORS = (0.2, 5.0)
 """Range of an axis factor."""
 REVERSED, EXCHANGED = 0.1, 0.1
-"""Prior probability that a thruster is reversed, and that one more pair of columns is exchanged."""
+"""Prior probabilities that a thruster is reversed, and that another pair of columns is exchanged."""
 COUPLED = 0.1
-"""Prior probability that a command moves an axis on which it does not push by the file."""
+"""Prior probability that a command accelerates an axis on which its thruster does not push in the file."""
 ALIKE = 0.9
-"""Correlation of two commands, in size, from which their thrusters push as one."""
+"""Minimum absolute correlation of two commands at which their thrusters are treated as one."""
 ENUMERATED = 10
-"""Number of thrusters up to which all combinations of signs are tried: 1,024 of them."""
+"""Maximum number of thrusters for which all combinations of signs are evaluated: 1,024 combinations."""
 ROUNDS = 30
-"""Alternations between effectiveness and axis factors at most."""
+"""Maximum number of alternations between effectivenesses and axis factors."""
 WORTH = 12.0
-"""Logarithm of the odds against an order below which no exchange of its columns is tried."""
+"""Maximum log odds against an order, relative to the best one, for it to enter the posterior."""
 MOST_ORDERS = 400
-"""Number of orders of the columns that are tried at most."""
+"""Maximum number of column orders that the search evaluates."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """One order of the columns with all signs.
+    """Order of the columns, with all combinations of signs.
 
     Attributes:
         column: Column of each thruster, (n,).
         factors: Factor of each axis, (6,).
-        gram: Curvature of the effectivenesses, (n, n).
-        score: Their gradient at 0, (n,).
+        gram: Curvature of the negative log-likelihood in the effectivenesses, (n, n).
+        score: Gradient of the log-likelihood in the effectivenesses at 0, (n,).
         signs: Combinations of signs, (S, n).
-        evidence: Logarithm of the posterior, not normalised, for each of them and of SCALES, (S, M).
+        evidence: Unnormalised log posterior of each combination at each of SCALES, (S, M).
         prior: Logarithm of the prior probability of each combination of signs, (S,).
     """
 
@@ -80,32 +80,32 @@ class Order:
 
     @cached_property
     def best(self) -> float:
-        """Logarithm of its whole posterior, not normalised."""
+        """Return the unnormalised log posterior of the order, summed over signs and scales."""
         return float(_summed(self.evidence.ravel()))
 
     def effectiveness(self) -> tuple[Array, Array]:
-        """Effectiveness (n,) with no sign given, and its covariance (n, n)."""
+        """Return the effectivenesses (n,) without assuming signs, and their covariance (n, n)."""
         covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram)) / FREE**2), np.float64)
         return covariance @ self.score, covariance
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """All orders that were tried.
+    """Posterior over all evaluated orders.
 
     Attributes:
-        orders: The likeliest first.
+        orders: Orders sorted by probability, most probable first.
     """
 
     orders: tuple[Order, ...]
     _norm: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Normalise."""
+        """Compute the normalisation constant."""
         object.__setattr__(self, "_norm", float(_summed(np.array([order.best for order in self.orders]))))
 
     def wirings(self) -> list[tuple[Wiring, float]]:
-        """Hypotheses and their probabilities, the likeliest first; none below 1 in 1,000."""
+        """Return hypotheses with probabilities above 0.001, most probable first."""
         found = []
         for order in self.orders:
             chances = np.exp(_summed(order.evidence) - self._norm)
@@ -115,7 +115,7 @@ class Posterior:
         return sorted(found, key=lambda each: -each[1])
 
     def scales(self, wiring: Wiring) -> Array:
-        """Probability of each of SCALES given a hypothesis, (M,)."""
+        """Return the probability of each of SCALES given a hypothesis, (M,)."""
         for order in self.orders:
             if order.column == wiring.column:
                 row = order.evidence[(order.signs == np.array(wiring.sign)).all(axis=1)][0]
@@ -124,13 +124,13 @@ class Posterior:
 
 
 def _summed(logarithms: Array) -> Array:
-    """Logarithm of the sum over the last axis of what has these logarithms, all of them finite."""
+    """Return log(sum(exp(x))) over the last axis of finite values."""
     most = logarithms.max(axis=-1, keepdims=True)
     return np.asarray(most[..., 0] + np.log(np.exp(logarithms - most).sum(axis=-1)))
 
 
 def posterior(found: Balance) -> Posterior:
-    """Weigh all signs of the file's order, and of orders that a search from several starts comes by.
+    """Return the posterior over signs, for the file's order and for orders found by a local search.
 
     Args:
         found: Sufficient statistics of the regression.
@@ -146,7 +146,7 @@ def posterior(found: Balance) -> Posterior:
 
 
 def _search(found: Balance, start: tuple[int, ...], tried: dict[tuple[int, ...], Order]) -> None:
-    """Exchange the pair of columns that gains most until none gains."""
+    """Exchange the pair of columns with the largest gain until no exchange increases the posterior."""
     current = _remembered(found, start, tried)
     while len(tried) < MOST_ORDERS:
         nearby = [
@@ -166,7 +166,7 @@ def _remembered(found: Balance, column: tuple[int, ...], tried: dict[tuple[int, 
 
 
 def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
-    """Orders to begin from: the file's, the opposite one, and the one whose directions match best."""
+    """Yield starting orders: the file's, its reverse, and the one with the best matching directions."""
     count = found.arms.shape[1]
     yield tuple(range(count))
     yield tuple(reversed(range(count)))
@@ -181,7 +181,7 @@ def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
 
 
 def _order(found: Balance, column: tuple[int, ...]) -> Order:
-    """Weigh the signs of one order of the columns, without couplings."""
+    """Evaluate all combinations of signs of one order of the columns, without couplings."""
     count, fit = len(column), _Fit.of(found, column)
     whole, slope, _ = fit.summed()
     signs = _signs(whole, slope)
@@ -192,7 +192,7 @@ def _order(found: Balance, column: tuple[int, ...]) -> Order:
 
 
 def _coupled(found: Balance, order: Order) -> Order:
-    """Weigh the signs of an order again, with the couplings that the file's or the likeliest signs need."""
+    """Evaluate an order again, with the couplings found for the file's signs and for the likeliest signs."""
     plain = _Fit.of(found, order.column)
     likeliest = order.signs[int(order.evidence.max(axis=1).argmax())]
     starts = np.unique([np.ones(len(likeliest)), likeliest], axis=0)
@@ -206,11 +206,11 @@ class _Fit:
     """Regression of all axes for one order of the columns.
 
     Attributes:
-        arms: Acceleration per newton of each thruster by the file, (6, n).
-        shown: Which axes the recording shows, (6,).
+        arms: Acceleration per newton of each thruster in the file, (6, n).
+        shown: Axes with measured accelerations, (6,).
         gram: Products of the columns that drive the thrusters, (6, n, n).
-        score: Their products with the accelerations, (6, n).
-        chance: Logarithm of prior and likelihood of the couplings with no thrust at all.
+        score: Products of these columns with the accelerations, (6, n).
+        chance: Log prior and log likelihood of the couplings without any thrust.
     """
 
     arms: Array
@@ -227,13 +227,13 @@ class _Fit:
 
     @cached_property
     def factors(self) -> Array:
-        """Most probable factor of each axis, (6,)."""
+        """Return the most probable factor of each axis, (6,)."""
         gram = self.gram * self.arms[:, :, None] * self.arms[:, None, :]
         return _factors(gram, self.score * self.arms)
 
     @cached_property
     def apart(self) -> Mask:
-        """Which axes a command does not push along by the file, within the errors of its geometry, (6, n)."""
+        """Return the axes without thrust of a command in the file, within geometry errors, (6, n)."""
         size = np.sqrt(np.maximum(np.diagonal(self.gram, axis1=1, axis2=2), 1e-300))
         alike = self.gram / (size[:, :, None] * size[:, None, :])
         together = np.where(np.abs(alike) >= ALIKE, np.sign(alike), 0.0)
@@ -242,21 +242,22 @@ class _Fit:
         return np.asarray(pushed <= allowed * np.abs(together).sum(axis=2))
 
     def summed(self) -> tuple[Array, Array, float]:
-        """Curvature (n, n) and gradient (n,) of the effectivenesses, and the logarithm that they add to."""
+        """Return curvature (n, n), gradient (n,) and constant of the log posterior in the effectivenesses."""
         pushed = self.factors[:, None] * self.arms
         whole = np.einsum("ai,aij,aj->ij", pushed, self.gram, pushed)
         constant = self.chance - 0.5 * float((((self.factors - 1.0) / INERTIA) ** 2)[self.shown].sum())
         return whole, (pushed * self.score).sum(axis=0), constant
 
     def evidence(self, signs: Array) -> Array:
-        """Logarithm of likelihood and prior for each combination of signs and each of SCALES, (S, M)."""
+        """Return log likelihood plus log prior for each combination of signs and each of SCALES, (S, M)."""
         whole, slope, constant = self.summed()
         return _evidence(whole, slope, signs) + constant - 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
 
     def errors(self, signs: Array) -> tuple[Array, Array]:
-        """Slope and curvature of the likelihood in each acceleration per newton, given all signs (6, n).
+        """Return slope and curvature of the likelihood in each acceleration per newton, (6, n) each.
 
-        The effectivenesses are integrated out, so a residual that they can explain does not count.
+        The signs are given.  The effectivenesses are integrated out, so residuals that they explain do not
+        count.
         """
         whole, slope, _ = self.summed()
         scale = SCALES[int(self.evidence(signs[None])[0].argmax())]
@@ -269,10 +270,10 @@ class _Fit:
         return left, np.diagonal(self.gram, axis1=1, axis2=2) - explained
 
     def coupled(self, signs: Array) -> _Fit:
-        """Add couplings while one gains more than its prior costs, given all signs (n,).
+        """Add couplings while the gain in likelihood exceeds the prior cost, given all signs (n,).
 
-        With an error of z standard errors, a coupling of variance z^2 - 1 squared standard errors gains
-        most, (z^2 - 1 - log z^2) / 2 in the logarithm of the likelihood.
+        For an error of z standard errors, the best variance of a coupling is z^2 - 1 squared standard errors.
+        The log likelihood then increases by (z^2 - 1 - log z^2) / 2.
         """
         fit, cost, apart = self, float(np.log((1.0 - COUPLED) / COUPLED)), self.apart
         for _ in range(self.score.size):
@@ -287,7 +288,7 @@ class _Fit:
         return fit
 
     def _loosened(self, axis: int, i: int, variance: float, cost: float) -> _Fit:
-        """Give one acceleration per newton an error of this variance."""
+        """Return the regression with an error of this variance on one acceleration per newton."""
         gram, score = self.gram.copy(), self.score.copy()
         row, own = self.gram[axis, i], self.score[axis, i]
         volume = 1.0 + variance * row[i]
@@ -298,7 +299,7 @@ class _Fit:
 
 
 def _factors(gram: Array, score: Array) -> Array:
-    """Most probable factor of each axis, alternating with the effectivenesses, (6,)."""
+    """Fit the most probable factor of each axis, alternating with the effectivenesses, (6,)."""
     count = score.shape[1]
     low, high = FACTORS
     flat, free = gram.reshape(AXES, -1), np.eye(count) / FREE**2
@@ -316,7 +317,10 @@ def _factors(gram: Array, score: Array) -> Array:
 
 
 def _signs(gram: Array, score: Array) -> Array:
-    """Combinations of signs to weigh, (S, n): all, or of many thrusters those near the best fit."""
+    """Return the combinations of signs to evaluate, (S, n).
+
+    They are all combinations; for more than ENUMERATED thrusters, those near the best fit and near the file.
+    """
     count = len(score)
     if count <= ENUMERATED:
         return np.array(list(product((1.0, -1.0), repeat=count))).reshape(-1, count)
@@ -332,12 +336,12 @@ def _signs(gram: Array, score: Array) -> Array:
 
 
 def _evidence(gram: Array, score: Array, signs: Array) -> Array:
-    """Logarithm of the marginal likelihood for each combination of signs and each of SCALES, (S, M)."""
+    """Return the log marginal likelihood for each combination of signs and each of SCALES, (S, M)."""
     count, precision = len(score), 1.0 / (SPREAD * SCALES) ** 2
     sizes, vectors = np.linalg.eigh(gram)
     curved = np.maximum(sizes, 0.0)[:, None] + precision
     own, turned = vectors.T @ score, signs @ vectors
-    pull = precision * SCALES  # of the prior's mean
+    pull = precision * SCALES  # precision times prior mean
     quadratic = own**2 @ (1.0 / curved) + pull * (2.0 * (turned * own) @ (1.0 / curved))
     quadratic += pull**2 * (turned**2 @ (1.0 / curved))
     constant = precision * SCALES**2 * count
@@ -346,7 +350,7 @@ def _evidence(gram: Array, score: Array, signs: Array) -> Array:
 
 
 def _cycles(column: tuple[int, ...]) -> int:
-    """Number of cycles of a permutation; n less it is the number of exchanges that make it."""
+    """Return the number of cycles of a permutation; n minus this number is the number of exchanges."""
     left, found = set(range(len(column))), 0
     while left:
         at = left.pop()

@@ -1,22 +1,23 @@
-"""Regression of accelerations on thrusts, in short windows, with nuisance terms for everything else.
+"""Regression of accelerations on thrusts in short windows, with nuisance terms for all other forces.
 
-The momentum balance of a vehicle, multiplied by a smooth test function and integrated over windows of a
-second (`prediction.weak_form`), is linear in the thrusts. For each axis a,
+The momentum balance of a vehicle, integrated over windows of at most one second with a smooth test function
+(`prediction.weak_form`), is linear in the thrusts. For each axis a,
 
     y_a = sum_j c_aj F_j + N_a beta_a + e_a
 
-y is the acceleration that the file leaves unexplained with all thrusters at rest, F_j the integrated thrust
-of command column j, and c_aj the acceleration per newton of that column. F_j is the part of the thrust curve
-that is odd in the command. A thruster mounted in reverse gives -F(u) to a command u, and one whose command is
-negated gives F(-u); both have the same odd part, and their even parts differ in sign. The even part is
-therefore a nuisance term. The nuisance terms N_a have
-Gaussian priors whose sizes follow from the mass and the box of the hull: an unknown force and ballast,
-restoring moments, a current, damping, and products of velocities (Coriolis forces, Munk moments, lift). The
-errors e_a are autoregressive, because what no term explains changes slowly; whitening them leaves the fast
-changes, which thrusts cause and slow disturbances do not.
+y is the measured acceleration minus the acceleration of the file without thrusters. F_j is the integrated
+thrust of command column j, and c_aj the acceleration per newton of that column. F_j is the part of the thrust
+curve that is odd in the command. A thruster mounted in reverse gives -F(u) to a command u, and one with a
+negated command gives F(-u). Both have the same odd part, and their even parts differ in sign. So the even
+part is a nuisance term.
 
-A delay between command and motion is the one that explains the accelerations best with all c_aj free. No
-hypothesis about the thrusters enters its choice.
+The nuisance terms N_a have Gaussian priors whose sizes follow from the mass and the box of the hull. They
+cover an unknown force and ballast, restoring moments, a current, damping, and products of velocities
+(Coriolis forces, Munk moments, lift). The errors e_a are autoregressive: unmodelled forces change slowly.
+Whitening keeps the fast changes, which thrusts cause and slow disturbances do not.
+
+The delay between command and motion is selected by the likelihood with all c_aj free, so its choice is
+independent of any hypothesis about the thrusters.
 """
 
 from __future__ import annotations
@@ -43,73 +44,73 @@ from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, UNIT_WRENCH, t
 AXES = 6
 MIXED = tuple(product(range(3), range(3, 6)))
 LINEAR, ANGULAR = tuple(combinations(range(3), 2)), tuple(combinations(range(3, 6), 2))
-"""Pairs of velocities: a linear and an angular one, two linear, two angular ones."""
+"""Pairs of velocities: linear with angular (MIXED), two linear (LINEAR), two angular (ANGULAR)."""
 WINDOW_SECONDS = (1.0, 0.5, 0.25)
-"""Lengths of a window [s]: long against the noise of a velocity, short against changes of a disturbance."""
+"""Candidate window lengths [s]: long enough to average velocity noise, short relative to disturbances."""
 LEAST_POWER = 0.8
-"""Share of the variance of the thrusts that the integrals over a window keep at least; else it is shorter."""
+"""Minimum share of the variance of the thrusts that the window integrals keep; otherwise windows shorten."""
 MOST_WINDOWS, RUN = 1200, 60
-"""Largest number of windows (ten minutes of motion), and of consecutive windows kept together."""
+"""Maximum number of windows (ten minutes of motion), and number of consecutive windows kept together."""
 LEAST_WINDOWS, LEAST_ROWS = 24, 8
-"""Smallest number of windows that a regression uses, and of sample times in one."""
+"""Minimum number of windows of a regression, and of sample times in one window."""
 LEAK_SECONDS = 20.0
-"""Time constant of the sum of rates [s]: several periods of a vehicle's roll and pitch."""
+"""Time constant of the leaky integration of rates [s]: several roll and pitch periods of a vehicle."""
 IDLE = 0.01
-"""Standard deviation of a thrust, as a share of the largest, below which a thruster did not run."""
+"""Standard deviation of a thrust, relative to the maximum thrust, below which a thruster counts as idle."""
 DELAYS = np.arange(-0.1, 0.81, 0.05)
-"""Delays from command to motion that are tried [s]; negative where the commands were logged late."""
+"""Candidate delays from command to motion [s]; negative if the commands were logged late."""
 ORDER = 2
-"""Order of the autoregression of the errors: neighbouring windows overlap, the next but one touch."""
+"""Order of the autoregression of the errors: a window overlaps the next one and touches the one after."""
 ROUNDS = 2
-"""Alternations between regression and autoregression; further ones change nothing visible."""
+"""Number of alternations between regression and autoregression; more have no visible effect."""
 SLOW = 0.98
-"""Largest sum of autoregressive coefficients in size: a random walk cannot be whitened with few windows."""
+"""Maximum sum of absolute autoregressive coefficients: few windows cannot whiten a random walk."""
 GEOMETRY = 0.15
-"""Standard deviation of the errors of the file's lever arms, directions and cross inertias, as a share of the
-root mean square of the thrusters' accelerations on an axis; a centimetre or two of a lever arm, or 10
-degrees."""
+"""Standard deviation of the errors of the file's lever arms, directions and cross inertias, relative to the
+root mean square acceleration per newton of the thrusters on an axis.  It equals 1 to 2 cm of a lever arm, or
+10 degrees."""
 LEAST_ARM = 0.25
-"""The same error where the file's thrusters do not push along an axis: a share of 1/m, and of L/2 over I."""
+"""Minimum of that root mean square, relative to 1/m or (L/2)/I, for axes without thrust in the file."""
 BALLAST, OFFSET = 0.05, 0.05
-"""Standard deviation of an unknown weight as a share of the weight, and of an unknown lever arm of the weight
-as a share of the hull's length."""
+"""Prior standard deviations of an unknown weight, relative to the weight (BALLAST), and of an unknown lever
+arm of the weight, relative to the hull's length (OFFSET)."""
 STEADY = 0.2
-"""Standard deviation of an unknown constant force as a share of what all thrusters can do on the axis."""
+"""Prior standard deviation of an unknown constant force, relative to the total thrust on the axis."""
 FLOW, UNSTEADY = 0.5, 0.1
-"""Standard deviation of an unknown current, and of what the water does besides a uniform one [m/s]."""
+"""Prior standard deviations of an unknown uniform current, and of other motion of the water [m/s]."""
 STILL, FIRST_STEP, LAST_STEP = (0.0, 0.0), 0.16, 0.02
-"""Where the search for a current begins, and its first and last step [m/s]."""
+"""Start, first step and last step of the search for a current [m/s]."""
 HORIZONTAL = (0, 1, 5)
-"""Axes that the search for a current looks at."""
+"""Axes used in the search for a current."""
 ROUNDING = 1e-10
-"""Share of the largest product of thrust columns below which a combination of columns is not excited."""
+"""Share of the largest eigenvalue below which a combination of thrust columns counts as not excited."""
 REACH = 10.0
-"""Prior standard deviation of an acceleration per newton with every column free, in units of the file's."""
+"""Prior standard deviation of a free acceleration per newton, relative to that of the file."""
 DRAG = 1.0
-"""Standard deviation of the error of a drag coefficient of the box's faces."""
+"""Prior standard deviation of the error of a drag coefficient of the box's faces."""
 CREEP = 0.1
-"""Speed that linear damping counts as quadratic damping at, besides the recording's own [m/s, rad/s]."""
+"""Speed added to the recording's root mean square for the size of linear damping [m/s, rad/s]."""
 CROSS = 0.3
-"""Standard deviation of cross damping as a share of the damping of the two axes."""
+"""Prior standard deviation of cross damping, relative to the damping of the two axes."""
 COUPLED = 0.5
-"""Standard deviation of the errors of Coriolis and Munk terms as a share of the displaced mass."""
+"""Prior standard deviation of errors of Coriolis and Munk terms, relative to the displaced mass."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """Sufficient statistics of the regression, nuisance terms integrated out, in units of the errors.
+    """Sufficient statistics of the regression in units of the noise, with nuisance terms integrated out.
 
     Attributes:
-        gram: Products of the thrust columns with one another, (6, K n, K n) [1/N^2 of the errors]; column
-            k n + j is that of command column j through the thrust curve of kind k.
-        score: Their products with the accelerations, (6, K n).
-        arms: Acceleration per newton of each thruster by the file, (6, n).
-        kinds: Number of each thruster's thrust curve, (n,).
-        shown: Which axes the recording shows, (6,).
-        inertia: Standard errors of the file's inertia about its axes, as shares of it, (6,).
-        driven: Indices of the thrusters among the file's entries, (n,): all but servos.
-        idle: Which thrusters did not run, (n,).
-        delay: From command to motion [s].
+        gram: Products of the thrust columns with one another, (6, K n, K n); column k n + j belongs to
+            command column j through thrust curve k.
+        score: Products of the thrust columns with the accelerations, (6, K n).
+        arms: Acceleration per newton of each thruster in the file, (6, n).
+        kinds: Index of each thruster's thrust curve, (n,).
+        shown: Axes with measured accelerations, (6,).
+        inertia: Relative standard errors of the file's inertia about its axes, (6,).
+        driven: Indices of the thrusters among the file's actuators, servos excluded, (n,).
+        idle: Thrusters that did not run, (n,).
+        delay: Delay from command to motion [s].
     """
 
     gram: Array
@@ -129,10 +130,10 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
     Args:
         vehicle: The vehicle.
         record: The recording.
-        beside: Known wrench of the hull besides the file at every row, (N, 6) [N, N m].
+        beside: Known wrench on the hull in addition to the file's at every row, (N, 6) [N, N m].
 
     Returns:
-        None where there are no thrusters, or the recording has too few windows or shows no acceleration.
+        The statistics, or None if there are no thrusters, too few windows or no measured acceleration.
     """
     driven = np.array([i for i, one in enumerate(vehicle.thruster) if one.pushes], np.int64)
     rows = int(np.diff(record.segments, axis=1).max(initial=0))
@@ -171,7 +172,7 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
 
 
 def _windows(record: Recording, forces: Array) -> Windows:
-    """Windows as long as the changes of the thrusts allow."""
+    """Return the longest windows that keep LEAST_POWER of the thrusts' variance."""
     for seconds in WINDOW_SECONDS:
         windows = Windows.of(record, most=MOST_WINDOWS, seconds=seconds, run=RUN)
         held = np.var(forces[windows.rows], axis=0).sum()
@@ -182,7 +183,7 @@ def _windows(record: Recording, forces: Array) -> Windows:
 
 
 def _inertia_errors(vehicle: Vehicle, inverse: Array) -> Array:
-    """Standard errors of the file's added mass, 0 without any, as shares of the whole inertia, (6,)."""
+    """Return the standard errors of the file's added mass (0 if not given) relative to the inertia, (6,)."""
     errors = np.zeros(AXES)
     for table in vehicle.effects(ADDED_MASS.name):
         given = np.asarray(table.get("standard_error", {}).get("diagonal", errors), float)
@@ -191,11 +192,11 @@ def _inertia_errors(vehicle: Vehicle, inverse: Array) -> Array:
 
 
 def _tilted(record: Recording) -> Recording:
-    """The recording with an attitude from the rates where none is measured.
+    """Return the recording with roll and pitch integrated from the rates where they are not measured.
 
-    Rates are summed with a leak: their errors add up, and a vehicle with a restoring moment comes back. A
-    restoring moment that nobody knows of makes thrusters look reversed: below its natural frequency a vehicle
-    turns with the derivative of the moment.
+    The integration leaks, because errors of rates accumulate and a restoring moment returns the vehicle.
+    Without an attitude, an unmodelled restoring moment makes thrusters look reversed: below its natural
+    frequency, the rate of a vehicle follows the derivative of the moment.
     """
     if record.seen is None:
         return record
@@ -209,11 +210,11 @@ def _tilted(record: Recording) -> Recording:
 
 
 def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]:
-    """Thrust of every command column through every kind of thrust curve.
+    """Compute the thrust of every command column through every thrust curve.
 
     Returns:
-        The kind of each thruster (n,), and forces (N, K n + n) [N]: parts that are odd in the command through
-        each kind of curve, and then parts that are even, of each column through its own thruster's curve.
+        The index of each thruster's curve (n,), and forces (N, K n + n) [N].  The first K n are the parts odd
+        in the command, through each curve.  The last n are the even parts, each through its thruster's curve.
     """
     curves = table.copy()
     curves[:, UNIT_WRENCH] = 0.0
@@ -231,17 +232,17 @@ def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]
 
 
 def _cheapest(axes: Sequence[_Axis], pushed: Sequence[Array]) -> int:
-    """Index of the integrated thrusts that explain the accelerations best."""
+    """Return the index of the integrated thrusts with the highest likelihood."""
     return int(np.argmin([_cost(axes, each) for each in pushed]))
 
 
 def _cost(axes: Sequence[_Axis], pushed: Array) -> float:
-    """Minus twice the logarithm of the likelihood of the axes that are shown."""
+    """Return minus twice the log likelihood of the axes with measured accelerations."""
     return sum(axis.cost(pushed) for axis in axes if axis.shown)
 
 
 def _current(terms: _Terms, axes: Sequence[_Axis], pushed: Array) -> tuple[float, float]:
-    """Search for the current north and east [m/s] that explains the accelerations best, from still water."""
+    """Search, from still water, for the most probable current north and east [m/s]."""
 
     def cost(current: tuple[float, float]) -> float:
         prior = (current[0] ** 2 + current[1] ** 2) / FLOW**2
@@ -260,7 +261,7 @@ def _current(terms: _Terms, axes: Sequence[_Axis], pushed: Array) -> tuple[float
 
 
 def _shifted(forces: Array, windows: Windows, delay: float) -> Array:
-    """Forces at the rows of the windows as they were `delay` seconds before, (K, k)."""
+    """Return the forces at `delay` seconds before the rows of the windows, (K, k)."""
     record, rows = windows.record, windows.rows
     segment = np.searchsorted(record.segments[:, 1], rows, side="right")
     first, last = record.segments[segment, 0], record.segments[segment, 1] - 1
@@ -275,15 +276,15 @@ class _Axis:
     """Regression of one axis.
 
     Attributes:
-        shown: Whether the recording shows its acceleration.
-        left: Acceleration without thrusters, (W,).
+        shown: Whether its acceleration is measured.
+        left: Measured acceleration minus that of the file without thrusters, (W,).
         terms: Nuisance terms, each multiplied by its prior standard deviation, (W, p).
         size: Root mean square of the thrusters' accelerations per newton.
-        consecutive: Which windows follow the one before, (W,).
-        weights: Of the windows, by what samples show, (W,).
+        consecutive: Whether each window directly follows the previous one, (W,).
+        weights: Weights of the windows by the samples in them, (W,).
         filter: Autoregressive coefficients of the errors, (ORDER,).
         spread: Standard deviation of the whitened errors.
-        noise: Autocovariance of the sensor's noise over the windows, (ORDER + 1,).
+        noise: Autocovariance of the sensor noise over the windows, (ORDER + 1,).
     """
 
     shown: bool
@@ -297,7 +298,7 @@ class _Axis:
     noise: Array
 
     def filtered(self, values: Array) -> Array:
-        """Errors whitened: each window less what those before it foretell, in units of the spread."""
+        """Return whitened values: each window minus its autoregressive prediction, in units of the spread."""
         out, follows = values.copy(), self.consecutive
         for lag, coefficient in enumerate(self.filter, start=1):
             follows = self.consecutive[lag:] & follows[:-1] if lag > 1 else follows[1:]
@@ -306,21 +307,21 @@ class _Axis:
         return out
 
     def design(self, pushed: Array) -> Array:
-        """Regressors (W, p + k), scaled by their priors."""
+        """Return the regressors (W, p + k), scaled by their prior standard deviations."""
         return np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
 
     def fitted(self, pushed: Array) -> tuple[Array, float]:
-        """Errors (W,), not whitened, of the fit with every column free, and the number of free parameters."""
+        """Fit with every column free; return the unwhitened errors (W,) and the effective parameter count."""
         whole = self.design(pushed)
         y, columns = self.filtered(self.left), self.filtered(whole)
         gram = columns.T @ columns
-        inverse = pinvh(gram + np.eye(len(gram)))  # noise-free columns outweigh the priors by all digits
+        inverse = pinvh(gram + np.eye(len(gram)))  # of noise-free columns the priors vanish in rounding
         beta = inverse @ (columns.T @ y)
         freedom = float((inverse * gram).sum())
         return self.left - whole @ beta, freedom
 
     def cost(self, pushed: Array) -> float:
-        """Minus twice the logarithm of the likelihood with every column free, the spread estimated."""
+        """Return minus twice the log likelihood with every column free and the spread estimated."""
         errors, _ = self.fitted(pushed)
         squares = self.filtered(errors) ** 2
         return float(len(errors) * np.log(squares.sum() + 1e-300))
@@ -340,18 +341,22 @@ class _Axis:
 
     @property
     def least_variance(self) -> float:
-        """Variance of the sensor's noise after the filter; errors of a short recording can look smaller."""
+        """Return the variance of the whitened sensor noise, a lower bound on that of the errors.
+
+        The estimated errors of a short recording can have a smaller variance.
+        """
         taps = np.concatenate([[1.0], -self.filter])
         lags = np.abs(np.subtract.outer(np.arange(len(taps)), np.arange(len(taps))))
         return float(taps @ self.noise[lags] @ taps)
 
     def reduced(self, pushed: Array, count: int) -> tuple[Array, Array]:
-        """Products of the thrust columns and the accelerations, nuisance terms integrated out.
+        """Return products of the thrust columns and the accelerations, with nuisance terms integrated out.
 
-        The first `count` columns are odd parts of thrusts, the others even ones, which are nuisance terms.
+        The first `count` columns are odd parts of thrusts.  The others are even parts, which are nuisance
+        terms.
 
         Errors of the geometry, one for each column, are integrated out last, in the eigenvectors of the
-        products: commands of a mixer are linearly dependent, and rounding must not make the products
+        products.  Commands of a mixer are linearly dependent, and rounding must not make the products
         indefinite.
         """
         whole = pushed * self.weights[:, None]
@@ -369,7 +374,7 @@ class _Axis:
 
 
 def _autoregression(errors: Array, consecutive: Mask) -> Array:
-    """Coefficients by least squares over windows that follow one another, bounded short of a random walk."""
+    """Fit autoregressive coefficients over consecutive windows by least squares, bounded by SLOW."""
     both = consecutive & np.roll(consecutive, 1)
     rows = np.flatnonzero(both)
     rows = rows[rows >= ORDER]
@@ -387,12 +392,12 @@ class _Terms:
 
     Attributes:
         vehicle: The vehicle.
-        model: The same, compiled.
-        windows: Of the recording.
+        model: The compiled vehicle.
+        windows: Windows of the recording.
         inverse: Inverse mass matrix, (6, 6).
         arms: Acceleration per newton of each thruster, (6, n).
-        authority: Largest acceleration by all thrusters together, (6,).
-        beside: Known wrench of the hull besides the file at every row, (N, 6); None where unknown.
+        authority: Maximum acceleration by all thrusters together, (6,).
+        beside: Known wrench on the hull in addition to the file's at every row, (N, 6); None if unknown.
     """
 
     vehicle: Vehicle
@@ -409,12 +414,12 @@ class _Terms:
         known: Sequence[_Axis] | None = None,
         wanted: Sequence[int] = tuple(range(AXES)),
     ) -> list[_Axis]:
-        """Collect the terms of each axis that is wanted.
+        """Collect the terms of the given axes.
 
         Args:
-            current: Velocity of the water north and east, besides the file's [m/s].
-            known: All axes with their errors whitened; by default the errors are taken as white.
-            wanted: Numbers of the axes.
+            current: Velocity of the water north and east, in addition to the file's [m/s].
+            known: All axes with whitened errors; by default the errors are assumed to be white.
+            wanted: Indices of the axes.
         """
         windows, flat = self.windows, self.model.program.flat.copy()
         constants_of(flat)[CURRENT:][:2] += current
@@ -430,7 +435,7 @@ class _Terms:
         return [self._axis(i, left[:, i], nu, R, None if known is None else known[i]) for i in wanted]
 
     def _axis(self, axis: int, left: Array, nu: Array, R: Array, known: _Axis | None) -> _Axis:
-        """Collect the terms of one axis, an unknown place of the velocity log among them."""
+        """Collect the terms of one axis, including an unknown mounting position of the DVL."""
         windows = self.windows
         weights = np.ones(len(left)) if windows.known is None else windows.known[:, axis]
         terms = windows.sums(self._along(axis, nu, R))
@@ -452,16 +457,16 @@ class _Terms:
         )
 
     def _lever(self, axis: int, nu: Array) -> Array:
-        """Velocity that a log half a hull's size ahead, right or below sees besides the body's, (K, 3)."""
+        """Return the extra velocity at a DVL half a hull's size forward, starboard or below, (K, 3)."""
         hull = self.vehicle.hull
         places = 0.5 * np.diag([hull.length, hull.width, hull.height])
         return np.cross(nu[:, None, 3:], places)[:, :, axis]
 
     def _along(self, axis: int, nu: Array, R: Array) -> Array:
-        """Nuisance accelerations at the rows of the windows, times their prior deviations, (K, p).
+        """Return nuisance accelerations at the rows of the windows, scaled by their priors, (K, p).
 
         Args:
-            axis: Number of the axis.
+            axis: Index of the axis.
             nu: Velocity relative to the water, (K, 6).
             R: Rotation from body to NED, (K, 3, 3).
         """
@@ -469,14 +474,14 @@ class _Terms:
         length, width, height = hull.length, hull.width, hull.height
         area = np.array([width * height, length * height, length * width])
         third = np.array([max(width, height) ** 4 * length, length**4 * width, length**4 * height]) / 32.0
-        quadratic = 0.5 * DRAG * water.water_density * np.concatenate([area, third])  # of the wrench
+        quadratic = 0.5 * DRAG * water.water_density * np.concatenate([area, third])  # wrench per nu^2
         linear = quadratic * (np.sqrt(np.mean(nu**2, axis=0)) + CREEP)
         weight = self.vehicle.rigid_body.mass * water.gravity
         displaced = self.vehicle.buoyancy.force / water.gravity
         light, down = self.inverse[axis, axis], R[:, 2, :]
         cross = np.full(AXES, CROSS)
         cross[axis] = 1.0
-        carried = UNSTEADY * R[:, :2, :]  # an unknown velocity of the water, north and east, in body axes
+        carried = UNSTEADY * R[:, :2, :]  # unknown velocity of the water, north and east, in body axes
         lever = 1.0 if axis < 3 else OFFSET * length
         found = [
             np.full((len(nu), 1), STEADY * self.authority[axis] + light * BALLAST * weight * lever),
@@ -496,5 +501,5 @@ class _Terms:
 
 
 def _products(nu: Array, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Products of velocities, (K, pairs)."""
+    """Return the products of velocities, (K, pairs)."""
     return np.column_stack([nu[:, i] * nu[:, k] for i, k in pairs])

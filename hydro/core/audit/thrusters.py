@@ -1,7 +1,7 @@
 """Thruster audit: directions, order and effectiveness of all thrusters, from one recording.
 
-The audit runs before any effect is considered: a thruster that pushes opposite to the file, or a command
-column that belongs to another thruster, is imitated by no effect, and every fit bends to it.
+The audit precedes the search for effects.  No effect can imitate a reversed thruster or a command column of
+another thruster, but such an error biases every fit.
 """
 
 from __future__ import annotations
@@ -23,39 +23,39 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
 SURE = 0.95
-"""Probability from which a hypothesis about directions and order is stated."""
+"""Minimum probability at which directions and order are stated."""
 NORMAL = 1.96
 """Half width of a 95 % interval in standard deviations."""
 STATED = 3.0
-"""Standard errors from which a common scale other than 1 is stated: one false alarm in 370."""
+"""Minimum deviation of the common scale from 1 that is stated [standard errors]: one false alarm in 370."""
 TOGETHER = 0.5
-"""Correlation of two effectivenesses, in size, from which thrusters that are not seen singly form a group."""
+"""Minimum absolute correlation of the effectivenesses of thrusters that form a group."""
 WEAK = 0.5
-"""Share of the common scale that a thruster which is called weak does not reach, by its whole interval."""
+"""Upper limit of the whole interval of a weak thruster, relative to the common scale."""
 MOST_ALTERNATIVES, LIKELY = 3, 0.05
-"""Number of alternatives that are listed, and the least probability of one."""
+"""Maximum number of listed alternatives, and their minimum probability."""
 
 
 @dataclass(frozen=True)
 class ThrusterAudit:
-    """Directions, order and effectiveness of the thrusters of a file by a recording.
+    """Result of a thruster audit: directions, order and effectiveness.
 
     Attributes:
-        wiring: Directions and order that are stated; the file's where nothing is.
-        probability: Of what is stated.
+        wiring: Stated directions and order; those of the file if nothing else is stated.
+        probability: Probability of the stated directions and order.
         plain: Probability that all directions and the order are those of the file.
-        alternatives: Likeliest hypotheses where the file is wrong and none of them is sure.
-        effectiveness: Thrust of each thruster by the column that drives it, as a multiple of the file's,
-            (n,); negative where it pushes opposite to the file.
-        low: Lower end of its 95 % interval, (n,).
-        high: Upper end, (n,).
-        scale: Common scale of all thrusters, with its lower and upper end.
-        seen: Which thrusters are seen singly, (n,).
-        clear: Which of these push in a direction that is sure, (n,): a dead thruster does not.
-        together: Groups of thrusters that cannot be told apart.
-        idle: Which thrusters did not run, (n,).
-        shown: Which accelerations u v w p q r are shown, (6,).
-        delay: From command to motion [s].
+        alternatives: Most probable hypotheses if the file is wrong and none of them is certain.
+        effectiveness: Thrust of each thruster relative to the file's, by the column that drives it, (n,);
+            negative if it pushes opposite to the file.
+        low: Lower end of the 95 % interval of the effectiveness, (n,).
+        high: Upper end of that interval, (n,).
+        scale: Common scale of all thrusters, with the ends of its 95 % interval.
+        seen: Thrusters whose individual effectiveness is determined, (n,).
+        clear: Thrusters of these whose direction is certain, (n,); a dead thruster has none.
+        together: Groups of thrusters that the recording cannot separate.
+        idle: Thrusters that did not run, (n,).
+        shown: Measured accelerations among u v w p q r, (6,).
+        delay: Delay from command to motion [s].
     """
 
     wiring: Wiring
@@ -75,20 +75,20 @@ class ThrusterAudit:
 
     @property
     def wrong(self) -> bool:
-        """Whether directions or order differ from the file, even where it is open which."""
+        """Return whether directions or order differ from the file, even if the difference is ambiguous."""
         return self.plain <= 1.0 - SURE
 
     def columns(self) -> tuple[str, ...]:
-        """Names of the command columns that are stated, or that an alternative changes."""
+        """Return the command columns that the stated hypothesis or an alternative changes."""
         every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
         return tuple(sorted({name for wiring in every for name in wiring.columns()}))
 
     def lines(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
-        """Yield the findings, a sentence each, the most important first.
+        """Yield the findings, one sentence each, most important first.
 
         Args:
-            file: Name of the vehicle file, for the command that corrects it; empty if it is not known.
-            sources: Names of the columns in the log, in the order of the map, where there is one.
+            file: Name of the vehicle file, for the command that corrects it; empty if unknown.
+            sources: Names of the columns in the log, in the order of the map; None without a map.
         """
         if self.clear.any() and not self.wrong:
             yield self.headline()
@@ -96,10 +96,10 @@ class ThrusterAudit:
         yield from self._unseen()
         if not self.shown.all():
             hidden = [name for name, shown in zip(VELOCITY, self.shown, strict=True) if not shown]
-            yield f"accelerations of {listed(hidden)} are not measured and play no part in this"
+            yield f"accelerations of {listed(hidden)} are not measured and not used"
 
     def statements(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
-        """Yield what contradicts the file: directions and order, a common scale, weak thrusters."""
+        """Yield contradictions of the file: directions and order, a common scale, weak thrusters."""
         if self.wrong:
             yield self.headline(file, sources)
         if self.seen.any():
@@ -116,7 +116,7 @@ class ThrusterAudit:
                 f"{self._told(wiring)} ({100 * chance:.0f} %)" for wiring, chance in self.alternatives
             )
             return (
-                "thruster directions or order differ from the file, but the recording does not tell how: "
+                "thruster directions or order differ from the file, but the recording does not show how: "
                 f"{likely or 'no single change explains it'}; run each thruster alone"
             )
         told = f"{self._told(self.wiring)} ({100 * self.probability:.0f} % sure)"
@@ -130,7 +130,7 @@ class ThrusterAudit:
         return f"{told}: {'; '.join(advice)}"
 
     def table(self) -> pl.DataFrame:
-        """Return one row per thruster: effectiveness with its 95 % interval, and whether it is seen."""
+        """Return one row per thruster: effectiveness with its 95 % interval, and whether it is determined."""
         return pl.DataFrame(
             {
                 "thruster": range(1, len(self.seen) + 1),
@@ -142,7 +142,7 @@ class ThrusterAudit:
         ).with_columns(cs.float().fill_nan(None))
 
     def _told(self, wiring: Wiring) -> str:
-        """Directions and order of a hypothesis in words."""
+        """Return the directions and order of a hypothesis in words."""
         parts = []
         if wiring.reversed:
             verb = "pushes" if len(wiring.reversed) == 1 else "push"
@@ -160,7 +160,7 @@ class ThrusterAudit:
         return "; ".join(parts) or "all is as the file says"
 
     def _order(self, sources: Sequence[str] | None) -> str:
-        """Return how to put the columns in order: the line of the map, or the order in words."""
+        """Return the correction of the order: the line of the map, or the order in words."""
         turned = {i for i in self.wiring.moved if self.wiring.sign[i] < 0}
         if sources:
             columns = [
@@ -176,27 +176,27 @@ class ThrusterAudit:
         return f"put the columns of [commands] in the map in the order {order}"
 
     def _unseen(self) -> Iterator[str]:
-        """Thrusters of which nothing is stated."""
+        """Yield a sentence for the thrusters without a result."""
         if idle := _places(self.idle):
-            yield f"{_thrusters(idle)} did not run: nothing can be said about {_it(idle)}"
+            yield f"{_thrusters(idle)} did not run: no result for {_it(idle)}"
         grouped = set(idle)
         for group in self.together:
             grouped |= set(group)
             yield (
-                f"{_thrusters(group)} act alike in this recording and cannot be told apart: "
-                "nothing is said about one of them; run each of them alone"
+                f"{_thrusters(group)} act alike in this recording and cannot be separated: "
+                "no result for single ones; run each of them alone"
             )
         rest = tuple(i for i in _places(~self.clear) if i not in grouped and not self._weak(i))
         if rest:
-            yield f"the direction of {_thrusters(rest, 'thruster')} is not visible in this recording"
+            yield f"this recording does not show the direction of {_thrusters(rest, 'thruster')}"
 
     def _weak(self, i: int) -> bool:
-        """Whether a thruster hardly pushes in either direction, by its whole interval."""
+        """Return whether the whole interval of a thruster is below WEAK in both directions."""
         most = max(abs(self.low[i]), abs(self.high[i]))
         return bool(self.seen[i] and most < WEAK * self.scale[0])
 
     def _sizes(self) -> Iterator[str]:
-        """Common scale, and thrusters that differ from it."""
+        """Yield the common scale, and thrusters that are weaker."""
         scale, low, high = self.scale
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
         if abs(np.log(scale)) > STATED / NORMAL * np.log(high / scale):
@@ -215,17 +215,17 @@ def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> T
     Args:
         vehicle: The vehicle.
         record: The recording.
-        beside: Known wrench of the hull besides the file at every row, (N, 6) [N, N m]; None where unknown.
+        beside: Known wrench on the hull in addition to the file's at every row, (N, 6) [N, N m].
 
     Returns:
-        None for a vehicle without thrusters, or a recording that is too short or shows no acceleration.
+        The audit, or None if there are no thrusters, too few windows or no measured acceleration.
     """
     found = balance(vehicle, record, beside)
     return None if found is None else _concluded(found, posterior(found), len(vehicle.thruster))
 
 
 def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
-    """Conclude from the probabilities of all hypotheses."""
+    """Derive the audit from the probabilities of all hypotheses."""
     ranked = tried.wirings()
     likeliest, driven = ranked[0][0], found.driven
     order = next(order for order in tried.orders if order.column == likeliest.column)
@@ -260,7 +260,7 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
 
 
 def _turned(ranked: Sequence[tuple[Wiring, float]]) -> Array:
-    """Probability that each thruster is reversed, (n,), given the likeliest order of the columns."""
+    """Return the probability that each thruster is reversed, (n,), given the likeliest column order."""
     column, total = ranked[0][0].column, 0.0
     found = np.zeros(len(column))
     for wiring, chance in ranked:
@@ -273,10 +273,10 @@ def _turned(ranked: Sequence[tuple[Wiring, float]]) -> Array:
 def _stated(
     ranked: Sequence[tuple[Wiring, float]], turned: Array, plain: float, seen: Mask
 ) -> tuple[Wiring, float, tuple[tuple[Wiring, float], ...]]:
-    """Hypothesis that is stated, its probability, and those left open where the file is surely wrong.
+    """Return the stated hypothesis, its probability, and alternatives if the file is certainly wrong.
 
-    A thruster is stated as reversed where that has a probability of SURE whatever the others do: a dead
-    thruster, whose sign nothing shows, takes nothing from the statement about the others.
+    A thruster is stated as reversed if its marginal probability reaches SURE.  So a dead thruster, whose sign
+    is not determined, does not weaken the statement about the others.
     """
     likeliest, probability = ranked[0]
     file = Wiring.plain(len(likeliest.column))
@@ -292,9 +292,9 @@ def _stated(
 
 
 def _scale(strength: Array, covariance: Array) -> tuple[float, float]:
-    """Common scale of effectivenesses whose signs are known, and its standard error.
+    """Estimate the common scale of effectivenesses with known signs, and its standard error.
 
-    Thrusters differ from it at random, by an amount that is estimated with it (DerSimonian and Laird 1986).
+    It is a random-effects mean: the scatter of the thrusters is estimated too (DerSimonian and Laird 1986).
     """
     weights = 1.0 / np.diagonal(covariance)
     mean = float((weights * strength).sum() / weights.sum())
@@ -307,23 +307,23 @@ def _scale(strength: Array, covariance: Array) -> tuple[float, float]:
 
 
 def _common_error(found: Balance) -> float:
-    """Standard error of the logarithm of the scale by the file's inertia.
+    """Return the standard error of the logarithm of the scale due to errors of the file's inertia.
 
-    Errors that a file states have one cause, the hull's estimate, and are taken as fully correlated.
+    Errors stated in a file have one cause, the estimate of the hull, and are assumed fully correlated.
     """
     independent = INERTIA / np.sqrt(found.shown.sum())
     return float(max(independent, found.inertia[found.shown].mean()))
 
 
 def _interval(middle: float, error: float) -> tuple[float, float, float]:
-    """A positive number with its 95 % interval, from the standard error of its logarithm."""
-    with np.errstate(over="ignore"):  # of thrusters that never ran the interval has no end
+    """Return a positive number with its 95 % interval, from the standard error of its logarithm."""
+    with np.errstate(over="ignore"):  # the interval of thrusters that never ran is infinite
         factor = float(np.exp(NORMAL * error))
     return middle, middle / factor, middle * factor
 
 
 def _groups(covariance: Array, seen: Mask, idle: Mask, scale: float) -> list[tuple[int, ...]]:
-    """Thrusters that are not seen singly and whose effectivenesses are correlated, (connected) together."""
+    """Return connected groups of undetermined thrusters with correlated effectivenesses."""
     spread = np.sqrt(np.diagonal(covariance))
     alike = np.abs(covariance / np.outer(spread, spread)) > TOGETHER
     left = list(_places(~seen & ~idle))
@@ -342,7 +342,7 @@ def _groups(covariance: Array, seen: Mask, idle: Mask, scale: float) -> list[tup
 
 
 def _spread(wiring: Wiring, driven: Rows, count: int) -> Wiring:
-    """The hypothesis about the thrusters that push, among all entries of the file, servos too."""
+    """Return the hypothesis extended to all actuators of the file, including servos."""
     column, sign = list(range(count)), [1] * count
     for at, (own, turned) in zip(driven, wiring.drives(), strict=True):
         column[at], sign[at] = int(driven[own]), turned
@@ -350,19 +350,19 @@ def _spread(wiring: Wiring, driven: Rows, count: int) -> Wiring:
 
 
 def _full(values: Any, driven: Rows, count: int, other: Any) -> Any:
-    """Values of the thrusters that push, (n,) with another one for servos."""
+    """Return values (n,) of all actuators: those of the thrusters, and `other` for servos."""
     out = np.full(count, other)
     out[driven] = values
     return out
 
 
 def _places(mask: Mask) -> tuple[int, ...]:
-    """Indices where a mask is true."""
+    """Return the indices at which a mask is true."""
     return tuple(int(i) for i in np.flatnonzero(mask))
 
 
 def _thrusters(indices: Sequence[int], word: str = "thruster") -> str:
-    """Numbers in a sentence: `thrusters 1, 2 and 5`."""
+    """Return numbers in a sentence: `thrusters 1, 2 and 5`."""
     return f"{word}{'s' if len(indices) > 1 else ''} {listed([str(i + 1) for i in indices])}"
 
 

@@ -1,4 +1,4 @@
-"""Assignment of command columns to thrusters, with signs."""
+"""Assignment of command columns to thrusters, with the sign of each thruster."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hydro.core.columns import Array, command_column
 
 @dataclass(frozen=True)
 class Wiring:
-    """Which command column drives each thruster, and in which direction.
+    """Command column that drives each thruster, and the thruster's direction.
 
     Attributes:
         column: Index of the column, from 0, for each thruster.
@@ -30,17 +30,17 @@ class Wiring:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is the assignment of the vehicle file."""
+        """Return whether it is the assignment of the vehicle file."""
         return self == Wiring.plain(len(self.column))
 
     @property
     def reversed(self) -> tuple[int, ...]:
-        """Indices of thrusters that have their own column and push opposite to the file."""
+        """Return the indices of thrusters that have their own column and push opposite to the file."""
         return tuple(i for i, drive in enumerate(self.drives()) if drive == (i, -1))
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Indices of thrusters that another column drives."""
+        """Return the indices of thrusters that another column drives."""
         return tuple(i for i, column in enumerate(self.column) if column != i)
 
     def drives(self) -> Iterator[tuple[int, int]]:
@@ -59,14 +59,14 @@ class Wiring:
         return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
 
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns that drive another thruster than the file says, or drive it in reverse."""
+        """Return the columns that drive another thruster than in the file, or drive it in reverse."""
         drives = enumerate(self.drives())
         return tuple(
             sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))
         )
 
     def words(self) -> str:
-        """Differences from the file: `cmd_2 drives thruster 1, minus cmd_4 drives thruster 4`."""
+        """Return the differences from the file: `cmd_2 drives thruster 1, minus cmd_4 drives thruster 4`."""
         changed = [
             f"{'minus ' if sign < 0 else ''}{command_column(column)} drives thruster {i + 1}"
             for i, (column, sign) in enumerate(self.drives())

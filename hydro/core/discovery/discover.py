@@ -45,6 +45,7 @@ BETTER = 0.7
 SHOTS = 96
 """Maximum number of shots on which terms are selected."""
 MOST_TERMS = 8
+"""Maximum number of terms added to a formula."""
 WORTH = 0.05
 """Minimum share of the remaining held-out error that a term must remove."""
 BESIDE, PLAIN = 0.005, 0.05
@@ -58,6 +59,7 @@ TRIED = 3
 MOVED = 2.0
 """Prior standard deviations by which a value of the file must change to be reported."""
 STEPS, LAST_STEPS = 6, 12
+"""Maximum Gauss-Newton steps of a fit during selection (STEPS) and of the final fit (LAST_STEPS)."""
 LOOSE = 1e-2
 """Prior information on the coefficient of a term, times the mean squared residual."""
 TOLD = 0.2
@@ -163,10 +165,10 @@ class Discovery:
 
     def better(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
-        progress("every term on data that it was not fitted to", 0.0)
+        progress("terms tested on held-out data", 0.0)
         best: Choice | None = None
         for number, term in enumerate(self.shortlist(choice)[:TRIED]):
-            progress(f"{term.text}, its power fitted", 0.5 + 0.5 * number / TRIED)
+            progress(f"fit of {term.text} with its power", 0.5 + 0.5 * number / TRIED)
             try:
                 tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), STEPS)
             except (Diverges, np.linalg.LinAlgError):
@@ -313,7 +315,7 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
             continue
         farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
         values, errors = fit.table(name)
-        words = f"goes with the terms that were discovered, add both: {advice.retuning(name, farthest)}"
+        words = f"belongs to the discovered terms, add both: {advice.retuning(name, farthest)}"
         yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
 
 
@@ -327,8 +329,8 @@ def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
     both = np.isfinite(removed[which])
     share, low, high = explained_share(removed[which][both], first.left[which][both], pieces)
     words = (
-        f"{told(values, errors)}; it removes {share:.0%} of the error of regimes of motion that it was not "
-        f"fitted to. Judge whether it can be, then `hydro add --effect {FORMULA.name}`"
+        f"{told(values, errors)}; it removes {share:.0%} of the held-out error. Check whether it is "
+        f"physically plausible, then `hydro add --effect {FORMULA.name}`"
     )
     return Finding(
         "suspect",

@@ -32,12 +32,15 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 POWERS = np.arange(0.0, 4.01, 0.05)
+"""Powers that are tried."""
 RESAMPLES = 400
+"""Number of bootstrap samples for the interval of a power."""
 PLAIN = 0.02
 """Minimum share of the force's variance that a term must explain for its power to be reported."""
 WIDEST = 1.5
 """Maximum width of a power's 95 % interval for the power to be reported."""
 RIDGE = 1e-9
+"""Relative ridge that keeps the normal equations invertible."""
 
 
 def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None) -> pl.DataFrame:

@@ -55,14 +55,14 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
     if not factors:
         return f"a steady {what} in {dof}"
     if factors[0] in COMMAND_NAMES:
-        return f"command {factors[0]} brings a {what} in {dof}"
+        return f"command {factors[0]} causes a {what} in {dof}"
     if factors[0] in OF_DOWN:
-        return f"a {what} in {dof} that goes with {OF_DOWN[factors[0]]}"
+        return f"a {what} in {dof} depends on {OF_DOWN[factors[0]]}"
     names = [factor.strip("|^n").removeprefix("sgn(").rstrip(")") for factor in factors]
     odd = factors[-1].startswith("sgn") or len(factors) == 2
     if powers and names[-1] in COMMAND_NAMES:
-        turns = " and turns with it" if names[0] == names[-1] else ""
-        return f"command {names[-1]} brings a {what} in {dof} that grows as |{names[0]}|^{grown[0]}{turns}"
+        turns = " and changes sign with it" if names[0] == names[-1] else ""
+        return f"command {names[-1]} causes a {what} in {dof} that grows as |{names[0]}|^{grown[0]}{turns}"
     if powers and names == [own, own]:
         kind = "drag" if value < 0.0 else "a force along the motion"
         return f"{kind} in {dof} grows as |{own}|^{grown[0]}"
@@ -72,8 +72,10 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
     law = " ".join(f.replace("^n", f"^{grown[0]}") if grown else f for f in factors)
     if odd and len(set(names)) == 1:
         cause = DOF[VELOCITY.index(names[0])]
-        return f"{cause} brings a {what} in {dof} that grows as |{names[0]}|^{grown[0]} and turns with it"
-    return f"a {what} in {dof} goes as {law}"
+        return (
+            f"{cause} causes a {what} in {dof} that grows as |{names[0]}|^{grown[0]} and changes sign with it"
+        )
+    return f"a {what} in {dof} is proportional to {law}"
 
 
 def _lever(

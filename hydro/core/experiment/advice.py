@@ -60,12 +60,14 @@ def in_waves(sea: Mapping[str, Any], speed: float, alone: bool) -> str:
     """
     toward = math.degrees(float(sea["direction"])) % 360.0
     others = (
-        "nothing else is missing, but they may hide small effects" if alone else "all findings allow for them"
+        "nothing else was found, but the waves may hide small effects"
+        if alone
+        else "all other findings account for them"
     )
     return (
         f"waves of {float(sea['period']):.1f} s toward {toward:.0f} degrees move the water at the vehicle by "
         f"{speed:.2g} m/s (root mean square), which no file can predict; {others}; {ADD}: fits and "
-        "comparisons then allow for them, and `hydro simulate --sea` draws them"
+        "comparisons then account for them, and `hydro simulate --sea` draws them"
     )
 
 
@@ -80,7 +82,7 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
 
 def suspecting(effect: str, words: str) -> str:
     """Return the advice `words` for a missing effect whose name is too uncertain to be stated."""
-    by_name = f"add it only if the vehicle confirms it, by its name (`hydro add --effect {effect}`)"
+    by_name = f"add it by name only if you can confirm it on the vehicle (`hydro add --effect {effect}`)"
     return words.replace(ADD, by_name) if ADD in words else f"{words}; {by_name}"
 
 
@@ -91,7 +93,7 @@ def retuning(effect: str, change: Change | None = None) -> str:
         effect: Name of the effect.
         change: Entry with the largest change relative to its prior.
     """
-    words = f"the recording supports other values of {effect}"
+    words = f"{effect} needs new values"
     if change is None or change.deviations <= STATED_CHANGE:
         return f"{words}; `hydro add` replaces them"
     told = (
@@ -101,7 +103,7 @@ def retuning(effect: str, change: Change | None = None) -> str:
     if change.deviations <= ABSURD:
         return f"{told}; `hydro add` replaces them"
     return (
-        f"{told}. That is implausible: the value may absorb an effect that the file lacks; "
+        f"{told}. That is implausible: the value may absorb an effect missing in the file; "
         "do not add it unless you know that the file's value is wrong"
     )
 
@@ -127,8 +129,8 @@ def contradicting(change: Change, share: float) -> str:
         share: Share of the error beyond the noise that other values would explain.
     """
     return (
-        f"held as known and not re-estimated, but the recording contradicts it: {change.entry.name} "
-        f"{change.given:.3g} would have to be {change.value:.3g}, and that would explain {share:.0%} of the "
+        f"held as known and not re-estimated, but the recording contradicts it: {change.entry.name} would "
+        f"change from {change.given:.3g} to {change.value:.3g}, and that would explain {share:.0%} of the "
         "error; another finding may absorb this error"
     )
 
@@ -136,8 +138,8 @@ def contradicting(change: Change, share: float) -> str:
 def being_alias(effect: str, others: Sequence[str]) -> str:
     """Return the advice for an effect that equals a combination of others."""
     return (
-        f"{effect} is an alias of {' + '.join(others)}, in the file or found, in every recording; "
-        "choose by your knowledge of the vehicle"
+        f"{effect} equals {' + '.join(others)}, in the file or found, in every recording; "
+        "choose from what you know of the vehicle"
     )
 
 

@@ -6,9 +6,9 @@ without those for weight and trim.  The coefficients of the library have zero me
 the hull's size times one common factor.  They are integrated out together with the initial states of the
 shots, and the evidence selects the factor.
 
-The remaining evidence is that of the change (MacKay, Bayesian interpolation, Neural Computation 4, 415-447,
+The remaining evidence belongs to the change (MacKay, Bayesian interpolation, Neural Computation 4, 415-447,
 1992).  A change of weight, current, thrust or sensor has features that no force of the motion has, and keeps
-its evidence.  A change that only imitates the hull's model error loses it to the library.
+its evidence.  The library explains a change that only imitates the hull's model error.
 
 Residuals of a wrong model are not white noise: they persist for the length of a shot.  So each shot counts as
 NUMBERS independent values, the components of a steady wrench.  The evidence also selects their variance.
@@ -196,7 +196,7 @@ class Allowance:
         """
         for _ in range(STEPS):
             tried = self.held(unknown, held.best, prior)
-            if tried.evidence <= held.evidence + WORTH:  # perhaps too far for a linear guess
+            if tried.evidence <= held.evidence + WORTH:  # the step may exceed the linear range
                 tried = self.held(unknown, held.values + SHORTER * (held.best - held.values), prior)
             if tried.evidence <= held.evidence + WORTH:
                 break

@@ -38,7 +38,7 @@ class Hull:
     Attributes:
         law: The residual wrench.
         sigma: Noise of the channels of the recording, (12,).
-        floor: Root mean square residual of held-out stretches, in units of the noise and at least 1, (12,).
+        floor: Root mean square residual of held-out stretches in units of the noise, at least 1, (12,).
         alone: Root mean square residual of the file without the law, (12,).
         given: Reduced chi-square of the file without the law.
         left: Reduced chi-square of held-out stretches with the law.
@@ -64,8 +64,9 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
     seconds = len(shots.starts) * round((shots.length - shots.lead) * shots.record.dt, 6)
     if seconds < LEAST_SECONDS:
         raise DataError(
-            f"{seconds:g} s without a gap are too short to learn a hull from; record {LEAST_SECONDS:g} s at "
-            "least, or estimate single effects by `hydro fit --effect`, such as a weight from a few sinks"
+            f"{seconds:g} s without a gap are too short to learn a hull from; record at least "
+            f"{LEAST_SECONDS:g} s, or estimate single effects with `hydro fit --effect`, such as the weight "
+            "from a few descents without thrust"
         )
     transitions, fold = Transitions.of(candidate(vehicle), shots), stretches(shots)
     found = learn(vehicle, transitions, fold)

@@ -113,7 +113,7 @@ class Writer:
         tensor = np.asarray(self.model.tensors[name], dtype=np.float32)
         if tensor.shape != shape:
             raise DataError(
-                f"model {self.model.name}: tensor {name} has shape {tensor.shape}, its layers ask for {shape}"
+                f"model {self.model.name}: tensor {name} has shape {tensor.shape}, its layers need {shape}"
             )
         return tensor
 
@@ -124,7 +124,7 @@ class Writer:
         return found
 
     def dense(self, x: Place, name: str, length: int) -> Place:
-        """Add a dense layer W x + b with the tensors `name.weight` (length, x) and `name.bias` (length,)."""
+        """Add a dense layer W x + b with tensors `name.weight` (length, x) and `name.bias` (length,)."""
         weight = self.tensor(f"{name}.weight", (length, x.length))
         return self.affine(x, weight, self.tensor(f"{name}.bias", (length,)), self.place(length))
 
@@ -136,7 +136,7 @@ class Writer:
         """
         if weight.shape[1] != x.length:
             raise DataError(
-                f"model {self.model.name}: a layer of {weight.shape[1]} inputs is given {x.length}; "
+                f"model {self.model.name}: a layer of {weight.shape[1]} inputs receives {x.length}; "
                 "train the model again"
             )
         at = self._keep(weight.T.ravel(), bias)
@@ -150,9 +150,7 @@ class Writer:
         """
         if function not in layers.FUNCTIONS:
             known = ", ".join(layers.FUNCTIONS)
-            raise DataError(
-                f"model {self.model.name}: activation {function!r} is not known here; known are {known}"
-            )
+            raise DataError(f"model {self.model.name}: unknown activation {function!r}; known are {known}")
         return self._step(layers.ACTIVATE, x, x, argument=layers.FUNCTIONS[function])
 
     def chain(self, x: Place, name: str, widths: Sequence[int], function: str) -> Place:
@@ -314,7 +312,7 @@ def lower(model: TrainedModel, inputs: int) -> Writer:
     kind = model.architecture.get("model")
     if kind not in WRITERS:
         raise DataError(
-            f"model {model.name}: the simulation knows no architecture {kind!r}; "
+            f"model {model.name}: unknown architecture {kind!r} for the simulation; "
             f"known are {', '.join(WRITERS)}"
         )
     writer = Writer(model, inputs)

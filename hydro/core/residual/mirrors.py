@@ -36,7 +36,7 @@ from hydro.core.compiled import kernel
 
 AXES, POWERS, SUMS, STAGES = 6, 3, 3, 2
 WIDTH = 2.0
-"""Length scale of the radial functions; directions are up to 2 apart."""
+"""Length scale of the radial functions: the largest distance of two directions."""
 EPSILON = 0.05
 PRODUCTS = 57
 SIGNED = 36

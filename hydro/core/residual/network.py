@@ -70,8 +70,8 @@ class Network:
         scalers = {key: np.asarray(model.scalers[key], dtype=np.float64).ravel() for key in _SCALERS}
         if (found := [values.size for values in scalers.values()]) != [inputs, inputs, _AXES, _AXES]:
             raise DataError(
-                f"model {model.name}: its scalers are of {found[0]} inputs and {found[2]} outputs, its "
-                f"architecture is of {inputs} and {_AXES}; train the model again"
+                f"model {model.name}: its scalers have {found[0]} inputs and {found[2]} outputs, but its "
+                f"architecture has {inputs} and {_AXES}; train the model again"
             )
         written = lower(model, inputs)
         if written.physical:  # its wrench is in N and N m already, with no mean added

@@ -81,7 +81,7 @@ def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
     """
     count = int(fold.max()) + 1
     if count < 2:
-        raise DataError("one stretch alone has nothing to be left out; record a longer one")
+        raise DataError("cross-validation needs at least two stretches; record a longer log")
     prior = sizes(vehicle).ravel()
     grams = _normal_equations(vehicle, transitions, fold, prior)
     whole = grams.sum(axis=0)
@@ -132,7 +132,7 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
 
 
 def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[tuple[slice, Array]]:
-    """Yield the responses of batches of shots to initial states and to every library term on every axis.
+    """Yield the responses of batches of shots to initial states and library terms on every axis.
 
     Args:
         transitions: The shots.

@@ -53,7 +53,7 @@ TRIALS = {
     NOMINAL: Trial("as the vehicle file says"),
     "no_plan": Trial("the goal is shown, without a planned path", planless=True),
     "current": Trial("a current of 0.3 m/s, in any direction", _randomised(current=0.3, full=True)),
-    "load": Trial("a payload of 10 % of the mass, anywhere on board", _randomised(load=0.1, full=True)),
+    "load": Trial("a load of 10 % of the mass, anywhere on board", _randomised(load=0.1, full=True)),
     "dead_thruster": Trial("one thruster dead", _randomised(thruster=1.0, full=True)),
     "posterior": Trial(
         "parameters drawn from the covariance of the file",

@@ -91,8 +91,8 @@ def test_a_law_of_two_terms_is_found_with_its_power_and_values(found):
     assert (np.abs(values - truth)[-3:] < 4.5 * errors).all()
     assert formula.share > 0.9
     assert found.chi2[2] == pytest.approx(1.0, abs=0.1)
-    assert "sway brings a moment in yaw that grows as |v|^2.4" in formula.advice
-    assert "a force in heave goes as u q" in formula.advice
+    assert "sway causes a moment in yaw that grows as |v|^2.4" in formula.advice
+    assert "a force in heave is proportional to u q" in formula.advice
 
 
 def test_forces_that_were_named_for_it_are_no_more_than_suspects(found):
@@ -120,7 +120,7 @@ def test_a_force_that_obeys_a_command_is_found(known):
     assert formula.parameters["moments"] == ["N |u|^n c2"]
     assert formula.parameters["moment"] == pytest.approx([25.0], rel=0.1)
     assert formula.parameters["exponents"] == pytest.approx([2.0], abs=0.3)
-    assert "command c2 brings a moment in yaw that grows as |u|^" in formula.advice
+    assert "command c2 causes a moment in yaw that grows as |u|^" in formula.advice
 
 
 def test_nothing_is_discovered_where_nothing_is_missing(known):

@@ -84,7 +84,7 @@ def test_one_state_or_many_give_the_same_bits():
     ("spoil", "message"),
     [
         (lambda m: m.architecture.pop("layers"), "has no 'layers'"),
-        (lambda m: m.architecture.update(model="transformer"), "no architecture 'transformer'"),
+        (lambda m: m.architecture.update(model="transformer"), "unknown architecture 'transformer'"),
         (lambda m: m.architecture.update(activation="gelu"), "activation 'gelu'"),
         (lambda m: m.architecture.update(layers=[45, 8, 6]), "do not lead from features raw"),
         (lambda m: m.tensors.pop("layers.1.bias"), r"layers\.1\.bias is missing"),

@@ -1,4 +1,4 @@
-"""Actions become commands whose wrench has the direction that was demanded."""
+"""Conversion of actions to thruster commands: the wrench has the demanded direction."""
 
 import msgspec
 import numpy as np
@@ -24,7 +24,7 @@ def mixed(craft, actions):
 
 
 def clean(curve):
-    """The vehicle with another thrust curve, without dead band and weaker astern."""
+    """Return the vehicle with another thrust curve, without dead band and with weaker reverse thrust."""
     known = vehicle()
     thrusters = [
         msgspec.structs.replace(one, curve=curve, deadband=0.0, max_reverse_thrust=90.0)

@@ -1,4 +1,4 @@
-"""What each condition feels of the water."""
+"""Water forces in each training condition."""
 
 import msgspec
 import numpy as np
@@ -44,7 +44,7 @@ def test_models_fly_with_the_same_conditioning(condition, kind):
 
 
 def test_what_was_hung_on_the_vehicle_since_acts_beside_a_model_or_is_refused():
-    """As `replay` does with the same file."""
+    """The rules are those of `replay` with the same file."""
     _, model = trained("physfeat")
     model.labelled = vehicle()
     payload = {"name": "payload", "w": 12.0, "x": 0.3, "y": 0.0, "z": 0.0, "mass": 5.0}

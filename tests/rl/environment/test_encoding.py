@@ -1,4 +1,4 @@
-"""What networks are given of observations."""
+"""Encoding of observations for networks."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The environments as their users know them: Gymnasium, its vector interface, TorchRL, Stable-Baselines3."""
+"""Public interfaces of the environments: Gymnasium, its vector interface, TorchRL, Stable-Baselines3."""
 
 import os
 import pickle
@@ -78,13 +78,13 @@ def test_a_vector_of_vehicles():
 
 
 def test_ids_are_found_without_an_import():
-    """Gymnasium imports what stands before a colon."""
+    """Gymnasium imports the module named before a colon."""
     code = "import gymnasium; gymnasium.make('hydro.rl:hydro/PointToPoint-v0').reset(seed=1)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def flown(envs, steps=25):
-    """What a vector of vehicles that stand still comes to, step by step."""
+    """Return the observations of a vector of vehicles at rest, step by step."""
     envs.reset(seed=1)
     return [envs.step(np.zeros((2, 6))) for _ in range(steps)]
 

@@ -1,4 +1,4 @@
-"""The batched core: episodes begin and end as they should, and go on exactly from a saved state."""
+"""Batched environment core: start and end of episodes, and exact continuation from a saved state."""
 
 from dataclasses import replace
 
@@ -124,7 +124,7 @@ def test_arriving_ends_the_episode():
 
 
 def test_a_diverged_vehicle_is_told_and_starts_anew():
-    """Faster than MuJoCo integrates, it is taken out; its last good state is what is seen of it."""
+    """A vehicle too fast for MuJoCo's integrator is reset; its last valid state is observed."""
     subject = fleet(count=2)
     subject.reset()
     subject.plant._student.batch.qvel[0] = 1e12
@@ -160,7 +160,7 @@ def test_speeds_that_are_not_plausible_are_counted_and_end_nothing():
 
 
 def test_energy_is_the_time_at_full_thrust():
-    """After the lag has settled, surge at its limit takes the four horizontal thrusters' full power."""
+    """After the lag has settled, surge at its limit needs full power of the four horizontal thrusters."""
     subject = fleet(craft=neutral())
     put(subject, at=(3.0, 6.0, 4.0), goal=(23.0, 3.0, 4.0))
     surge = np.array([[1.0, 0, 0, 0, 0, 0]])
@@ -195,7 +195,7 @@ BELOW = np.array([0.0, 0.0, 1.0])
 
 
 class Rail:
-    """Guidance that leads 1 m below the goal and knows who asked."""
+    """Guidance to a point 1 m below the goal that records its callers."""
 
     def __init__(self):
         self.asked, self.goals = [], None

@@ -1,4 +1,4 @@
-"""The point ahead, its smoothing, and the cost of being off the way."""
+"""Guidance along a planned path: look-ahead point, its smoothing, and the cost of path deviation."""
 
 from itertools import pairwise
 
@@ -84,7 +84,7 @@ def test_the_nearest_place_is_none_farther_than_any_other(seed):
 
 
 def test_a_vehicle_is_looked_for_near_where_it_was():
-    """On a way that comes back beside itself, the nearest place may be one of much later."""
+    """On a path that crosses itself, the nearest point may belong to a much later part."""
     way = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     _, where = nearest(way, np.array([2.0, 0.8, 0.0]), 1.0, 7.0)
     assert where == pytest.approx(2.0)

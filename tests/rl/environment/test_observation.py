@@ -1,4 +1,4 @@
-"""Frames and signs of what a policy sees, one by one."""
+"""Frames and signs of every part of the observation."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_depth_grows_downward_and_altitude_upward(one):
 
 @pytest.mark.parametrize("beam", [12, 10, 4, 1])
 def test_a_pillar_to_starboard_is_in_the_later_beams(one, beam):
-    """The seventh beam looks ahead; those beside it leave the hull of 1.4 m by 0.7 m where they look."""
+    """The seventh beam points forward; its neighbours start at the surface of the hull of 1.4 m by 0.7 m."""
     bearing = np.sign(beam - 7) * np.radians(150.0) * (abs(beam - 7) / 7) ** 1.5
     skin = 1.0 / np.hypot(np.cos(bearing) / 0.7, np.sin(bearing) / 0.35)
     away = skin + 0.8 + Settings().world.pillar_radius
@@ -91,7 +91,7 @@ def test_an_accelerometer_at_rest_feels_the_water_bear_it(one):
 
 @pytest.mark.parametrize("axis", range(6))
 def test_each_demand_moves_the_vehicle_its_way(one, axis):
-    """The accelerometer beside the change of velocity, the sign of every axis, and the motion of the pose."""
+    """Compare the accelerometer with the velocity change; check the sign of every axis and of the pose."""
     put(one, goal=(20.0, 6.0, 4.0))
     action = np.zeros((1, 6))
     action[0, axis] = 0.5

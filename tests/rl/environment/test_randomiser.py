@@ -1,4 +1,4 @@
-"""The real vehicle is not the file: draws, and that each acts as the effect it is."""
+"""Domain randomisation: random draws, each of which acts like the effect that it represents."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def test_a_draw_is_its_own_whatever_was_drawn_before():
 
 
 def test_a_box_is_as_wide_as_it_says():
-    """Every number of the file's damping, within 20 % of itself and up to both ends."""
+    """Every number of the file's damping varies within 20 % and reaches both ends."""
     given = vehicle().effects("quadratic_damping")[0]["diagonal"]
     found = np.array([d.vehicle.effects("quadratic_damping")[0]["diagonal"] for d in drawn(200, box=0.2)])
     shares = found / np.array(given)
@@ -93,7 +93,7 @@ def test_currents_loads_and_thrusters_are_no_greater_than_they_say():
 
 @pytest.mark.parametrize("make", [StudentPlant, TeacherPlant])
 def test_vehicles_of_their_own_fly_as_they_do_alone(make):
-    """Three vehicles side by side, each other than the file, and each by itself: the same bits."""
+    """Three different vehicles give the same bits together and alone."""
     crafts = [
         changes.in_current(vehicle(), np.array([0.2, -0.1, 0.0])),
         vehicle(),
@@ -122,7 +122,7 @@ def test_vehicles_of_their_own_fly_as_they_do_alone(make):
 
 
 def test_a_current_is_a_frame_that_drifts():
-    """Galilei: what flies in still water, seen from the ground in a current, has its pose carried along."""
+    """Galilean invariance: in a current, the pose of a flight in still water drifts with the water."""
     flow = np.array([0.3, -0.2, 0.0])
     still, moved = (StudentPlant(craft) for craft in (vehicle(), changes.in_current(vehicle(), flow)))
     pose = np.array([[5.0, 5.0, 4.0, 1.0, 0.0, 0.0, 0.0]])
@@ -191,7 +191,7 @@ def test_a_bias_stays_for_an_episode():
 
 
 def test_another_vehicle_may_be_the_truth():
-    """Demands are made for the vehicle believed in; what flies is another, of as many thrusters."""
+    """Demands are computed for the assumed vehicle; another one with as many thrusters is simulated."""
     weak = changes.weakened(vehicle(), 0, 1.0)
     plant = conditions.plant(conditions.Condition(), weak, QUIET, 1)
     flown = Fleet(QUIET, plant, believed=vehicle())

@@ -1,4 +1,4 @@
-"""The reward: shaping that sums to its ends, terms with their signs, and success above loitering."""
+"""Reward: potential shaping, signs of the terms, and a higher return for success than for loitering."""
 
 import dataclasses
 import itertools

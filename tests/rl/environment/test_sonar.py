@@ -1,4 +1,4 @@
-"""The sonar and the hull's collisions, against MuJoCo's rays and distances."""
+"""Sonar and hull collisions, compared with MuJoCo's rays and distances."""
 
 import mujoco
 import numpy as np
@@ -50,7 +50,7 @@ def posed(model, pillars, at, attitude):
 
 
 def seen_from(at, R, stand):
-    """Ranges of all beams."""
+    """Return the ranges of all beams."""
     where = np.array(at), R.ravel(), stand
     return np.array([sonar_kernel(beam, SONAR.reach, TANK, *where) for beam in FAN])
 
@@ -102,7 +102,7 @@ def test_beams_go_from_port_to_starboard_closest_ahead():
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("along", np.linspace(-0.4, 2.0, 7))
 def test_no_pillar_beside_the_hull_is_out_of_sight(along, side):
-    """Passing by a pillar at 0.3 m it is seen all the way, to where the hull has passed it."""
+    """A pillar at a distance of 0.3 m stays visible until the hull has passed it."""
     away = 0.35 + 0.3 + WORLD.pillar_radius
     stand = standing([(12.0 + along, 6.0 + side * away)])
     assert seen_from((12.0, 6.0, 4.0), np.eye(3), stand).min() < 2.0

@@ -1,6 +1,6 @@
-"""A fleet on a GPU, or in its simulator, beside the processor's: what `test_gpu_fleet` runs by itself.
+"""Comparison of a fleet on a GPU (or its simulator) with the processor's, run by `test_gpu_fleet`.
 
-Prints one line of JSON: how far the two are apart, and what else was to be seen.
+Prints one line of JSON: the differences of the two, and other observations.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SILENT = Settings(noise=Noise(0.0, 0.0, 0.0, 0.0), task=Episode(steps=12))
 
 
 class Plant:
-    """The plant of the GPU's fleet as the processor's asks for it: live arrays of the host."""
+    """Plant of the GPU fleet with the interface of the processor's: live arrays of the host."""
 
     def __init__(self, vehicle, condition):
         water = waters(condition, vehicle, SILENT.period)
@@ -51,7 +51,7 @@ class Plant:
 
 
 def beside(vehicle, task, level) -> dict[str, float]:
-    """Largest differences over steps in which every vehicle begins anew several times, with a network."""
+    """Return the largest differences over steps with several resets of every vehicle, with a network."""
     condition = Condition("R_MLP", trained("mlp")[1])
     flown = {"count": COUNT, "seed": 3, "task": task, "level": level, "timestep": 0.02}
     ours = GpuFleet(SILENT, vehicle, condition=condition, **flown)
@@ -78,7 +78,7 @@ def beside(vehicle, task, level) -> dict[str, float]:
 
 
 def wrapped(vehicle) -> dict[str, object]:
-    """The fleet as TorchRL sees it."""
+    """Return the fleet as a TorchRL environment."""
     from torchrl.envs.utils import check_env_specs
 
     env = GpuEnv(GpuFleet(replace(SILENT, noise=Noise()), vehicle, count=3, timestep=0.04))
@@ -97,7 +97,7 @@ def wrapped(vehicle) -> dict[str, object]:
 
 
 def refused(vehicle) -> list[str]:
-    """What does not run there, in one line each."""
+    """Return the error messages of unsupported settings."""
     said = []
     for settings, task in (
         (replace(SILENT, history=2), "point_to_point"),

@@ -1,4 +1,4 @@
-"""The learner that stays on its environment's device, here the processor."""
+"""Learner that keeps all data on the environment's device, here the processor."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_the_same_seed_learns_the_same():
 
 @pytest.mark.parametrize("arrives", [True, False])
 def test_a_success_is_one_of_the_first_episode(monkeypatch, arrives):
-    """Who touches first and arrives later has not succeeded."""
+    """An arrival after a collision is not a success."""
     one, exam = learner(), FleetEnv(make_fleet(FleetConfig(), count=4, seed=9))
     calls = iter(range(100))
 

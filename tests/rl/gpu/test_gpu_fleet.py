@@ -1,4 +1,4 @@
-"""Tasks where the vehicles of a GPU fly: in a simulator beside the fleet of the processor, and compiled."""
+"""Tasks on a GPU: in a GPU simulator compared with the processor's fleet, and compiled."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_what_does_not_run_there_is_refused_in_one_line(simulated):
 
 
 def test_the_kernels_compile_for_a_gpu_and_make_no_arrays(monkeypatch):
-    """To PTX, where the compiler's wheels are."""
+    """Kernels are compiled to PTX if the compiler's wheels are installed."""
     pytest.importorskip("cuda.bindings.nvvm", reason="the CUDA compiler's bindings are not installed")
     from numba import cuda, types
 

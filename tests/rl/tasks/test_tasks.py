@@ -1,4 +1,4 @@
-"""Scenes lie within the tank and are what they are called; they depend on nothing but their numbers."""
+"""Scenes of all tasks: inside the tank, true to their definition, and determined by their seeds alone."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -50,7 +50,7 @@ def test_every_task_has_an_environment():
 
 
 def test_a_slalom_has_no_way_but_between_its_baffles():
-    """From wall to past the middle, alternately, without a gap that any hull of half a metre fits through."""
+    """Baffles alternate from wall to beyond the middle, without gaps for a hull of half a metre."""
     for vehicle in range(20):
         drawn = scene("slalom", vehicle=vehicle)
         norths = np.unique(drawn.pillars[:, 0])
@@ -107,7 +107,7 @@ def test_a_forest_blocks_the_straight_line_and_has_a_way_of_the_whole_margin():
 
 
 def clearance(way, pillars):
-    """Least distance of a way (K, 3) from the axes of pillars, by a dense sampling."""
+    """Return the minimum distance of a path (K, 3) to the axes of pillars, by dense sampling."""
     fine = np.vstack([np.linspace(a, b, 500) for a, b in pairwise(way)])
     return np.hypot(*(fine[:, None, :2] - pillars).transpose(2, 0, 1)).min()
 

@@ -1,4 +1,4 @@
-"""When the curriculum goes on, and when learning counts as diverged."""
+"""Curriculum: conditions for the next level, and for divergence of the learning."""
 
 import math
 

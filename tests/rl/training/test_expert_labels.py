@@ -1,4 +1,4 @@
-"""What was said at earlier levels is learnt again with what is said at the newest."""
+"""Expert labels of earlier levels stay in the training data of later levels."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ RNG = torch.Generator
 
 
 def said(level, rows, seed=0):
-    """Observations that tell their level by the first number, and what should be done there."""
+    """Return observations whose first number is their level, and the expert actions there."""
     seen = np.random.default_rng(seed).uniform(-1.0, 1.0, (rows, 3)).astype(np.float32)
     seen[:, 0] = level
     return seen, np.column_stack([0.8 * np.sin(2.0 * seen[:, 1] + level), 0.5 * seen[:, 2]]).astype(
@@ -28,7 +28,7 @@ def advice(*rows):
 
 
 def test_at_least_half_of_a_batch_is_of_the_newest_level_and_the_rest_of_those_before():
-    """Of these by how much was said; a level that is spoken of again becomes the newest."""
+    """Older levels are drawn by their number of labels; a level with new labels becomes the newest."""
     made = advice(490, 1500, 400)
     for newest in (2, 0):
         if newest == 0:
@@ -51,7 +51,7 @@ def test_a_batch_of_the_first_level_is_of_it_alone():
 
 
 def test_who_learns_a_new_level_keeps_an_earlier_one():
-    """Without what was said there it would not: as it is without a rehearsal."""
+    """Without labels of the earlier level, the policy forgets it."""
     seen, wanted = said(0, 500, seed=5)
 
     def error(net):

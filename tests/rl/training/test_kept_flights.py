@@ -1,4 +1,4 @@
-"""Flights that are kept: the way of a goal that moves."""
+"""Stored flights, including the path of a moving goal."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from hydro.rl.world.config import Episode
 
 
 def test_the_way_of_a_goal_that_moves_is_where_it_was():
-    """To move along one axis alone is to move, too."""
+    """A goal that moves along one axis counts as moving."""
     subject = fleet(replace(QUIET, task=Episode(steps=6)), craft=neutral())
 
     def follow(observations):

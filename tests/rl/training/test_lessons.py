@@ -1,4 +1,4 @@
-"""A training under a pilot: he corrects what the policy does, level by level, and nothing is unlearnt."""
+"""Imitation learning: expert corrections of the policy level by level, without loss of earlier levels."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ TAUGHT = TrainingConfig(
 
 
 class Scripted(Training):
-    """A training whose examinations come out as a script says: by level, True as soon as it is through."""
+    """Training whose examinations follow a script: results by level, True once the list is exhausted."""
 
     def begun(self, script):
         self.script, self.asked = {level: list(words) for level, words in script.items()}, []
@@ -57,7 +57,7 @@ def trained(script, **more):
 
 
 def test_the_pilot_teaches_with_the_room_that_is_asked_for():
-    """A way further from the end of a baffle bears more to the side there."""
+    """With a larger margin to the end of a baffle, the expert steers more to the side."""
 
     def told(**manner):
         fleet = Builder(TAUGHT, vehicle())(1, 3)
@@ -72,7 +72,7 @@ def test_the_pilot_teaches_with_the_room_that_is_asked_for():
 
 
 def test_he_who_teaches_is_quicker_and_firmer_than_he_who_is_in_tables():
-    """A hull at rest, pitched and rolled by 0.1 rad, that turns; the target far ahead."""
+    """A turning hull at rest, with pitch and roll of 0.1 rad and a distant target."""
     seen = np.zeros((1, 36), dtype=np.float32)
     seen[0, :3], seen[0, 6:9], seen[0, 13:16] = (10.0, 0.1, 0.0), (0.01, 0.02, 0.03), (-0.98, 0.98, 9.71)
     plain, taught = helmsman(seen)[0], helmsman(seen, RECIPES["demos"].manner)[0]
@@ -85,7 +85,7 @@ def test_he_who_teaches_is_quicker_and_firmer_than_he_who_is_in_tables():
 
 
 def test_who_flies_beside_a_policy_is_also_who_taught_it():
-    """He has a map, and so stays away where none is shown; tables know them all."""
+    """The expert needs a map and is omitted without one; the schema of results includes all pilots."""
     known = replace(TAUGHT, pace=2.0), replace(TAUGHT, demonstrations=0, clone=0, corrections=0, lessons=0)
     names = [
         [name for name, *_ in _flyers(None, TASKS["forest"], config, pilot=True, planless=planless)]
@@ -122,7 +122,7 @@ def test_what_was_learnt_before_may_pass_a_level_without_a_lesson():
 
 
 def test_lessons_go_on_until_a_level_is_passed():
-    """In the slalom it is examined before, after his flight and after its own, which he corrects."""
+    """The slalom is examined first, then after the expert's flight and after the corrected policy flight."""
     training = trained({ONE: [False, False, True]})
     assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
     assert training.steps == 2 * 5 + 2 * (2 * 10)
@@ -130,7 +130,7 @@ def test_lessons_go_on_until_a_level_is_passed():
 
 
 def test_a_level_that_is_not_passed_at_once_takes_so_many_lessons():
-    """Examined before, after his flight, then not before the second correction; the unlearnt takes one."""
+    """There is no examination before the second correction; a forgotten level needs one lesson."""
     more = {"corrections": 3, "lessons": 2}
     training = trained({ONE: [False, False, True]}, **more)
     assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
@@ -142,7 +142,7 @@ def test_a_level_that_is_not_passed_at_once_takes_so_many_lessons():
 
 
 def test_what_the_last_policy_has_unlearnt_is_taught_again():
-    """And whatever it passes is passed by one and the same policy in the end."""
+    """In the end one policy passes all levels."""
     training = trained({FOUR: [False, True, False, True], FOREST: [False, True]})
     assert [level for level, _ in training.asked] == [
         OPEN, ONE, FOUR, FOUR, FOREST, FOREST, OPEN, FOUR, FOUR, OPEN, FOUR, FOREST
@@ -155,7 +155,7 @@ def test_what_the_last_policy_has_unlearnt_is_taught_again():
 
 
 def test_a_policy_without_lessons_left_learns_by_itself_and_keeps_its_habits():
-    """What it found out counts in place of what the pilot had said, for he did not bring it there."""
+    """Its own experience replaces the expert labels, which did not suffice there."""
     training = trained({OPEN: [False] * 4}, curriculum=replace(TAUGHT.curriculum, last=1))
     assert [passed for _, passed in training.asked] == [False, False, False, False, True, True]
     shown = 3 * 2 * 5
@@ -172,7 +172,7 @@ def test_corrections_are_cloned():
 
 
 def test_every_other_vehicle_is_pushed_and_a_push_wanders():
-    """Its size by axis, over many steps, and how alike it is after some of them."""
+    """Check the size of the disturbance by axis over many steps, and its autocorrelation."""
 
     def idle(observations):
         return np.zeros((len(observations), 6), np.float32)

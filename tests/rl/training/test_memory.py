@@ -1,4 +1,4 @@
-"""A checkpoint's transitions are packed without loss, and into half."""
+"""Lossless compression of a checkpoint's transitions to half of their size."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hydro.rl.training.memory import pack, unpack
 
 
 def transitions(rows=400, vehicles=4, horizon=3, seed=0):
-    """Steps of several vehicles, what follows three steps later seen again but at the end."""
+    """Return steps of several vehicles; next observations recur three steps later, except at the end."""
     rng = np.random.default_rng(seed)
     walks = rng.standard_normal((rows // vehicles + horizon, vehicles, 6)).astype(np.float32).cumsum(axis=0)
     seen, after = walks[:-horizon].reshape(-1, 6), walks[horizon:].reshape(-1, 6)

@@ -1,4 +1,4 @@
-"""A pilot by hand flies every task: within half its time, and not without what it asks for."""
+"""Hand-written pilot: solves every task in time with a map, and collides with obstacles without one."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def flown(name, level, count=8, settings=Settings(), pilot=None, led=None):  # n
     [("point_to_point", 0), ("slalom", 4), ("forest", 12), ("docking", 0), ("pillar_row", 8)],
 )
 def test_he_arrives_along_his_way(name, level):
-    """Within half of the time, but for the row, whose limit is as it was in earlier figures."""
+    """The pilot needs little more than half of the time limit, except in the row of pillars."""
     found = summary(flown(name, level))
     assert found["success"] == 1.0
     limit = TASKS[name].steps(Settings()) * Settings().period
@@ -38,7 +38,7 @@ def test_he_arrives_along_his_way(name, level):
 
 @pytest.mark.parametrize(("name", "level"), [("slalom", 1), ("slalom", 4), ("forest", 12), ("pillar_row", 8)])
 def test_what_has_to_be_gone_round_asks_for_skill(name, level):
-    """He hits it where he swims straight."""
+    """The pilot without a map swims straight and collides."""
     assert summary(flown(name, level, pilot=pilot_of(TASKS[name]), led=False))["success"] < 0.5
 
 
@@ -66,14 +66,14 @@ def test_holding_succeeds_by_the_error_after_settling():
 
 
 def test_a_dock_asks_for_more_than_to_be_there():
-    """The pilot who swims bow first does not stand as the dock does."""
+    """The pilot that turns its bow to the goal misses the heading of the dock."""
     plain = flown("docking", 0, pilot=pilot_of(TASKS["point_to_point"]))
     docked = flown("docking", 0)
     assert summary(plain)["success"] < summary(docked)["success"] == 1.0
 
 
 def test_the_station_lies_in_its_current():
-    """What lies still drifts off as the file with that current in it would: the same forces, bit for bit."""
+    """A passive vehicle drifts as with the current in its file, bit for bit."""
     settings = Settings()
     plant = conditions.plant(conditions.Condition(), vehicle(), settings, 1)
     fleet = Fleet(settings, plant, 5)

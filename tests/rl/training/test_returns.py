@@ -1,4 +1,4 @@
-"""Rewards of several steps ahead, against TorchRL's own and by counting."""
+"""Multi-step returns, compared with TorchRL and with explicit sums."""
 
 import numpy as np
 import torch
@@ -13,7 +13,7 @@ DISCOUNT = 0.9
 
 
 def flight(length, count, seed):
-    """Steps of some vehicles whose episodes end at random; an observation is its place in time."""
+    """Return steps of vehicles whose episodes end at random; an observation is its time index."""
     rng = np.random.default_rng(seed)
     for k in range(length):
         now = np.full((count, 1), k, dtype=np.float32)

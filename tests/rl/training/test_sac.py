@@ -1,4 +1,4 @@
-"""The learner against TorchRL's own loss, closed forms, and itself after a break."""
+"""Soft actor-critic, compared with TorchRL's loss, closed forms, and itself after an interruption."""
 
 import copy
 import math
@@ -27,12 +27,12 @@ ENCODING = Encoding(
 
 
 def test_the_entropy_asked_for_is_a_nat_less_for_each_action():
-    """Haarnoja et al. 2018, appendix D."""
+    """The target entropy is that of Haarnoja et al. 2018, appendix D."""
     assert SACConfig().target_entropy == -ACTIONS
 
 
 def plain(count):
-    """An encoding that leaves observations as they are."""
+    """Encoding that does not change observations."""
     return Encoding(np.ones(count, np.float32), np.zeros(count, np.bool_))
 
 
@@ -99,7 +99,7 @@ def test_both_critics_at_once_are_each_by_itself():
 
 
 def test_the_density_of_actions_integrates_to_one():
-    """The log density that `sample` gives, as a function of the action it is of."""
+    """Integrate the log density of `sample` over the actions."""
     made = Learner(ENCODING, 1, SMALL, seed=3)
     observation = torch.zeros(20_000, 5)
     with torch.no_grad():
@@ -127,7 +127,7 @@ def test_an_episode_that_time_ended_is_worth_what_would_follow_and_a_terminated_
 
 
 def shown(count, learn):
-    """What a pilot does who acts by a law of what he sees, over `count` steps of 8 vehicles."""
+    """Return `count` steps of 8 vehicles under a pilot with a law of its observations."""
     rng = np.random.default_rng(7)
     for _ in range(count):
         seen, after = (rng.standard_normal((8, 5)).astype(np.float32) for _ in range(2))
@@ -154,7 +154,7 @@ def test_a_clone_does_as_was_shown():
 
 
 def test_a_share_of_every_batch_is_of_what_was_shown():
-    """Shown actions are marked by their size; without anything done yet all is of them."""
+    """Demonstrated actions have a distinctive size; without own steps, the whole batch is demonstrations."""
     made = Learner(ENCODING, 2, replace(SMALL, demonstrated=0.25), 0)
     made.add_demonstrations(shown(50, lambda seen: np.full((8, 2), 0.999, np.float32)), OPEN)
     assert (made._batch()["action"] == 0.999).all()
@@ -221,7 +221,7 @@ def test_a_learner_goes_on_from_its_state_bit_for_bit(rows):
 
 @pytest.mark.parametrize("rows", [160, 1200], ids=["filling", "overwriting"])
 def test_a_state_holds_what_the_memory_does_and_nothing_behind_it(rows):
-    """A saved view would take all of its storage along, with rows that were never written."""
+    """A saved view would store its whole storage, with rows that were never written."""
     made = learner(rows=rows)
     packed = made.state()["memories"]["done"][0]
     for part in (packed["columns"], packed["alone"]):
@@ -264,7 +264,7 @@ def test_a_policy_by_itself_acts_as_its_learner():
 
 
 def test_what_is_kept_is_the_average_of_the_policies():
-    """Of its first update it is the policy itself; then it takes on its share of every further one."""
+    """The average equals the policy after the first update, then follows with its rate."""
     made = learner(replace(SMALL, average=0.25))
     expected = None
     for _ in range(5):
@@ -285,7 +285,7 @@ def test_tensors_of_other_layers_make_no_policy():
 
 
 def test_a_simple_task_is_learnt():
-    """One step, reward -(a - a*)^2 with a* = 0.5 sign of the first observation: the best action is a*."""
+    """The reward of one step is -(a - a*)^2 with a* = 0.5 sign of the first observation."""
     choices = SACConfig(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1, average=0.05)
     made = Learner(plain(2), 1, choices, 0)
     rng = np.random.default_rng(0)
@@ -300,7 +300,7 @@ def test_a_simple_task_is_learnt():
 
 
 def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
-    """A reward of 1 at every step for ever is worth 1 / (1 - gamma) = 100; critics begin at 0."""
+    """A constant reward of 1 has the value 1 / (1 - gamma) = 100; critics start at 0."""
     still, never = np.zeros((64, 2), np.float32), np.zeros(64, bool)
     worth = []
     for horizon in (1, 10):

@@ -1,4 +1,4 @@
-"""A* against shortest paths by other means, and what a way must keep to."""
+"""A* planner, compared with independent shortest paths, and the constraints of its paths."""
 
 from itertools import pairwise
 
@@ -21,7 +21,7 @@ def length(way):
 
 
 def graph_of(free):
-    """Cells that may follow each other, without cutting corners."""
+    """Return the graph of cells that may follow each other, without cut corners."""
     graph = networkx.Graph()
     graph.add_nodes_from(map(tuple, np.argwhere(free)))
     for x, y in list(graph):
@@ -58,7 +58,7 @@ def test_open_water_is_crossed_straight():
 
 
 def test_one_pillar_costs_two_tangents_and_an_arc():
-    """The shortest way round a circle of radius R between points at distance a on either side of it."""
+    """Compare with the shortest path around a circle of radius R between points at distance a each side."""
     apart, a = 0.1 + TANK.margin, 4.0
     way = plan(TANK, [8.0, 6.0, 2.0], [16.0, 6.0, 2.0], np.array([[12.0, 6.0]]), 0.1)
     tangent = np.sqrt(a**2 - apart**2)
@@ -107,7 +107,7 @@ def test_places_outside_belong_to_the_nearest_cell():
 
 @given(st.integers(0, 1000), st.sampled_from([0.0, 0.5, 1.0]))
 def test_free_cells_keep_their_distance_from_every_pillar_and_wall(seed, share):
-    """Cell by cell, by the distance itself."""
+    """Check the distance of every cell."""
     grid = Grid(6.0, 3.0, cell=0.1)
     pillars = np.random.default_rng(seed).uniform([-1.0, -1.0], [7.0, 4.0], (5, 2))
     free = grid.free(pillars, 0.25, share)

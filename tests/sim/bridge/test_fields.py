@@ -1,4 +1,4 @@
-"""The offsets of MuJoCo's fields: right here, and refused where they are not."""
+"""Offsets of MuJoCo's fields: correct for this version, and refused if they differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Added mass in MuJoCo's M: its factors are those that MuJoCo itself would find."""
+"""Added mass in MuJoCo's mass matrix: same factorisation as MuJoCo's."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_what_floats_apart_on_joints_of_its_own_hangs_on_no_vehicle():
 
 
 def armed(*, arm: bool) -> mujoco.MjModel:
-    """A vehicle in a scene with something else, which hangs on it or floats apart."""
+    """Return a vehicle in a scene with another body, attached to it or free."""
     craft = vehicle(center_of_gravity=(0.03, -0.02, 0.05))
     inertia = added_mass()
     spec = mjcf.scene(craft, Water(assemble(craft), inertia=inertia, coriolis=inertia))

@@ -1,4 +1,4 @@
-"""The model that is built from a vehicle file: inertia, restoring forces, hull and names."""
+"""MuJoCo model of a vehicle file: inertia, restoring forces, hull and names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A network flown with a changed vehicle file: what adds to it acts, what does not is refused."""
+"""Network with a changed vehicle file: additional effects act, and incompatible changes are refused."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CHANGES = [
 
 @pytest.fixture(scope="module")
 def craft(datasets):
-    """With its centre of gravity at CO, and the effect of its added mass alone."""
+    """Return a vehicle with its centre of gravity at CO, and added mass as its only effect."""
     known = vehicle_file.read(datasets / "vehicles" / "auv151.toml")[0]
     body = msgspec.structs.replace(known.rigid_body, center_of_gravity=(0.0, 0.0, 0.0))
     kept = tuple(effect for effect in known.effect if effect["name"] == "added_mass")
@@ -41,7 +41,7 @@ def changed(craft, *effects):
 
 
 def silent(labelled):
-    """A network that says nothing."""
+    """Return a network with zero output."""
     _, model = trained("mlp")
     model.labelled = labelled
     model.tensors = {name: np.zeros_like(value) for name, value in model.tensors.items()}
@@ -50,7 +50,7 @@ def silent(labelled):
 
 
 def drifting(vehicle, rows=25):
-    """A vehicle let go of at rest, without thrust: slow, so that nothing goes with the square of velocity."""
+    """Return a free vehicle without thrust, so slow that quadratic terms vanish."""
     columns = {"session": ["a"] * rows, "t": np.arange(rows) * 0.02}
     columns |= {f"cmd_{i + 1}": np.zeros(rows) for i in range(8)}
     start = dict.fromkeys((*POSE, *VELOCITY), 0.0) | {"z": 5.0, "psi": 0.3}
@@ -80,7 +80,7 @@ CURRENT = {"name": "ocean_current", "v_N": 0.4, "v_E": -0.25, "v_D": 0.05}
 
 
 def exact(craft):
-    """A network that is C(nu) nu + D(nu) nu of a vehicle, which are linear in its features."""
+    """Return a network equal to C(nu) nu + D(nu) nu of a vehicle, which are linear in its features."""
     _, model = trained("physfeat", layers=[45, 6])
     nu = np.random.default_rng(1).normal(size=(500, 6))
     linear, quadratic = (np.array(effect["diagonal"]) for effect in DAMPING)
@@ -98,7 +98,7 @@ def exact(craft):
 
 
 def driven(vehicle, rows=400):
-    """A vehicle under thrusts that turn it about every axis."""
+    """Return a vehicle under thrusts that rotate it about every axis."""
     t = np.arange(rows) * 0.02
     columns = {"session": ["a"] * rows, "t": t}
     columns |= {f"cmd_{i + 1}": 0.5 * np.sin((0.6 + 0.23 * i) * t + i) for i in range(8)}
@@ -106,7 +106,7 @@ def driven(vehicle, rows=400):
 
 
 def test_a_network_of_still_water_flies_in_a_current_as_the_vehicle_does(craft):
-    """The oracle integrates the balance in nu_r itself; a load's inertia counts in either frame."""
+    """The reference integrates the balance in nu_r; the inertia of a load counts in either frame."""
     load = {"name": "payload", "w": 0.0, "x": 0.3, "y": -0.1, "z": 0.1, "mass": 15.0}
     setup = Setup(physics=Physics(integrator="rk4"), control_step=0.002)
     names, model = [*POSE, *VELOCITY], exact(craft)

@@ -1,3 +1,5 @@
+"""Filter and limits of a residual network's output (conditioning)."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -61,7 +63,7 @@ def test_clipping(wrenches, limits):
 
 
 def test_clipping_does_not_wind_up_the_filter():
-    """The filter's own state is not clipped: back within the limits, the output is the low-pass again."""
+    """The filter state is not clipped, so within the limits the output is the low-pass again."""
     wrenches = np.concatenate([np.full((40, 6), 100.0), np.full((40, 6), 1.0)])
     low_pass, clipped = Conditioning(beta=0.5), Conditioning(beta=0.5, limits=(10.0,) * 6)
     free, out = (condition(wrenches, np.ones((80, 6)), c)[0] for c in (low_pass, clipped))

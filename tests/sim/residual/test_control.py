@@ -1,4 +1,4 @@
-"""A residual network inside the simulation against the same pieces put together outside."""
+"""Residual network inside the simulation, compared with the same parts combined outside."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_every_control_step_is_filter_network_and_conditioning(craft, held_contr
 
 
 def test_half_a_control_step_ahead_a_held_wrench_acts_as_one_that_is_always_renewed(craft):
-    """Linear damping from a network: the error of holding it falls to a small part with the lead."""
+    """Linear damping from a network: the lead removes most of the error of the held wrench."""
     _, model = trained("mlp", layers=[12, 6])
     weight = np.zeros((6, 12), np.float32)
     weight[:, :6] = np.diag([300.0, 400.0, 400.0, 20.0, 60.0, 60.0])
@@ -167,7 +167,7 @@ def test_a_network_that_remembers_keeps_its_control_step():
 
 
 def test_a_passive_model_goes_on_from_its_held_wrench_with_the_present_velocity(craft):
-    """Between control steps the vehicle feels D of the last one, times the velocity of now."""
+    """Between control steps, D of the last step multiplies the present velocity."""
     passive = controlled("structured")
     free = Control(passive.network, 0.04, DESIGN)
     network, model = passive.network, compiled(craft, free)

@@ -1,4 +1,4 @@
-"""A stand-in for hydro-stonefish that needs no Stonefish: a vehicle that keeps the velocity it began with.
+"""Replacement for hydro-stonefish without Stonefish: a vehicle that keeps its initial velocity.
 
     drifter.py WHAT SCENARIO
 
@@ -39,7 +39,7 @@ def main(what: str, scenario: str) -> None:
 
 
 def drifted(state: list[float], seconds: float) -> list[float]:
-    """The state of a level vehicle some time later, along its axes."""
+    """Return the state of a level vehicle after some time at constant velocity."""
     w, _, _, z = state[3:7]
     cosine, sine = w * w - z * z, 2.0 * w * z
     u, v, down = state[7:10]

@@ -1,10 +1,10 @@
-"""A stand-in for hydro-stonefish: says again, byte for byte, what the real program said when it was recorded.
+"""Replacement for hydro-stonefish that replays the recorded answers of the real program byte for byte.
 
-    exchange.py EXCHANGE SCENARIO          plays; asked otherwise than then, it says an error
+    exchange.py EXCHANGE SCENARIO          replays; other requests than the recorded ones are an error
     exchange.py EXCHANGE SCENARIO PROGRAM  records an exchange with the real program
 
-A line of an exchange begins with `>` (asked) or `<` (said).  Requests count as equal where their words are
-and their numbers agree to 1e-9: the last bit of a sine is the machine's.
+A line of an exchange begins with `>` (request) or `<` (answer).  Requests are equal if their words are equal
+and their numbers agree to 1e-9, since the last bit of a sine depends on the machine.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pathlib import Path
 
 
 def same(asked: str, wanted: str) -> bool:
-    """Whether a request is the recorded one."""
+    """Return whether a request equals the recorded one."""
     (word, *numbers), (known, *others) = asked.split(), wanted.split()
     return word == known and len(numbers) == len(others) and all(map(_close, numbers, others))
 
 
 def play(exchange: Path) -> Iterator[str]:
-    """What is said, line by line."""
+    """Replay the recorded answers line by line."""
     for line in exchange.read_text().splitlines():
         if line.startswith("<"):
             yield line[2:]
@@ -37,7 +37,7 @@ def play(exchange: Path) -> Iterator[str]:
 
 
 def record(exchange: Path, scenario: str, program: str) -> Iterator[str]:
-    """What the real program says; every line is kept."""
+    """Relay the real program's answers and record every line."""
     with (
         exchange.open("w") as kept,
         subprocess.Popen(

@@ -1,4 +1,4 @@
-"""What is flown in Stonefish by the tests: with the real program, and with one that plays what it said."""
+"""Flights in Stonefish for the tests, with the real program and with recorded answers."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def craft() -> Vehicle:
 
 
 def recorded_vehicle() -> Scenario:
-    """The vehicle of the bundled recordings, with its mesh."""
+    """Return the vehicle of the bundled recordings, with its mesh."""
     folder = bundled("stonefish")
     surface = mesh.read_obj(folder / "hull.obj")
     return stonefish_teacher(files.read(folder / "vehicle.toml")[0], mesh=surface).scenario
 
 
 def replayed(rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Motion of the bundled replay as it stands there, and flown again from its commands, (rows, 12) each."""
+    """Return the motion of the bundled replay as recorded and as simulated from its commands, (rows, 12)."""
     frame = pl.read_parquet(bundled("stonefish") / "replay90.parquet").head(rows)
     wanted = frame.select(MOTION).to_numpy().astype(float)
     held = frame.select(command_columns(8)).to_numpy().astype(float)
@@ -47,7 +47,7 @@ def replayed(rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def flown_twice() -> tuple[StonefishPlant, list[np.ndarray], list[np.ndarray]]:
-    """Velocities of a plant's steps, and of the same steps after it went back half way."""
+    """Return the velocities of a plant's steps, and of the same steps after a return to half way."""
     plant = StonefishPlant(craft(), period=0.02)
     plant.reset(ALL, POSE, VELOCITY)
     held = np.random.default_rng(0).uniform(-0.8, 0.8, (12, 1, 8))
@@ -64,7 +64,7 @@ def _stepped(plant: StonefishPlant, commands: np.ndarray) -> np.ndarray:
 
 
 def program(folder: Path, *line: object) -> Path:
-    """A program of the name of the real one that runs a script of Python."""
+    """Create a program with the name of the real one that runs a Python script."""
     path = folder / NAME
     words = " ".join(f"'{word}'" for word in (sys.executable, "-S", *line[:2]))
     path.write_text(f'#!/bin/sh\nexec {words} "$1" {" ".join(map(str, line[2:]))}\n')

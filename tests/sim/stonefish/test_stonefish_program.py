@@ -1,4 +1,4 @@
-"""The protocol against a recorded exchange, and every way in which a program can fail."""
+"""Protocol of hydro-stonefish, compared with a recorded exchange, and all failures of the program."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HELLO = "hydro-stonefish 1 1.6.0 500 8"
 
 @pytest.fixture
 def playing(tmp_path, monkeypatch):
-    """Lets an exchange be played in the place of Stonefish."""
+    """Replace Stonefish by the replay of an exchange."""
 
     def play(name):
         path = program(tmp_path, HERE / "exchange.py", HERE / f"{name}.txt")

@@ -1,6 +1,6 @@
-"""Stonefish itself: does it do again what it did when the bundled data were recorded?
+"""Reproduction of the bundled recordings by Stonefish itself.
 
-With HYDRO_STONEFISH_RECORD=1 the exchanges that the other tests play are written anew.
+With HYDRO_STONEFISH_RECORD=1 the exchanges that the other tests replay are recorded again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ pytestmark = [
 
 @pytest.fixture(autouse=True)
 def recorded(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep what is said in tests of an exchange, where it is asked for."""
+    """Record the exchange of a test on request."""
     of = {"flight": "bundled_replay", "plant": "goes_back", "walk": "session"}
     names = [name for name, part in of.items() if part in request.node.name]
     if RECORD and names:
@@ -58,7 +58,7 @@ def test_a_session_is_recorded(tmp_path):
 
 
 def test_buoyancy_is_the_files_and_not_the_meshs():
-    """Neutral, with both centres in one place, it stays where it is put, however it is tilted."""
+    """A neutral vehicle with coincident centres stays at rest in any attitude."""
     plant = StonefishPlant(floating(rise=0.0), period=0.02)
     plant.reset(ALL, tilted(0.7), np.zeros((1, 6)))
     for _ in range(10):
@@ -68,7 +68,7 @@ def test_buoyancy_is_the_files_and_not_the_meshs():
 
 
 def test_a_righting_moment_turns_it_as_its_inertia_says():
-    """Heeled by 0.3 rad, p = -B h sin(0.3) t / I_x at first: Stonefish adds no inertia about surge."""
+    """At a heel of 0.3 rad, p = -B h sin(0.3) t / I_x at first: Stonefish adds no inertia about surge."""
     rise, heel, known = 0.02, 0.3, craft()
     plant = StonefishPlant(floating(rise=rise), period=0.002)
     plant.reset(ALL, tilted(heel), np.zeros((1, 6)))
@@ -86,7 +86,7 @@ def test_thrust_grows_as_its_lag_says():
 
 
 def test_a_plant_drifts_with_the_water_and_goes_on_with_another_vehicle():
-    """Let go at the speed of a current it keeps it; a changed vehicle is another from its next reset on."""
+    """A vehicle released at the speed of a current keeps it; a changed vehicle acts from its next reset."""
     current = {"name": "ocean_current", "v_N": 0.3, "v_E": -0.2}
     adrift = msgspec.structs.replace(floating(rise=0.0), effect=(current,))
     plant = StonefishPlant(floating(rise=0.0), count=2, period=0.02)
@@ -125,7 +125,7 @@ def test_a_bad_request_ends_it_with_a_reason(line, told):
 
 
 def floating(rise: float) -> Vehicle:
-    """The vehicle of the paper, weightless in water, its buoyancy acting `rise` [m] above its mass."""
+    """Return the neutral vehicle of the paper, with buoyancy acting `rise` [m] above the mass."""
     known = craft()
     body = msgspec.structs.replace(known.rigid_body, center_of_gravity=(0.02, 0.0, 0.02))
     lift = Buoyancy(body.mass * known.environment.gravity, (0.02, 0.0, 0.02 - rise))
@@ -133,7 +133,7 @@ def floating(rise: float) -> Vehicle:
 
 
 def tilted(heel: float) -> np.ndarray:
-    """A pose (1, 7) at a depth of 20 m."""
+    """Return a pose (1, 7) at a depth of 20 m."""
     return np.concatenate([[0.0, 0.0, 20.0], quaternion_from_euler(heel, 0.0, 0.0)])[None]
 
 

@@ -1,4 +1,4 @@
-"""`hydro rl eval` and `watch` in Stonefish, end to end: a program in its place that drifts or fails."""
+"""`hydro rl eval` and `watch` in Stonefish, end to end, with a replacement program that drifts or fails."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EVAL = ["rl", "eval", VEHICLE, "--in", "stonefish", "--episodes", 2]
 
 @pytest.fixture
 def standing_in(tmp_path, monkeypatch):
-    """Lets the drifter be run in the place of Stonefish."""
+    """Replace Stonefish by the drifter."""
 
     def stand(what):
         monkeypatch.setenv(program.VARIABLE, str(script(tmp_path, HERE / "drifter.py", what)))

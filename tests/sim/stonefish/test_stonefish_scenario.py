@@ -1,4 +1,4 @@
-"""The scenario says of a vehicle what its file says, and refuses what Stonefish has not."""
+"""Stonefish scenario of a vehicle file: conversion, and refusal of unsupported features."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_hidden_current_is_the_oceans():
 
 
 def test_thrust_of_the_recorded_vehicle_is_the_readmes():
-    """T = 155 sgn(n) (n^2 - 0.05^2) / (1 - 0.05^2), rotor 0.15 s in Euler steps."""
+    """T = 155 sgn(n) (n^2 - 0.05^2) / (1 - 0.05^2), with a rotor lag of 0.15 s in Euler steps."""
     root = ET.fromstring(recorded_vehicle().text)
     coefficient = root.find(".//thrust_coeff")
     assert float(coefficient.get("forward")) == pytest.approx(155.0 / (1.0 - 0.05**2), rel=1e-5)
@@ -70,7 +70,7 @@ def test_a_payload_adds_its_mass_and_nothing_but_its_weight_in_water():
 
 
 def inertia_about(center, body, at, mass):
-    """Of a body and a point mass about their common centre, by Huygens."""
+    """Return the inertia of a body and a point mass about their common centre, by Huygens' theorem."""
     total = np.array(body.inertia)
     for heavy, place in ((body.mass, np.array(body.center_of_gravity)), (mass, at)):
         arm = place - center
@@ -89,7 +89,7 @@ def inertia_about(center, body, at, mass):
     ],
 )
 def test_a_thruster_settles_on_the_thrust_of_its_file(changes, command):
-    """By what Stonefish documents of its models: straight lines, or k (s - d) beyond a dead band."""
+    """Use the documented models of Stonefish: straight lines, or k (s - d) beyond a dead band."""
     thrusters = tuple(msgspec.structs.replace(one, **changes) for one in craft().thruster)
     known = msgspec.structs.replace(craft(), thruster=thrusters)
     given = stonefish_teacher(known).scenario
@@ -105,7 +105,7 @@ def test_a_thruster_settles_on_the_thrust_of_its_file(changes, command):
 
 
 def thrust_by(model, setpoint):
-    """Thrust [N] of a rotor that has settled."""
+    """Return the thrust [N] of a settled rotor."""
     if model.get("type") == "linear_interpolation":
         return np.interp(setpoint, *(numbers(model.find(end).get("value")) for end in ("input", "output")))
     square = setpoint * abs(setpoint)
@@ -115,7 +115,7 @@ def thrust_by(model, setpoint):
 
 
 def test_late_commands_are_felt_late_thruster_by_thruster():
-    """Delays of 0, 6 and 26 ms in steps of 10 ticks of 2 ms, against the command of each tick's own past."""
+    """Delays of 0, 6 and 26 ms in steps of 10 ticks of 2 ms, compared with the past command at each tick."""
     table = np.zeros((3, COLUMNS))
     table[:, DELAY] = [0.0, 0.006, 0.026]
     late, given = Delays(table, 10), np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
