@@ -178,7 +178,7 @@ def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
 
 
 def parameters_of(provenance: Provenance, stage: str) -> dict[str, Any]:
-    """Return the parameters of the nearest input of a stage; empty if there is none."""
+    """Return the parameters of the latest artefact in a history that a stage made; empty without one."""
     found = [(depth, node.parameters) for depth, node in lineage(provenance) if node.stage == stage]
     return min(found, key=lambda one: one[0])[1] if found else {}
 

@@ -142,7 +142,7 @@ def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the regimes with the largest errors, in the order of their rank."""
+    """Return the ranked regimes of motion of a comparison table, the largest share of the error first."""
     return _placed(comparison, pl.col("rank").is_not_null()).sort("rank")
 
 

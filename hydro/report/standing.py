@@ -140,7 +140,7 @@ def answer(sources: Sources) -> str:
 
 
 def headline(sources: Sources) -> str:
-    """Return a sentence on the errors before and after, or on the finding if nothing was compared."""
+    """Return a sentence on the errors before and after; without a comparison, on the first finding."""
     found = standings(sources)
     if not found:
         return _first_finding(sources) or _what_it_is(sources)

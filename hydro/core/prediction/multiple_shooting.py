@@ -39,13 +39,13 @@ SHOTS_TOGETHER = 8  # shots per work item, so that derivatives need at most some
 
 
 class Places(NamedTuple):
-    """Places of S shots in a recording.
+    """Places of S shots (short predictions) in a recording of N rows and n thrusters.
 
     Attributes:
         commands: Commands of the recording, (N, n).
         t: Its times [s], (N,).
-        bounds: Rows of each shot's segment, (S, 2).
-        resumed: Whether the segment follows a gap, (S,).
+        bounds: First row, and row after the last, of the uninterrupted segment that holds each shot, (S, 2).
+        resumed: Whether that segment follows a gap, (S,).
         starts: First row of each shot, (S,).
         steps: Integration steps per row.
     """

@@ -144,7 +144,7 @@ def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
 
 
 def gaps(frame: pl.DataFrame) -> str:
-    """Describe the number of gaps in time and the place of the first; empty if there are none.
+    """Return a sentence on the number of gaps in time and the place of the first; empty text without gaps.
 
     Args:
         frame: A table with `session` and `t` [s].

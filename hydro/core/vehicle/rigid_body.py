@@ -74,7 +74,10 @@ def coriolis_matrix(matrix: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def balance(vehicle: Vehicle) -> Array:
-    """Return weight and buoyancy as four numbers, (4,): W - B [N] and the vector W r_g - B r_b [N m]."""
+    """Return the net weight and its moments, (4,): W - B [N] and the vector W r_g - B r_b [N m].
+
+    r_g and r_b are the centres of gravity and buoyancy, body FRD.
+    """
     weight = vehicle.rigid_body.mass * vehicle.environment.gravity
     force = vehicle.buoyancy.force
     moment = weight * np.asarray(vehicle.rigid_body.center_of_gravity) - force * np.asarray(

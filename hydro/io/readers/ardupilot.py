@@ -31,7 +31,15 @@ _YEARS = (946_684_800.0, 4_102_444_800.0)  # plausible times of receipt: years 2
 
 
 def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a DataFlash `.bin`; the clock is UTC with a GPS, otherwise time since start."""
+    """Yield the messages of a DataFlash `.bin`.
+
+    Times are UTC if the log has a GPS, otherwise seconds since the autopilot was switched on.
+
+    Args:
+        path: The log.
+        selection: Topics that are read.
+        options: Limits and messages of the reader.
+    """
     os.environ.setdefault("MAVLINK_DIALECT", "ardupilotmega")
     from pymavlink.DFReader import DFReader_binary
 

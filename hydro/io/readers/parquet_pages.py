@@ -26,17 +26,18 @@ _PLAIN, _PLAIN_LENGTHS = 0, 6
 
 
 def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> None:
-    """Count the expanded size of a file's columns.
+    """Add the decompressed size of a Parquet file's columns to a count.
 
-    A number counts `NUMBER` bytes, even if it is repeated; text counts its characters.
+    A number counts `NUMBER` bytes, also where the file stores a repeated value once; text counts its
+    characters.
 
     Args:
         file: The file.
         content: Its bytes.
-        expansion: Count of the file.
+        expansion: Count of decompressed bytes, with its limit.
 
     Raises:
-        DataError: The count exceeds the limit.
+        DataError: The count exceeds its limit.
     """
     whole = 0
     texts: list[tuple[int, Any, int]] = []

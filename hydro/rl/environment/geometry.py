@@ -67,11 +67,17 @@ def projection_kernel(hull: Array, position: Array, R: Array, axis: int) -> tupl
 
 @kernel
 def line_distance(hull: Array, R: Array, x: float, y: float) -> float:
-    """Return the horizontal distance [m] from the hull to a vertical line; 0 if the line pierces the hull.
+    """Return the horizontal distance [m] from an ellipsoidal hull to a vertical line; 0 if it is pierced.
 
-    The line stands at (x, y) [m] from the hull's centre.  Its distance from the ellipsoid is that of its foot
-    from the ellipsoid's projection on the horizontal plane.  That projection is the ellipse z^T S^-1 z = 1.
-    S is the sum of a_i^2 r_i r_i^T, and r_i are the horizontal parts of the body's axes.
+    It is the distance of the point (x, y) from the ellipsoid's projection on the horizontal plane.  That
+    projection is the ellipse q^T S^-1 q = 1, where S is the sum of a_i^2 r_i r_i^T over the three semi-axes
+    a_i [m], and r_i are the horizontal parts of the body's axes.
+
+    Args:
+        hull: Ellipsoid; its entries 3 to 5 are the semi-axes [m].
+        R: Rotation from body to world, flat, (9,).
+        x: Place of the line from the hull's centre, north [m].
+        y: East [m].
     """
     xx = xy = yy = 0.0
     for i in range(3):

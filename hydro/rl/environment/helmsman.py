@@ -19,13 +19,13 @@ BLIND = 0.5  # distance from the target below which its bearing is meaningless [
 
 
 class Manner(NamedTuple):
-    """Tuning of the pilot; the defaults are those of every table.
+    """Tuning of the hand-written pilot; all published tables use the defaults.
 
     Attributes:
         margin: Distance that the pilot's own paths keep from pillars, if there is room [m].
         pace: Factor on all speeds.
-        firmness: Actions in roll, pitch and yaw per angle, in multiples of 1 per rad.  Those per angular
-            velocity scale with its square root, which keeps the damping ratio.
+        firmness: Proportional gain of roll, pitch and yaw [1/rad].  The gain on angular velocity is
+            proportional to its square root, so that the damping ratio stays.
     """
 
     margin: float = Grid.margin

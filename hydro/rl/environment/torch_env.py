@@ -20,10 +20,11 @@ OUTCOMES = ("success", "collision", "diverged")
 
 
 class Batch(EnvBase):  # type: ignore[misc]
-    """N vehicles as a batch-locked environment on any device.
+    """N vehicles as one TorchRL environment with a fixed batch size, on CPU or GPU.
 
-    Input: `action` (N, 6).  Output: `observation` (N, O), and (N, 1) each: `reward`, `done`, `terminated`,
-    `truncated`, `success`, `collision` and `diverged`.
+    Input: `action` (N, 6), the demanded wrench as shares of the limits.  Output: `observation` (N, O) of O
+    numbers each, and (N, 1) each: `reward`, `done`, `terminated`, `truncated`, `success`, `collision` and
+    `diverged`.
     """
 
     batch_locked = True

@@ -22,7 +22,7 @@ class Docking(Task):
     name = "docking"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw the dock, and a start south of it with a random heading."""
+        """Return a scene with the dock at a random place, and a start south of it with a random heading."""
         task, world, docking = settings.task, settings.world, settings.docking
         low = np.full(3, task.margin)
         high = np.array([world.length, world.width, world.depth]) - task.margin

@@ -85,7 +85,7 @@ class Task(ABC):
 
     @abstractmethod
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw the scene of one episode; level 0 is open water if the task has levels."""
+        """Return a random scene of one episode; level 0 is open water if the task has levels."""
 
     def lead(self, settings: Settings) -> float:
         """Return the time by which the target in the observation is ahead of the goal [s]."""
