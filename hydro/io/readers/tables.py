@@ -197,6 +197,14 @@ class Tables:
         """Return the times of all messages [s], sorted."""
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
 
+    def travel(self) -> dict[str, float]:
+        """Return the median time from the stamp of a message to its receipt [s], by topic; 0 without stamps."""
+        return {
+            each.topic.name: float(np.median(each.received - t))
+            for each, t in zip(self._buffers, self._times, strict=True)
+            if len(t)
+        }
+
     def wide(self) -> pl.DataFrame:
         """Return one table with a row for each message, with nulls in the columns of other topics."""
         if not self._buffers:
