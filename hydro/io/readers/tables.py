@@ -198,7 +198,7 @@ class Tables:
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
 
     def travel(self) -> dict[str, float]:
-        """Return the median time from the stamp of a message to its receipt [s], by topic; 0 without stamps."""
+        """Return the median time from stamp to receipt of each topic [s]; 0 without stamps."""
         return {
             each.topic.name: float(np.median(each.received - t))
             for each, t in zip(self._buffers, self._times, strict=True)
