@@ -120,7 +120,7 @@ def clocks(imported: Imported, follows: LogMap, declared: LogMap, travel: Mappin
         imported: Log on one clock.
         follows: Map that the data follow.
         declared: Map as given.
-        travel: Median time from the stamp of a message to its receipt [s], by topic.
+        travel: Mean time from the stamp of a message to its receipt [s], by topic.
     """
     derived = declared.rates is not None and declared.rates.source == "attitude"
     logs = imported.logs

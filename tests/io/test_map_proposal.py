@@ -82,10 +82,10 @@ def test_samples_that_the_log_calls_invalid_do_not_count(filled: bool, tmp_path:
 
 
 def test_commands_stamped_on_receipt_get_their_lag() -> None:
-    """MAVROS stamps the outputs of this dive on receipt, 12 ms and 4 ms of jitter after they act."""
+    """MAVROS stamps the outputs of this dive on receipt, on average 16 ms after they act."""
     found = proposal(bundled("dive") / "dive.bag")
-    assert found.blocks["commands"]["lag"] == pytest.approx(0.016, abs=0.002)
-    assert [note for note in found.notes if note.startswith("commands: stamps are 0.01")]
+    assert found.blocks["commands"]["lag"] == pytest.approx(0.016, abs=0.0005)
+    assert [note for note in found.notes if note.startswith("commands: stamps are 0.016 s late")]
 
 
 def test_the_faster_of_two_sources_that_agree_is_used() -> None:

@@ -20,7 +20,7 @@ def late_commands(columns: list[str], travel: Mapping[str, float]) -> float:
 
     Args:
         columns: Columns of the commands, `TOPIC.FIELD`.
-        travel: Median time from the stamp of a message to its receipt [s], by topic.
+        travel: Mean time from the stamp of a message to its receipt [s], by topic.
 
     Returns:
         0 if the commands are not of a known driver, or if no other message of the driver is in the log.
