@@ -18,7 +18,7 @@ FINEST = 10.0
 
 OUT_OF_WATER = 0.5
 """Height above the surface above which a simulated vehicle has left the water [m]."""
-QUICK_SECONDS, QUICK_ROWS = 5.0, 5000.0
+QUICK_SECONDS, QUICK_ROWS = 4.0, 7500.0
 """Shortest diagnosis, of a file that lacks nothing: fixed seconds of one processor (2.8 GHz) and rows per
 further second."""
 SLOW_SECONDS, SLOW_ROWS = 45.0, 400.0

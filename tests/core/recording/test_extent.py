@@ -19,9 +19,12 @@ MEASURED = (
     ("42 values of the file", 12_000, 63.3),
     ("a weak thruster and a current", 5_809, 32.0),
     ("one effect", 15_000, 13.6),
+    ("damping up to 25 % wrong", 15_000, 6.8),
+    ("one change, hull of panels", 15_000, 64.1),
+    ("nothing, hull of panels", 15_000, 39.5),
 )
 """Missing effects, rows, and processor time of `hydro diagnose` [s]."""
-WIDEST = 12.0
+WIDEST = 14.0
 """Ratio of the ends of the range; a wider one says nothing."""
 
 
@@ -42,7 +45,7 @@ def test_more_takes_longer_and_more_processors_never_do(rows: int, processors: i
 
 
 def test_the_range_is_said_in_words() -> None:
-    assert str(diagnosis_seconds(15_000, 1)) == "8 s to 82 s"
+    assert str(diagnosis_seconds(15_000, 1)) == "6 s to 82 s"
 
 
 def test_a_simulated_vehicle_that_leaves_the_water_is_told():
