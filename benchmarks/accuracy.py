@@ -139,7 +139,7 @@ def plot(table: pl.DataFrame, path: Path) -> None:
     noise = PROFILES["ordinary"].velocity
     axes.axhline(noise, color="#888888", linewidth=0.8, linestyle="--")
     axes.annotate(
-        f"noise of an ordinary velocity log, {noise:g} m/s",
+        f"noise of an ordinary DVL, {noise:g} m/s",
         (0.01, noise),
         xycoords=("axes fraction", "data"),
         textcoords="offset points",

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import browser
 import forked
 import pytest
 from tables import shorten
@@ -24,6 +25,8 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "da
 README = (ROOT / "README.md").read_text()
 PYTHON = README + (ROOT / "docs" / "api.md").read_text()
 """Pages whose Python examples run one after the other."""
+SCREENS = 6
+"""Length of the report on a phone, in screens."""
 
 
 def code(text: str) -> str:
@@ -121,6 +124,11 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     assert {"study", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }
+    if browser.CHROMIUM is not None:
+        with browser.page() as page:
+            page.screen(390, 844, touch=True)
+            page.open(checkout / "runs" / "report.html")
+            assert page.run("document.documentElement.scrollHeight") <= SCREENS * 844
     assert "noise_floor" in printed[1], "the example of the README prints errors"
     assert "MJ4" in printed[1], "the example of docs/api.md replays its network"
 

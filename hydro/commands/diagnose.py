@@ -218,7 +218,7 @@ def diagnose(
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(name):
         tell_not_shown(start, source.frame)
-        expected = None if before else expected_seconds(start, source.frame)
+        expected = None if before else expected_seconds(source.frame)
         tell_duration(source.frame, expected)
     earlier = learnt(before, model, start, source, logs, discover=discover)
     with about(name), progress("diagnose", expected) as update:

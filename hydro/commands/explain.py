@@ -130,7 +130,7 @@ def explain(
     other = _held_out(holdout, logs, source, start, beside=bool(before)) if holdout else None
     with about(name):
         tell_not_shown(start, source.frame)
-        expected = None if before else expected_seconds(start, source.frame, steps=True)
+        expected = None if before else expected_seconds(source.frame, steps=True)
         tell_duration(source.frame, expected, steps=True)
     earlier = learnt(before, model, start, source, logs, discover=discover)
     frame, hull = None if other is None else other.frame, earlier.hull if earlier else None

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.core.diagnosis.provisional import Provisional
+    from hydro.core.recording.extent import Expected
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
     from hydro.core.vehicle.description import Vehicle
@@ -36,8 +37,8 @@ CONDITIONING_TITLE = (
     "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"
 )
 
-LONG = 30.0
-"""Minimum duration of work for which an estimate is printed [s]."""
+LONG = 20.0
+"""Minimum expected duration of work for which an estimate is printed [s]."""
 
 ModelFile = Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")]
 NoiseSpec = Annotated[
@@ -269,12 +270,12 @@ def dataset_name(source: str) -> str:
 
 
 @contextmanager
-def progress(label: str, expected: float | None = None) -> Iterator[Callable[..., None]]:
+def progress(label: str, expected: Expected | None = None) -> Iterator[Callable[..., None]]:
     """Show a progress bar with the remaining time on stderr; nothing elsewhere.
 
     Args:
         label: Name of the work.
-        expected: How long it takes, about [s]; None where nothing is known beforehand.
+        expected: Range of its duration [s]; None where nothing is known beforehand.
 
     Yields:
         `update(done, total, text)`, which sets the progress and a few words next to the bar.
@@ -284,7 +285,7 @@ def progress(label: str, expected: float | None = None) -> Iterator[Callable[...
         return
     from hydro.report.waiting import shown
 
-    with shown(label, expected) as update:
+    with shown(label, None if expected is None else expected.middle) as update:
         yield update
 
 
@@ -293,54 +294,48 @@ def message(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def expected_seconds(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> float:
-    """Return the approximate duration of a diagnosis [s].
+def expected_seconds(frame: pl.DataFrame, *, steps: bool = False) -> Expected:
+    """Return the range of the duration of a diagnosis [s].
 
     Args:
-        vehicle: Diagnosed vehicle.
         frame: The recording.
         steps: Whether it is the first of several, as in `explain`.
     """
-    from hydro.core.effects.catalogue import own_effects
-    from hydro.core.prediction.parameters import free
     from hydro.core.recording import extent
     from hydro.core.threads import available
 
-    own = own_effects(vehicle)
-    values = len(free(vehicle, own).entries) if own else 0
-    seconds = extent.diagnosis_seconds(frame.height, values, available())
-    return seconds * (extent.EXPLAINED if steps else 1.0)
+    found = extent.diagnosis_seconds(frame.height, available())
+    return found.times(extent.EXPLAINED) if steps else found
 
 
-def is_long(expected: float | None) -> bool:
+def is_long(expected: Expected | None) -> bool:
     """Return whether long work runs with a terminal on stderr."""
-    return expected is not None and expected > LONG and sys.stderr.isatty()
+    return expected is not None and expected.middle > LONG and sys.stderr.isatty()
 
 
-def tell_duration(frame: pl.DataFrame, expected: float | None, *, steps: bool = False) -> None:
-    """Print the approximate duration of a long diagnosis.
+def tell_duration(frame: pl.DataFrame, expected: Expected | None, *, steps: bool = False) -> None:
+    """Print the range of the duration of a long diagnosis.
 
     Args:
         frame: The recording.
-        expected: How long it takes, about [s]; None where nothing is known.
+        expected: The range [s]; None where nothing is known.
         steps: Whether it is the first of several, as in `explain`.
     """
     if expected is None or not is_long(expected):
         return
-    from hydro.core.recording import extent
     from hydro.core.threads import available
 
-    what = "first step about" if steps else "about"
+    what = "first step " if steps else ""
     processors = available()
     on = "one processor" if processors == 1 else f"{processors} processors"
-    message(f"hydro: {frame.height:,} rows: {what} {extent.duration(expected)} on {on}, half to twice that")
+    message(f"hydro: {frame.height:,} rows: {what}{expected} on {on}, longer the more is missing")
 
 
-def tell_provisional(expected: float | None) -> Callable[[Provisional], None] | None:
+def tell_provisional(expected: Expected | None) -> Callable[[Provisional], None] | None:
     """Return a function that prints the provisional best candidate of a long diagnosis; None for a short one.
 
     Args:
-        expected: Approximate duration of the diagnosis [s].
+        expected: Range of the duration of the diagnosis [s].
     """
     if not is_long(expected):
         return None

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import msgspec
 
 from hydro.core.logs.delays import Offset, command_delay, sensor_offsets, shifted
 from hydro.core.logs.importing import Imported
-from hydro.core.logs.logmap import LogMap
+from hydro.core.logs.logmap import LogMap, columns_of
+from hydro.core.logs.receipt import late_commands
 
 MAX_RESPONSE = 0.25
 """Maximum lag [s] that a thruster and its controller can cause; a longer lag may be a clock error."""
 LEAST_REPORTED = 0.01
-"""Minimum lag of a sensor that is reported although it is shorter than a sample [s]."""
+"""Minimum lag of a sensor or of commands that is reported although it is shorter than a sample [s]."""
 REFERENCE = {"velocity": "the position", "attitude": "the position", "rates": "the attitude"}
 """Reference of each sensor's lag."""
 
@@ -27,11 +28,14 @@ class Clocks:
         sensors: Lags of velocity, attitude and rates relative to the pose, where the motion shows them.
         commands: Lag of the motion relative to the commands; None if the log does not show it.
         declared: The map, which may declare some lags already.
+        receipt: Time by which commands are stamped later than sensors of the same driver [s], see
+            `core.logs.receipt`.
     """
 
     sensors: tuple[Offset, ...]
     commands: Offset | None
     declared: LogMap
+    receipt: float = 0.0
 
     def lines(self) -> Iterator[str]:
         """Yield the lags as one line, and a warning for each lag to correct."""
@@ -44,7 +48,17 @@ class Clocks:
                 f"the motion follows the commands by {late}, 95 % interval, including the lag of the "
                 "thrusters"
             )
+        if self._late_commands:
+            yield (
+                f"note: commands are stamped on receipt, other messages of their driver {self.receipt:.3g} s "
+                f"before it; write lag = {self.receipt:.3g} in [commands]"
+            )
         yield from (f"warning: {line}" for line in (*self.contradictions(), *self.suspicions()))
+
+    @property
+    def _late_commands(self) -> bool:
+        """Whether commands are stamped late and the map does not correct it."""
+        return self.receipt >= LEAST_REPORTED and not self.declared.commands.lag
 
     def contradictions(self) -> list[str]:
         """Return lines on significant lags longer than a sample, which `--strict` refuses."""
@@ -59,13 +73,14 @@ class Clocks:
         ]
 
     def lags(self) -> dict[str, float]:
-        """Return the lags of sensors to write into the map [s], by name of the block."""
+        """Return the lags of sensors and commands to write into the map [s], by name of the block."""
         told = (
             one
             for one in self.sensors
             if one.plain and (one.over_a_sample or abs(one.seconds) >= LEAST_REPORTED)
         )
-        return {one.block: self._lag(one) for one in told}
+        late = {"commands": self.receipt} if self._late_commands else {}
+        return {one.block: self._lag(one) for one in told} | late
 
     def _lag(self, one: Offset) -> float:
         """Return the lag of a sensor to write into the map [s]."""
@@ -98,13 +113,14 @@ class Clocks:
         )
 
 
-def clocks(imported: Imported, follows: LogMap, declared: LogMap) -> Clocks:
+def clocks(imported: Imported, follows: LogMap, declared: LogMap, travel: Mapping[str, float]) -> Clocks:
     """Estimate the lags of a log.
 
     Args:
         imported: Log on one clock.
         follows: Map that the data follow.
         declared: Map as given.
+        travel: Mean time from the stamp of a message to its receipt [s], by topic.
     """
     derived = declared.rates is not None and declared.rates.source == "attitude"
     logs = imported.logs
@@ -113,7 +129,8 @@ def clocks(imported: Imported, follows: LogMap, declared: LogMap) -> Clocks:
         if one.plain:
             logs = tuple(shifted(log, follows, one.block, one.seconds) for log in logs)
     moving = msgspec.structs.replace(follows, rates=imported.meaning.rates) if derived else follows
-    return Clocks(tuple(found), command_delay(logs, imported.times, imported.dt, moving), declared)
+    delay = command_delay(logs, imported.times, imported.dt, moving)
+    return Clocks(tuple(found), delay, declared, late_commands(columns_of(declared.commands), travel))
 
 
 def _interval(one: Offset) -> str:

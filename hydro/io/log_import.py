@@ -24,6 +24,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
 from hydro.io.clock_report import Clocks, clocks
 from hydro.io.log import Log, values
+from hydro.io.readers.tables import Tables
 from hydro.io.sessions import sessions
 
 
@@ -143,7 +144,8 @@ def import_log(
     if meaning.rates is not None and meaning.rates.source == "attitude":
         as_measured = msgspec.structs.replace(as_measured, rates=None)
     verdict = check(imported.logs, imported.times, imported.dt, as_measured)
-    offsets = clocks(imported, verdict.follows, meaning)
+    travel = source.table.travel() if isinstance(source.table, Tables) else {}
+    offsets = clocks(imported, verdict.follows, meaning, travel)
     against = [*verdict.contradictions, *offsets.contradictions()]
     if strict and against:
         more = f" (and {len(against) - 1} more: see without --strict)" if len(against) > 1 else ""

@@ -8,16 +8,25 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.core.guessing.aliases import Block
 from hydro.core.guessing.interview import lacking
 from hydro.core.guessing.map_lines import block_of
+from hydro.core.guessing.presets import other_sources
 from hydro.core.guessing.validity import validity
+from hydro.core.logs.agreement import Evidence, windows
 from hydro.core.logs.alternatives import difference
-from hydro.core.logs.logmap import LogMap
+from hydro.core.logs.convention_check import check
+from hydro.core.logs.importing import raw_table
+from hydro.core.logs.logmap import LogMap, blocks_of, measured
 from hydro.io import log_files, logmap
 from hydro.io.log import Log, LogFile, values
 from hydro.io.log_import import import_log
+from hydro.io.sessions import sessions
+
+IDENTITY = {"velocity": 0, "attitude": 1, "rates": 1}
+"""Kinematic identity that tests each quantity: 0 of translation, 1 of rotation, see `core.logs.agreement`."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +68,97 @@ def proposed(
             blocks[name] = block
     if lacking(blocks):
         return Proposal(columns, blocks)
+    blocks, chosen = _faster_sources(files, columns, blocks, progress)
     blocks, notes = corrected(files, columns, blocks, set(given), progress)
-    return Proposal(columns, blocks, notes)
+    return Proposal(columns, blocks, (*chosen, *notes))
+
+
+def _faster_sources(
+    files: Sequence[LogFile],
+    columns: Sequence[str],
+    blocks: Mapping[str, Block],
+    progress: log_files.Progress,
+) -> tuple[dict[str, Block], list[str]]:
+    """Replace sources of a map by faster ones of the same quantity that agree better with the motion.
+
+    Returns:
+        The blocks, and a line for each replacement.
+    """
+    found, notes = dict(blocks), list[str]()
+    others = other_sources(columns, blocks)
+    if not others:
+        return found, notes
+    best = _agreement(files, columns, found, progress)
+    for quantity, block in others:
+        other = _agreement(files, columns, {**found, quantity: block}, progress, quantity, best)
+        if best is None or other is None:
+            continue
+        k = IDENTITY[quantity]
+        if other.errors[k] < best.errors[k]:
+            notes.append(
+                f"{quantity}: {_sources(block)} has {1.0 / other.steps[quantity]:.3g} samples/s, "
+                f"{_sources(found[quantity])} {1.0 / best.steps[quantity]:.3g}: the faster is used"
+            )
+            found[quantity], best = block, other
+    return found, notes
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """Agreement of the sensors of a map with each other.
+
+    Attributes:
+        errors: RMS residuals of the kinematic identities of translation [m/s] and rotation [rad/s], (2,).
+        steps: Median step of each sensor [s].
+    """
+
+    errors: Array
+    steps: dict[str, float]
+
+
+def _agreement(
+    files: Sequence[LogFile],
+    columns: Sequence[str],
+    blocks: Mapping[str, Block],
+    progress: log_files.Progress,
+    quantity: str = "",
+    least: _Agreement | None = None,
+) -> _Agreement | None:
+    """Return how well the sensors of a map agree with each other.
+
+    Args:
+        files: The files of one dive.
+        columns: All columns of the log.
+        blocks: Blocks of the map.
+        progress: Reports the progress of reading a file.
+        quantity: Quantity that must be faster than `least`; empty for none.
+        least: Agreement of another map.
+
+    Returns:
+        None if the log cannot be imported by the map, or if the quantity is not faster.
+    """
+    try:
+        source, read = log_files.gather(files, logmap.from_guess(blocks, columns), progress)
+        logs = sessions(source, read)
+        steps = {
+            name: float(np.median([log.channel(measured(block)[0]).step for log in logs]))
+            for name, block in blocks_of(read).items()
+        }
+        if least is not None and not steps[quantity] < least.steps[quantity]:
+            return None
+        imported = raw_table(logs, read)
+        taken = windows(imported.times, imported.dt)
+        if not any(map(len, taken)):
+            return None
+        follows = check(imported.logs, imported.times, imported.dt, imported.meaning).follows
+        return _Agreement(Evidence(imported.logs, taken).errors(follows), steps)
+    except DataError:
+        return None
+
+
+def _sources(block: Block) -> str:
+    """Return the name of the message of a block's columns."""
+    return str(next(iter(block.get("columns") or block["quaternion"]))).rpartition(".")[0]
 
 
 def corrected(

@@ -20,7 +20,11 @@ GLOSSARY = (
     ),
     ("noise floor", "error of a perfect model, from sensor noise and uncertain initial states"),
     ("unexplained error", "sum of squared errors above the noise floor"),
-    ("share", "part of the unexplained error; shares of several findings need not sum to 100 %"),
+    (
+        "share",
+        "part of the unexplained error; shares of several findings need not sum to 100 %; effects that can "
+        "replace each other divide theirs",
+    ),
     (
         "unexplained force",
         "force that the file's thrusters, weight, buoyancy, effects and inertia do not explain",
@@ -36,6 +40,6 @@ GLOSSARY = (
     ),
     ("confidence", "estimated probability that the effect has the right name"),
     ("p-value", "probability that chance alone gives as large a share"),
-    ("standard error", "standard deviation of a fitted value due to noise"),
+    ("standard error, ±", "standard deviation of a fitted value due to noise"),
 )
 """Term and meaning."""

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from logs import motion
+from scipy.spatial.transform import Rotation
 
 from hydro.core.errors import DataError
 from hydro.io import logmap
@@ -78,3 +79,43 @@ def test_samples_that_the_log_calls_invalid_do_not_count(filled: bool, tmp_path:
     assert found.blocks["velocity"].get("valid") == ("dvl_valid" if filled else None)
     assert any("dvl_valid = 0 are excluded" in note for note in found.notes) == filled
     assert "valid" not in found.blocks["position"]
+
+
+def test_commands_stamped_on_receipt_get_their_lag() -> None:
+    """MAVROS stamps the outputs of this dive on receipt, on average 16 ms after they act."""
+    found = proposal(bundled("dive") / "dive.bag")
+    assert found.blocks["commands"]["lag"] == pytest.approx(0.016, abs=0.0005)
+    assert [note for note in found.notes if note.startswith("commands: stamps are 0.016 s late")]
+
+
+def test_the_faster_of_two_sources_that_agree_is_used() -> None:
+    """The dive has its attitude ten times a second in the pose, and fifty times in the message of the IMU."""
+    found = proposal(bundled("dive") / "dive.bag")
+    assert found.blocks["attitude"]["quaternion"][0] == "/mavros/imu/data.orientation.x"
+    assert found.blocks["position"]["columns"][0] == "/mavros/local_position/pose.pose.position.x"
+    assert [note for note in found.notes if note.startswith("attitude: /mavros/imu/data")]
+
+
+def test_a_faster_source_that_agrees_less_is_not_used(tmp_path: Path) -> None:
+    """An attitude ten times a second, and another fifty times with an error of 3 degrees."""
+    t = np.arange(0.0, 40.0, 0.02)
+    values = motion(t)
+    rng = np.random.default_rng(2)
+    values[:, 9:] += rng.normal(0.0, 2e-3, (len(t), 3))
+    noisy = values[:, 3:6] + rng.normal(0.0, 0.05, (len(t), 3))
+    pose = Rotation.from_euler("ZYX", values[:, [5, 4, 3]]).as_quat()
+    pose[np.arange(len(t)) % 5 > 0] = np.nan
+    place = np.where(np.isnan(pose[:, :1]), np.nan, values[:, :3])
+    imu = Rotation.from_euler("ZYX", noisy[:, ::-1]).as_quat()
+    columns = {"time": t}
+    for stem, parts, source in (
+        ("/mavros/local_position/pose.pose.position", "xyz", place),
+        ("/mavros/local_position/pose.pose.orientation", "xyzw", pose),
+        ("/mavros/imu/data.orientation", "xyzw", imu),
+        ("/mavros/imu/data.angular_velocity", "xyz", values[:, 9:]),
+    ):
+        columns |= {f"{stem}.{part}": column for part, column in zip(parts, source.T, strict=True)}
+    columns |= {f"/mavros/rc/out.channels[{k}]": np.round(1500.0 + 300.0 * np.sin(t + k)) for k in range(8)}
+    pl.DataFrame(columns).fill_nan(None).write_csv(tmp_path / "log.csv")
+    found = proposal(tmp_path / "log.csv")
+    assert found.blocks["attitude"]["quaternion"][0] == "/mavros/local_position/pose.pose.orientation.x"

@@ -19,6 +19,8 @@ MOST_THRUSTERS = 8
 """Default number of outputs used as thrusters: others are lights, grippers and mounts."""
 LEAST_BLOCKS = 2
 """Minimum number of quantities with a preset's names for it to be selected automatically."""
+SAME_QUANTITY = ("attitude", "velocity", "rates")
+"""Quantities of which every source measures the same; sources of a position may have its depth only."""
 
 
 class Source(NamedTuple):
@@ -178,6 +180,28 @@ def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str 
     if preset is None and len(found[best].keys() - {"voltage"}) < LEAST_BLOCKS:
         return None, {}
     return best, found[best]
+
+
+def other_sources(names: Sequence[str], blocks: Mapping[str, Block]) -> list[tuple[str, Block]]:
+    """Return further sources of the three-dimensional quantities of a preset's map, with their names.
+
+    A log may have the same quantity in several messages, for instance the attitude in a pose and in an IMU
+    message.
+
+    Args:
+        names: The log's columns.
+        blocks: Blocks of its map; those that are not of its preset have no further sources.
+    """
+    preset, known = preset_blocks(names)
+    if preset is None:
+        return []
+    return [
+        (quantity, block)
+        for quantity in SAME_QUANTITY
+        if quantity in known and blocks.get(quantity) == known[quantity]
+        for source in PRESETS[preset].get(quantity, ())
+        if (block := _block(names, quantity, source)) is not None and block != known[quantity]
+    ]
 
 
 def _blocks(names: Sequence[str], quantities: Mapping[str, Sequence[Source]]) -> dict[str, Block]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import polars as pl
 
 from hydro.core.errors import DataError
@@ -15,11 +18,12 @@ FINEST = 10.0
 
 OUT_OF_WATER = 0.5
 """Height above the surface above which a simulated vehicle has left the water [m]."""
-FIRST_SECONDS, DIAGNOSED_ROWS, DIAGNOSED_VALUES = 16.0, 750.0, 50.0
-"""Duration of a diagnosis: fixed seconds of one processor (2.8 GHz), rows per further second, and number of
-fitted values that doubles it.  The values fit the nine measured durations of
-`tests/core/recording/test_extent.py`.  The number of findings, unknown in advance, adds a factor of up to
-two."""
+QUICK_SECONDS, QUICK_ROWS = 4.0, 7500.0
+"""Shortest diagnosis, of a file that lacks nothing: fixed seconds of one processor (2.8 GHz) and rows per
+further second."""
+SLOW_SECONDS, SLOW_ROWS = 45.0, 400.0
+"""Longest diagnosis, of a file that lacks several effects or of a hull that no formula fits: as above.  Both
+limits contain the measured durations of `tests/core/recording/test_extent.py`."""
 SERIAL = 1.0 / 3.0
 """Share of a diagnosis that runs on one processor."""
 EXPLAINED = 1.25
@@ -64,16 +68,43 @@ def duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def diagnosis_seconds(rows: int, values: int, processors: int) -> float:
-    """Estimate the duration of a diagnosis, to a factor of two [s].
+class Expected(NamedTuple):
+    """Range of the duration of work whose extent is not known in advance.
+
+    Attributes:
+        shortest: Where the vehicle file lacks nothing [s].
+        longest: Where the search tries most candidates [s].
+    """
+
+    shortest: float
+    longest: float
+
+    @property
+    def middle(self) -> float:
+        """Geometric mean of both [s]."""
+        return math.sqrt(self.shortest * self.longest)
+
+    def times(self, factor: float) -> Expected:
+        """Return the range of work that takes `factor` times as long."""
+        return Expected(factor * self.shortest, factor * self.longest)
+
+    def __str__(self) -> str:
+        """Return the range in words."""
+        return f"{duration(self.shortest)} to {duration(self.longest)}"
+
+
+def diagnosis_seconds(rows: int, processors: int) -> Expected:
+    """Estimate the duration of a diagnosis.
+
+    It depends mostly on how many effects are missing and on how well any formula fits the hull.  Neither is
+    known in advance, so the estimate is a range.
 
     Args:
         rows: Rows of the recording.
-        values: Number of fitted values of the vehicle file.
         processors: Number of processors.
     """
-    alone = (FIRST_SECONDS + rows / DIAGNOSED_ROWS) * (1.0 + values / DIAGNOSED_VALUES)
-    return alone * (SERIAL + (1.0 - SERIAL) / processors)
+    alone = Expected(QUICK_SECONDS + rows / QUICK_ROWS, SLOW_SECONDS + rows / SLOW_ROWS)
+    return alone.times(SERIAL + (1.0 - SERIAL) / processors)
 
 
 def above_surface(raw: pl.DataFrame) -> str:

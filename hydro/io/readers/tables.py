@@ -197,6 +197,14 @@ class Tables:
         """Return the times of all messages [s], sorted."""
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
 
+    def travel(self) -> dict[str, float]:
+        """Return the mean time from stamp to receipt of each topic [s]; 0 without stamps."""
+        return {
+            each.topic.name: _mean_travel(each.received, t)
+            for each, t in zip(self._buffers, self._times, strict=True)
+            if len(t)
+        }
+
     def wide(self) -> pl.DataFrame:
         """Return one table with a row for each message, with nulls in the columns of other topics."""
         if not self._buffers:
@@ -226,6 +234,14 @@ class Tables:
                 Table([self._buffers[k] for k in chosen], [self._times[k] for k in chosen]),
                 list(names),
             )
+
+
+def _mean_travel(received: Array, sent: Array) -> float:
+    """Return the mean time from sending to receipt [s], without messages that came over a step late."""
+    late = received - sent
+    usual = float(np.median(late))
+    step = float(np.median(np.diff(np.sort(sent)))) if len(sent) > 1 else np.inf
+    return float(late[late - usual <= step].mean())
 
 
 class Numbers(Mapping[str, Array]):

@@ -88,5 +88,5 @@ def test_names_of_fixes_are_guessed_beside_a_depth():
 
 @pytest.mark.parametrize("key", ['columns = ["a", "b"]', 'world = "ENU"', 'height = "h"'])
 def test_what_does_not_go_with_latitudes_is_refused(key):
-    with pytest.raises(DataError, match=r"position.*: latitude and longitude"):
+    with pytest.raises(DataError, match=r"position.*latitude and longitude"):
         logmap.parse(MAP.replace('depth = "depth"', f'depth = "depth"\n{key}'))

@@ -24,7 +24,7 @@ from hydro.io.readers.chunks import by_chunk
 from hydro.io.readers.collect import collect
 from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Selection, Topic
-from hydro.io.readers.tables import Tables
+from hydro.io.readers.tables import Tables, _mean_travel
 from hydro.io.sessions import sessions
 
 POSE, VELOCITY = logs.NAMES[:6], logs.NAMES[6:]
@@ -272,3 +272,11 @@ def test_a_bag_is_read_with_the_index_of_one_chunk(tmp_path: Path, compression: 
     assert len(reader.chunk_infos) == 0
     assert sorted(found) == sorted(expected)
     assert most < len(expected) / 10
+
+
+def test_a_logger_that_stalls_does_not_change_the_travel_of_messages() -> None:
+    """Two of five hundred messages come when a full disk is free again, seconds late."""
+    sent = np.arange(500) * 0.02
+    received = sent + 0.012 + np.random.default_rng(0).exponential(0.004, 500)
+    received[[100, 300]] += 3.0
+    assert _mean_travel(received, sent) == pytest.approx(0.016, abs=5e-4)
