@@ -178,7 +178,7 @@ def test_what_is_no_ray_head_is_told_apart(tmp_path, monkeypatch):
     with socket.socket() as deaf:
         deaf.bind((two.HEAD, 0))
         deaf.listen()
-        with pytest.raises(UsageError, match="no Ray head"):
+        with pytest.raises(UsageError, match="not a Ray head"):
             cluster.Cluster(f"{two.HEAD}:{deaf.getsockname()[1]}")
 
 

@@ -175,9 +175,10 @@ def test_the_readme_quotes_policies() -> None:
         return f"{float(cell('rl_pillars', way, flown_by=who, in_the='teacher').split('%')[0]):g} %"
 
     assert (
-        f"no water forces {arrivals('R_0', alone)}, vehicle file {arrivals('R_effects, as given', alone)}, "
-        f"file after `hydro explain` {arrivals('R_effects, identified', alone)}, "
-        f"network {arrivals('R_PhysFeat', alone)}, hand-written pilot {arrivals('pilot', alone)}."
+        f"without water forces {arrivals('R_0', alone)}, "
+        f"with the vehicle file {arrivals('R_effects, as given', alone)}, "
+        f"with the file after `hydro explain` {arrivals('R_effects, identified', alone)}, "
+        f"with a network {arrivals('R_PhysFeat', alone)}; hand-written pilot {arrivals('pilot', alone)}."
     ) in README
     best = max(
         float(row[planned].split("%")[0])
@@ -189,4 +190,4 @@ def test_the_readme_quotes_policies() -> None:
     ) in README
     study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
     trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
-    assert f"the {trainings} published trainings of all stages" in README
+    assert f"the {trainings} trainings in [the tables](docs/rl-figures.md) used it" in README

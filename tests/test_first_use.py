@@ -22,7 +22,7 @@ def test_the_kernels_are_compiled_and_kept(capsys: pytest.CaptureFixture[str]) -
     with warnings.catch_warnings():
         warnings.simplefilter("error", HydroNotice)
         for layer in ("core", "sim"):
-            kernel_cache._tell_cold(str(compiled._cache_folder(layer)))
+            kernel_cache._announce_compilation(str(compiled._cache_folder(layer)))
 
 
 def test_the_installation_compiles_them() -> None:

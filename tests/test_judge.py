@@ -350,7 +350,7 @@ def test_another_constant_changes_the_decision_and_is_set_back(results: Path):
 def test_an_unknown_constant_and_an_unknown_list_are_refused_in_a_line():
     with pytest.raises(SystemExit, match=r"not a constant of a kept decision"):
         rescore.parsed(["confidence.NOPE=1"])
-    with pytest.raises(SystemExit, match="no number"):
+    with pytest.raises(SystemExit, match="not a number"):
         rescore.parsed(["confidence.NEAR=much"])
     with pytest.raises(SystemExit, match="give NAME"):
         command.sizes(["clean-four"])

@@ -192,7 +192,10 @@ def test_a_model_of_what_the_effects_leave_flies_with_them(tmp_path):
     other = ("--vehicle", tmp_path / "other.toml")
     code, out, error = run("replay", files["raw"], "--model", files["model"], *other, "-o", tmp_path / "x")
     assert (code, out) == (1, "")
-    assert re.fullmatch(r"hydro: .*model.parquet: its labels left out .* another vehicle file: .*\n", error)
+    assert re.fullmatch(
+        r"hydro: .*model.parquet: the effects of another vehicle file were subtracted from its labels: .*\n",
+        error,
+    )
 
 
 # effects

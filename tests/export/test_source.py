@@ -24,7 +24,7 @@ def test_constants_modules_and_sizes_come_along():
     assert bundle.add(doubled, "twice") == "twice"
     text, namespace = bundle.text(), {}
     assert "import hydro" not in text
-    assert "Twice a vector" in text
+    assert "Return twice a vector" in text
     exec(text, namespace)
     out = [0.0, 0.0]
     namespace["twice"]([1.0, 2.5], out)
