@@ -151,7 +151,7 @@ def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) 
         entries: Undetermined entries, in words; empty for the whole effect.
         flight: Prediction of `manoeuvres.showing` for the effect at its usual size.
     """
-    hidden = ", ".join(entries) or "it"
+    hidden = ", ".join(entries) or CATALOGUE[effect].name.replace("_", " ")
     shows = flight is not None and flight.difference >= CLEAR
     motion = _predicted(flight) if flight is not None and shows else CATALOGUE[effect].excitation
     return f"this recording does not show {hidden}; fly {motion}"
