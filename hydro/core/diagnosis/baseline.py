@@ -15,7 +15,6 @@ import numpy as np
 
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import (
-    SLOW,
     Diverges,
     Model,
     Screening,
@@ -25,6 +24,20 @@ from hydro.core.diagnosis.model import (
     from_elsewhere,
     names_of,
     unfitted,
+)
+from hydro.core.diagnosis.settings import (
+    ABOVE_NOISE,
+    ENOUGH,
+    LEAST_SHOTS,
+    LOUD,
+    MATERIAL,
+    MUCH_OF_IT,
+    SEA_TWICE,
+    SHORTEST,
+    SLOW,
+    STABLE,
+    TELLING,
+    VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -42,16 +55,6 @@ from hydro.core.recording.shots import SHOT_SECONDS, Shots, room
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
-MATERIAL = 0.05
-"""Minimum share of the squared error beyond the noise that a finding explains."""
-TELLING = 0.1
-"""Alternative limit: minimum reduction of the root of that error, as a share of the baseline fit's root."""
-MUCH_OF_IT, PLAIN = 0.15, 0.01
-"""Alternative limit: minimum share of the present model's excess error, and least share of the noise."""
-VISIBLE = 0.005
-"""Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
-SEA_TWICE = 2
-"""Number of searches for waves: the second uses the file's effects, refitted with the waves allowed for."""
 SHOT_LENGTHS = tuple(part * SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
 """Shot lengths to try [s].  The shorter ones are for models that are unstable."""
 DIVERGED_FILE = (
@@ -59,14 +62,6 @@ DIVERGED_FILE = (
     "linear damping of an equation-error fit"
 )
 DIVERGED_REFIT = "the refit of the file's effects diverged: they keep their starting values"
-STABLE = 0.95
-"""Minimum share of shots that must stay finite."""
-LEAST_SHOTS = 16
-"""Minimum number of shots for a diagnosis."""
-SHORTEST = 0.5
-"""Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
-LOUD, ENOUGH = 1e3, 120
-"""Reduced chi-square above which ENOUGH shots carry the same information as all shots, and their number."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +140,7 @@ class Baseline:
         """
         left, first = max(before.excess - gain, 0.0), self.refitted.excess
         lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
-        much = gain >= max(MUCH_OF_IT * before.excess, PLAIN * before.normal.residuals)
+        much = gain >= max(MUCH_OF_IT * before.excess, ABOVE_NOISE * before.normal.residuals)
         return self.visible(gain) and bool(lower or much or gain >= MATERIAL * first)
 
     def visible(self, gain: float) -> bool:

@@ -19,43 +19,33 @@ from numpy.typing import ArrayLike
 from scipy.special import expit
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.findings import SURE, Finding
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
+from hydro.core.diagnosis.settings import (
+    AHEAD,
+    BY_LEAD,
+    CALM,
+    CLEAN,
+    CONFIRMED,
+    EVEN_ODDS,
+    FOLDS,
+    IMITATED,
+    NEAR_NOISE,
+    ODDS,
+    ODDS_BY_LEAD,
+    ODDS_BY_SCORE,
+    OVERLAP,
+    RESAMPLES,
+    RIGHT,
+    SESSIONS,
+    SURE,
+    TIED,
+)
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.prediction.normal_equations import Normal, block_length
-
-RIGHT = 2.0
-"""Maximum reduced chi-square of a model that may be right; only then likelihood names effects."""
-CLEAN = 1.35
-"""Maximum reduced chi-square of a model without significant error beyond the noise."""
-CALM = 1.15
-"""Maximum reduced chi-square of such a model where shots allow for waves."""
-NEAR = 102.0 / 118.0
-"""Share of names by likelihood that were right above CLEAN, see `by_likelihood_confidence`."""
-ODDS, ODDS_BY_SCORE, ODDS_BY_LEAD = -1.76, 2.74, 2.02
-"""Logistic calibration of names by transfer: log odds at a score of 0, slope with respect to the score, and
-slope with respect to the relative lead over the next."""
-BY_LEAD, HALF = 1.8, 1.6
-"""Logistic calibration of names by evidence: slope over log(1 + lead), and its value at even odds."""
-AHEAD = 0.15
-"""Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
-RESAMPLES = 2000
-"""Number of bootstrap resamples."""
-TIED = 0.02
-"""Minimum share of resamples that a rival wins to be listed with the best."""
-SESSIONS = 3
-"""Minimum number of sessions for holding out whole sessions."""
-STRETCHES = 6
-"""Number of stretches of equal length that are held out in turn, with fewer sessions."""
-CONFIRMED = 0.5
-"""Ratio of the share explained in held-out sessions to that in the fit, below which a warning is given."""
-OVERLAP = 0.7
-"""Ratio of the sum of added shares to the share explained together, below which findings overlap."""
-IMITATED = 0.5
-"""Ratio of the unexplained share to a finding's share from which the finding's confidence is lowered."""
 
 
 def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -> dict[str, float]:
@@ -177,7 +167,7 @@ def folds(session: ArrayLike) -> Rows:
     names, label = np.unique(numbers, return_inverse=True)
     if len(names) >= SESSIONS:
         return np.asarray(label, np.int64)
-    stretches = min(STRETCHES, len(numbers))
+    stretches = min(FOLDS, len(numbers))
     return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
 
 
@@ -345,7 +335,7 @@ def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = 
         left: Mean squared residual of the model, in units of the noise.
         in_waves: Whether the shots allow for waves, which hide much of the model's error.
     """
-    return frequency if left <= (CALM if in_waves else CLEAN) else NEAR * frequency
+    return frequency if left <= (CALM if in_waves else CLEAN) else NEAR_NOISE * frequency
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
@@ -380,4 +370,4 @@ def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
     """
     lead = max(evidence - max([0.0, *others]), 0.0)
     part = min(lead / (AHEAD * max(evidence, 1e-300)), 1.0)
-    return float(part * expit(BY_LEAD * (np.log1p(lead) - HALF)))
+    return float(part * expit(BY_LEAD * (np.log1p(lead) - EVEN_ODDS)))

@@ -20,6 +20,26 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, unfitted
 from hydro.core.diagnosis.sensor_errors import refuted
+from hydro.core.diagnosis.settings import (
+    CLOSEST,
+    CONTENDERS,
+    FAR_OFF,
+    FARTHER,
+    FINE,
+    FIT,
+    FOLLOWS,
+    HOPELESS,
+    HULL_RIGHT,
+    LONG,
+    MOST_CONTENDERS,
+    NEARLY_ALL,
+    PREFERRED,
+    QUICK,
+    REFITS,
+    SETTLED,
+    SUSPECT,
+    WILD,
+)
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
@@ -35,39 +55,6 @@ from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
-CONTENDERS = 5
-"""Number of candidates that are always fitted, the best by one step."""
-RIGHT, MOST_CONTENDERS = 1.5, 10
-"""Maximum residual of a right model, in floors, and maximum number of fits of a further change above it.  One
-step is a poor score for a candidate that changes the whole motion or acts in few places."""
-FAR, WILD = 3.0, 10.0
-"""Residuals of the best fit [floors] above which more is tried: from FAR on all candidates of a further
-change are fitted and some start from several points; from WILD on the closest fits continue, because no step
-from the file leads to the values where the vehicle tumbles."""
-NEARLY_ALL = 0.01
-"""Share of the whole residual, up to FAR floors, below which the best fit ends the search for others."""
-CLOSEST, LONG = 3, 24
-"""Number of fits that continue above WILD, and their iterations."""
-FARTHER = 2.0
-"""Factor on an effect's recorded starting values for a second, more distant start."""
-QUICK = 6
-"""Iterations of a candidate's first fit."""
-HOPELESS = 3.0
-"""Residual of a first fit, in units of the best fit's, above which it is not refined."""
-AGAIN, SETTLED = 3, 0.9
-"""Maximum number of refits to the hull forces that act on the fitted vehicle, and the ratio of successive
-costs above which they have converged."""
-FAR_OFF = 2.0
-"""Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
-SCALES = 2.0
-"""Prior standard deviation of a suspect's parameters in their natural scales."""
-FINE = 0.004
-"""Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
-PREFERRED = 0.012
-"""Penalty of each parameter when effects are compared, as a share of the residual.  The hull's error is alike
-on all stretches, so that held-out data alone do not penalise parameters that follow it."""
-FOLLOWS = 0.2
-"""Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
 ASKED = ("flow", "sensor")
 """Kinds of effects that change the motion through the water on which the hull force depends."""
 Table = Mapping[str, Any]
@@ -102,7 +89,7 @@ class Contender:
     def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
         """Return the penalty of this effect, in units of squared residual.
 
-        If a rival reaches the floor, parameters cost a share of at most FAR floors, because the rest of the
+        If a rival reaches the floor, parameters cost a share of at most FIT floors, because the rest of the
         residual was due to the change.  Otherwise no candidate is right, and they cost a share of the whole
         residual.
 
@@ -112,8 +99,8 @@ class Contender:
             floor: Squared residual of the hull model.
         """
         absorbs = CATALOGUE[self.effect].identification.absorbs
-        right = min(one.left for one in rivals) <= RIGHT * floor
-        at_stake = min(whole, FAR * floor) if right else whole
+        right = min(one.left for one in rivals) <= HULL_RIGHT * floor
+        at_stake = min(whole, FIT * floor) if right else whole
         return PREFERRED * at_stake * len(self.model.values) + FOLLOWS * absorbs * floor
 
 
@@ -218,7 +205,7 @@ def contend(
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = compared.floor(last)
     whole = float(compared.left_out(last.normal.of([])).sum())
-    right = float(np.clip(NEARLY_ALL * whole, RIGHT * floor, FAR * floor))
+    right = float(np.clip(NEARLY_ALL * whole, HULL_RIGHT * floor, FIT * floor))
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
@@ -228,11 +215,11 @@ def contend(
     if _least(fits) > right:
         others = {name: scored for name, scored in ranked.items() if name not in always}
         for number, table in enumerate(_at_finer_places(compared, last, others), len(always)):
-            if _least(fits) <= (FAR * floor if chosen and number >= MOST_CONTENDERS else right):
+            if _least(fits) <= (FIT * floor if chosen and number >= MOST_CONTENDERS else right):
                 break
             progress(f"{table['name']} on held-out stretches", min(number / MOST_CONTENDERS, 1.0))
             _join(fits, compared, last, table)
-    if _least(fits) > FAR * floor:
+    if _least(fits) > FIT * floor:
         for table in _from_all_sides(vehicle, fits):
             _join(fits, compared, last, table)
         for name in _stepwise(fits):
@@ -329,7 +316,7 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         left = compared.left_out(own)
         score = 1.0 - float(left.sum()) / whole - FINE * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
-            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SCALES**-2
+            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT**-2
             step = np.linalg.solve(known, own.score.sum(axis=0))
             best[suspect.effect] = (score, suspect.begin(step))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
@@ -361,7 +348,7 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     the correction with the last vehicle's response leaves several floors, which another effect would absorb.
     """
     names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
-    for _ in range(AGAIN):
+    for _ in range(REFITS):
         tables = [model.vehicle.effects(name)[0] for name in names]
         try:
             again = fitted_together(compared, last, tables, QUICK, about=model.vehicle)

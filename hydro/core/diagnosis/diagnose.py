@@ -18,9 +18,6 @@ from scipy.special import fdtrc
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import (
-    LOUD,
-    MATERIAL,
-    VISIBLE,
     Baseline,
     Found,
     Outcome,
@@ -32,7 +29,6 @@ from hydro.core.diagnosis.baseline import (
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
-    RIGHT,
     by_likelihood_confidence,
     change_frequency,
     discounted_by_largest,
@@ -48,16 +44,11 @@ from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
-from hydro.core.diagnosis.model import (
-    ALPHA,
-    Diverges,
-    Model,
-    continue_fit,
-    unfitted,
-)
+from hydro.core.diagnosis.model import Diverges, Model, continue_fit, unfitted
 from hydro.core.diagnosis.provisional import ReportingSearch, Told
 from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.diagnosis.search import Search, candidates
+from hydro.core.diagnosis.settings import ALPHA, LOUD, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.status import status
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
+from hydro.core.diagnosis.settings import ALPHA, COARSE, MATERIAL, NARROWEST, SLOW, WORSE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -37,19 +38,6 @@ from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]
 """Effects to fit: names in the catalogue, or tables with starting values."""
-
-ALPHA = 0.01
-"""Probability of a false alarm in one round, over all effects at once."""
-COARSE = 0.3
-"""Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
-SLOW = 1e-3
-"""Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
-NARROWEST = 0.01
-"""Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
-WORSE = 4.0
-"""Distance in cost from the best on few shots beyond which a model is dropped, in standard errors of it."""
-LEFT = 0.05
-"""Excess error, as a share of the noise, below which no other local minimum is searched for."""
 
 
 def names_of(wanted: Wanted) -> list[str]:
@@ -276,7 +264,7 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
         reach: As for `fit_model`.
         share: As for `fit_model`.
     """
-    if model.excess < LEFT * model.normal.residuals:
+    if model.excess < MATERIAL * model.normal.residuals:
         return model
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
     for values in elsewhere(model.unknown, model.values, problem, reach, model.normal.cost):

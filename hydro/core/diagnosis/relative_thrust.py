@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hydro.core.diagnosis.findings import FANCIFUL, Finding
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.settings import FANCIFUL
 from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import HORIZONTAL, Recording
 

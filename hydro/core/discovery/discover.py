@@ -17,10 +17,28 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
-from hydro.core.diagnosis.confidence import RIGHT, Fitted, explained_share, left_out_costs
+from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_costs
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.settings import (
+    BETTER,
+    CLOSEST,
+    FAR_FROM_PRIOR,
+    LAST_STEPS,
+    LEAVES,
+    LOOSE,
+    MATERIAL,
+    MOST_TERMS,
+    QUICK,
+    RIGHT,
+    SHOTS,
+    TERM_SHARE,
+    TERM_SHORTLIST,
+    TOLD,
+    TRIAL_FORCE,
+    VISIBLE,
+)
 from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, sessions_of, tempered
 from hydro.core.discovery.sentences import told
 from hydro.core.discovery.terms import Term, library
@@ -37,33 +55,6 @@ from hydro.core.vehicle.description import Vehicle
 
 UNNAMED = ("far_from_noise", "none_of_the_known")
 """Verdicts after which a discovery is attempted."""
-LEAVES = 1.2
-"""Minimum reduced chi-square at which a formula is searched although every finding has a name."""
-BETTER = 0.7
-"""Ratio of excess reduced chi-squares, formula to named forces, below which a formula casts doubt on these.
-"""
-SHOTS = 96
-"""Maximum number of shots on which terms are selected."""
-MOST_TERMS = 8
-WORTH = 0.05
-"""Minimum share of the remaining held-out error that a term must remove."""
-BESIDE, PLAIN = 0.005, 0.05
-"""Minimum gain of a term as a share of the initial held-out error (BESIDE) and of the noise (PLAIN)."""
-NEEDED = 0.02
-"""Minimum share of the remaining error that a kept term must remove; the other limit is half of PLAIN."""
-SHORTLIST = 30
-"""Number of terms whose transfer is evaluated, ranked by the error that they explain."""
-TRIED = 3
-"""Number of shortlisted terms that are fitted together with their powers."""
-MOVED = 2.0
-"""Prior standard deviations by which a value of the file must change to be reported."""
-STEPS, LAST_STEPS = 6, 12
-LOOSE = 1e-2
-"""Prior information on the coefficient of a term, times the mean squared residual."""
-TOLD = 0.2
-"""Minimum share of the information on a term that must remain when a fold is held out."""
-LITTLE = 0.01
-"""Perturbation of a term's coefficient for derivatives, relative to weight or weight times length."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +130,7 @@ class Discovery:
         """Return the terms with the largest explained error, sorted by how well they transfer."""
         model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
-        pulls = [LITTLE * size for size in _sizes(model.vehicle)]
+        pulls = [TRIAL_FORCE * size for size in _sizes(model.vehicle)]
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
         normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
         count = len(own)
@@ -165,10 +156,10 @@ class Discovery:
         """Return the formula with one more term; None where no term transfers."""
         progress("every term on data that it was not fitted to", 0.0)
         best: Choice | None = None
-        for number, term in enumerate(self.shortlist(choice)[:TRIED]):
-            progress(f"{term.text}, its power fitted", 0.5 + 0.5 * number / TRIED)
+        for number, term in enumerate(self.shortlist(choice)[:CLOSEST]):
+            progress(f"{term.text}, its power fitted", 0.5 + 0.5 * number / CLOSEST)
             try:
-                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), STEPS)
+                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), QUICK)
             except (Diverges, np.linalg.LinAlgError):
                 continue
             if best is None or tried.costs.max() < best.costs.max():
@@ -189,12 +180,12 @@ class Discovery:
             for number in new:
                 rest = joined([one for k, one in enumerate(parts) if k != number])
                 try:
-                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), STEPS))
+                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), QUICK))
                 except (Diverges, np.linalg.LinAlgError):
                     continue
             least = min(tries, key=lambda one: float(one.costs.max()), default=None)
             noise, left = choice.model.normal.residuals, float(choice.costs.max())
-            if least is None or least.costs.max() - left > max(NEEDED * left, 0.5 * PLAIN * noise):
+            if least is None or least.costs.max() - left > max(TERM_SHARE * left, 0.5 * MATERIAL * noise):
                 return choice
             choice = least
 
@@ -258,7 +249,7 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
     """Return the formula that the file lacks; None where no term transfers."""
     data, first = _begun(vehicle, log)
-    if not first.model.normal.chi2 > 1.0 + PLAIN:
+    if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None
     choice = first
     while _count(choice.model.vehicle) - _count(vehicle) < MOST_TERMS:
@@ -291,7 +282,7 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
 def _worth(first: Choice, before: Choice, after: Choice) -> bool:
     """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
     gained, noise = before.costs - after.costs, before.model.normal.residuals
-    least = np.maximum(WORTH * before.costs, np.maximum(BESIDE * first.costs, PLAIN * noise))
+    least = np.maximum(MATERIAL * before.costs, np.maximum(VISIBLE * first.costs, MATERIAL * noise))
     return bool((gained >= least).all())
 
 
@@ -309,7 +300,7 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
     change = (fit.values - in_file(file, entries)) / deviations(file, entries)
     for name in dict.fromkeys(entry.effect for entry in entries):
         own = [i for i, entry in enumerate(entries) if entry.effect == name]
-        if name == FORMULA.name or not (np.abs(change[own]) > MOVED).any():
+        if name == FORMULA.name or not (np.abs(change[own]) > FAR_FROM_PRIOR).any():
             continue
         farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
         values, errors = fit.table(name)
@@ -352,7 +343,7 @@ def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, 
     size = np.diag(matrix)[count:]
     free = size - np.einsum("ij,ji->i", across, np.linalg.solve(held, across.T)) if count else size
     gain = np.where(free > 1e-6 * size, rest**2 / np.maximum(free, 1e-300), 0.0) * np.array(preferred)
-    return [int(i) for i in np.argsort(-gain)[:SHORTLIST] if gain[i] > 0.0]
+    return [int(i) for i in np.argsort(-gain)[:TERM_SHORTLIST] if gain[i] > 0.0]
 
 
 def _sizes(vehicle: Vehicle) -> list[float]:

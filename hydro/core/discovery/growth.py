@@ -20,6 +20,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
+from hydro.core.diagnosis.settings import POWER_RESAMPLES, TERM_SHARE, WIDEST
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
@@ -32,11 +33,6 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 POWERS = np.arange(0.0, 4.01, 0.05)
-RESAMPLES = 400
-PLAIN = 0.02
-"""Minimum share of the force's variance that a term must explain for its power to be reported."""
-WIDEST = 1.5
-"""Maximum width of a power's 95 % interval for the power to be reported."""
 RIDGE = 1e-9
 
 
@@ -87,7 +83,7 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
         gram = _grams(tried, np.column_stack([_beside(nu, axis, against), force]), number)
         left, drag, share = _profile(gram.sum(axis=0))
         best = int(left.argmin())
-        if share[best] < PLAIN or best in (0, len(POWERS) - 1):
+        if share[best] < TERM_SHARE or best in (0, len(POWERS) - 1):
             continue
         drawn = _drawn(gram)
         low, high = (float(end) for end in np.quantile(drawn, [0.025, 0.975]))
@@ -160,6 +156,6 @@ def _profile(gram: Array) -> tuple[Array, Array, Array]:
 
 
 def _drawn(gram: Array) -> Array:
-    """Return the best powers of resampled recordings, (RESAMPLES,)."""
-    drawn = weights(len(gram), RESAMPLES, 0)
+    """Return the best powers of resampled recordings, (POWER_RESAMPLES,)."""
+    drawn = weights(len(gram), POWER_RESAMPLES, 0)
     return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])

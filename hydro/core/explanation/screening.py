@@ -16,7 +16,8 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
 from hydro.core.diagnosis.model import begun, screened, unfitted
-from hydro.core.diagnosis.transfer import CORRELATED, SUSPECT, sessions_of
+from hydro.core.diagnosis.settings import CORRELATED, SUSPECT
+from hydro.core.diagnosis.transfer import sessions_of
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError

@@ -17,13 +17,24 @@ import numpy as np
 import polars as pl
 
 from hydro.core.cleaning.readiness import require_ready
-from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, stable_part, stable_start, weighed_fit
+from hydro.core.diagnosis.baseline import stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
-from hydro.core.diagnosis.findings import FIT, extended
+from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
 from hydro.core.diagnosis.sensor_errors import by_kinematics
+from hydro.core.diagnosis.settings import (
+    ENOUGH,
+    FEW_SHOTS,
+    FIT,
+    LEAST_SHOTS,
+    LOWER,
+    QUICK,
+    SHORTLIST,
+    SHOTS,
+    TRIED,
+)
 from hydro.core.diagnosis.transfer import (
     Squares,
     left_out_squares,
@@ -52,15 +63,6 @@ from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
-
-PART, FEW, QUICK = 96, 48, 6
-"""Number of shots about which the catalogue is linearised, and number of shots of HORIZON length and
-iterations of the fits that compare candidates."""
-TRIED, SHORTLIST = 8, 4
-"""Number of effects that are fitted so, and number of these that are tested on held-out stretches."""
-LOWER = 0.98
-"""Ratio of held-out errors below which a candidate that is not stated is added, and above which two errors
-count as equal."""
 
 STEADY = with_role(Role.STEADY_LOAD)
 """Steady loads, tried with each effect that changes the thrust which balances them."""
@@ -95,7 +97,7 @@ class Recordings:
     @cached_property
     def problem(self) -> OutputError:
         """Shots about which the catalogue is linearised, a part of a diagnosis' shots."""
-        return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(PART)
+        return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
         """Return at most so many shots of HORIZON length; None if there are too few or they diverge.
@@ -112,7 +114,7 @@ class Recordings:
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots for fits and comparisons of candidates for a vehicle."""
-        return self.ahead(vehicle, FEW) or OutputError.of(self.problem.shots, vehicle)
+        return self.ahead(vehicle, FEW_SHOTS) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """Compare a vehicle with one of the recordings, with rows about the hull if there is a hull model."""

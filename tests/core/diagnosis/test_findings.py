@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.findings import FANCIFUL, Diagnosis, Finding, extended, limited_confidence, tables
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence, tables
+from hydro.core.diagnosis.settings import FANCIFUL
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files

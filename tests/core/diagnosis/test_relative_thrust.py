@@ -9,8 +9,9 @@ import pytest
 from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.findings import FANCIFUL, Finding
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.relative_thrust import doubted_gain
+from hydro.core.diagnosis.settings import FANCIFUL
 from hydro.core.recording.arrays import recording
 
 GAIN = Finding("missing", "thruster_gain", ("thruster_gain",), 0.7, confidence=0.95)

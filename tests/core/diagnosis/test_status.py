@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recordings import damped
 
-from hydro.core.diagnosis.findings import SURE, Finding
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import in_words, status
 
 STATED = {

@@ -14,10 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.settings import GAPS, KEPT
 from hydro.core.diagnosis.transfer import (
     DRAG,
-    GAPS,
-    KEPT,
     Rival,
     Survey,
     has_drag,

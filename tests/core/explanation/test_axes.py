@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from hydro.core.columns import VELOCITY
+from hydro.core.diagnosis.settings import LEVEL
 from hydro.core.diagnosis.transfer import Squares
-from hydro.core.explanation.axes import LEVEL, worse_axes
+from hydro.core.explanation.axes import worse_axes
 
 SHOTS, ROWS = 120, 250
 

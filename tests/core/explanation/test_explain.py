@@ -13,12 +13,13 @@ from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.baseline import LOUD, Outcome, refit, stable_shots, weighed_fit
+from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_fit
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.diagnose import refine
-from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import unfitted
+from hydro.core.diagnosis.settings import FIT, LOUD
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
 from hydro.core.explanation import screening, trials

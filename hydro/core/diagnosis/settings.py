@@ -1,0 +1,271 @@
+"""Numbers that steer the search for missing effects, each with its unit and the reason for its value.
+
+Diagnosis, explanation and discovery use them.  The hull-force model has its own numbers in `core.residual`.
+"Noise" is the mean squared residual of sensor noise alone, and "floor" is that of the hull-force model on
+held-out stretches of the recording that it was learnt from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Shots, parts of a recording and resamples
+
+MOST_SHOTS = 600
+"""Maximum number of shots of one recording; it bounds the time of a fit."""
+SHOTS = 96
+"""Number of shots of a repeated fit: four times as many change an error by less than 1 %."""
+FEW_SHOTS = 48
+"""Number of shots of a first comparison of many candidates; the closest are then fitted to more shots."""
+ENOUGH = 120
+"""Number of shots that carry the information of all shots where the residual is above LOUD."""
+LEAST_SHOTS = 16
+"""Minimum number of shots of a diagnosis: about as many as a large effect has parameters."""
+LEAST_PREDICTIONS = 8
+"""Minimum number of held-out predictions: fewer give no standard error of a difference."""
+SHORTEST = 0.5
+"""Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
+STABLE = 0.95
+"""Minimum share of shots that must stay finite."""
+SESSIONS = 3
+"""Minimum number of sessions for holding out whole sessions."""
+FOLDS = 6
+"""Maximum number of stretches of a recording, each held out of one fit."""
+KEPT = 1.0 / 3.0
+"""Minimum share of an effect's information that remains without a held-out part, and of shots in other
+sessions where whole sessions are held out."""
+TOLD = 0.2
+"""The same share for a discovered term."""
+RESAMPLES = 2000
+"""Number of bootstrap resamples: a frequency of 2 % is known to 0.3 %."""
+ERROR_RESAMPLES = 1000
+"""Number of bootstrap resamples of a prediction error."""
+POWER_RESAMPLES = 400
+"""Number of bootstrap resamples of a power."""
+AXIS_RESAMPLES = 4000
+"""Resampled recordings: a probability of 1 % is known to 0.16 %."""
+TIED = 0.02
+"""Minimum share of resamples that a rival wins to be listed with the best."""
+RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
+"""Minimum standard deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s].  No sensor is
+more accurate; a filtered log is only smoother."""
+
+# Fits
+
+QUICK = 6
+"""Iterations of a candidate's first fit: most reach the order of their final errors."""
+SURVEY_STEPS = 4
+"""Iterations of a first fit where all candidates of the catalogue are fitted."""
+LAST_STEPS = 12
+"""Iterations of a final fit where no model reaches the noise."""
+LONG = 24
+"""Iterations of the fits that continue above WILD."""
+REFITS = 3
+"""Maximum number of refits to the hull forces that act on the fitted vehicle, and iterations from a fit of
+all shots to a fit without one part of them."""
+COARSE = 0.3
+"""Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
+SLOW = 1e-3
+"""Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
+NARROWEST = 0.01
+"""Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
+SETTLED = 0.9
+"""Ratio of successive costs above which refits to the hull forces have converged."""
+FAR_OFF = 2.0
+"""Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
+FARTHER = 2.0
+"""Factor on an effect's recorded starting values for a second, more distant start."""
+TRIAL_FORCE = 0.01
+"""Size of a trial force, as a share of the weight: responses are linear at that size."""
+SUSPECT = 2.0
+"""Prior standard deviation of the parameters of a suspect, in their natural scales about 0."""
+CORRELATED = 10.0
+"""Number of correlated residuals of a shot that count as one where a model is wrong."""
+LOOSE = 1e-2
+"""Prior information on the coefficient of a discovered term, times the mean squared residual."""
+FAR_FROM_PRIOR = 2.0
+"""Distance beyond which a value contradicts its prior: in standard deviations from the file's value, or in
+half widths from the middle of the plausible range, whose ends are uncertain by about that much."""
+LITTLE = 1e-3
+"""Size of a fitted value, in scales, at or below which the effect counts as absent."""
+SEA_TWICE = 2
+"""Number of searches for waves: the second uses the file's effects, refitted with the waves allowed for."""
+
+# Mean squared residuals
+
+CALM = 1.15
+"""Maximum residual of a model without significant error, in units of the noise, where shots allow waves."""
+CLEAN = 1.35
+"""Maximum residual of a model without significant error, in units of the noise."""
+RIGHT = 2.0
+"""Maximum residual of a model that may be right, in units of the noise: then likelihood names effects."""
+HULL_RIGHT = 1.5
+"""Maximum residual of a right model with a hull-force model, in floors."""
+FIT = 3.0
+"""Maximum residual of an acceptable fit, in units of the noise, or in floors."""
+WILD = 10.0
+"""Residual above which the closest fits continue, in floors: no step from the file leads to the values where
+the vehicle tumbles."""
+LOUD = 1000.0
+"""Residual above which ENOUGH shots carry the information of all shots, in units of the noise."""
+LEAVES = 1.2
+"""Minimum residual at which a formula is searched although all findings have names, in units of the noise."""
+
+# Candidates of one round
+
+NEAR = 0.5
+"""Share of the best linear gain from which a candidate is fitted."""
+NEAR_CURVED = 0.1
+"""The same share for a nonlinear effect, whose linear gain is lower."""
+CONTENDERS = 5
+"""Number of candidates that are fitted in one round."""
+MOST_CONTENDERS = 10
+"""Maximum number of fits of a further change above HULL_RIGHT: one step is a poor score for a candidate that
+changes the whole motion or acts in few places."""
+CLOSEST = 3
+"""Number of the best candidates that are fitted further or reported."""
+CONVERGED = 2
+"""Number of candidates that are fitted to convergence."""
+FAR = 4.0
+"""Ratio to the best error above which a candidate is not fitted to convergence."""
+HOPELESS = 3.0
+"""Ratio to the best error above which a first fit is not refined."""
+WORSE = 4.0
+"""Distance in cost from the best on few shots beyond which a model is dropped, in standard errors of it."""
+ROOM = 1.5
+"""Maximum ratio of a candidate's residual on all shots to that on the few."""
+NEARLY_ALL = 0.01
+"""Share of the whole residual, up to FIT floors, below which the best fit ends the search for others."""
+MOST_FINDINGS = 4
+"""Maximum number of effects of one search."""
+MOST_CHANGES = 3
+"""Maximum number of changes that one diagnosis reports."""
+
+# Size of a finding
+
+MATERIAL = 0.05
+"""Minimum share of the error that a finding explains, or that is worth a further search."""
+TELLING = 0.1
+"""Alternative limit: minimum reduction of the root of that error, as a share of the baseline fit's root."""
+MUCH_OF_IT = 0.15
+"""Alternative limit: minimum share of the present model's excess error."""
+ABOVE_NOISE = 0.01
+"""Minimum share of the noise that goes with MUCH_OF_IT."""
+VISIBLE = 0.005
+"""Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
+CHANGED = 0.10
+"""Minimum share of the held-out squared residual that a change removes."""
+LEAST_CHANGE = 0.06
+"""Minimum squared residual that a change removes, as a share of the floor."""
+FURTHER = 0.20
+"""Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
+ALMOST_ALL = 0.9
+"""Share of the error from which likelihood names effects, although the residual is above the noise."""
+EACH = 0.25
+"""Share of the error that findings must explain on average for the search to continue.  Sensor errors that
+kinematics shows do not count."""
+ALPHA = 0.01
+"""Probability of a false alarm in one round, over all effects at once."""
+GENERAL = 3.0
+"""Minimum distance of a general effect from its simpler special case, in standard errors."""
+FINE = 0.004
+"""Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
+PREFERRED = 0.012
+"""Penalty of each parameter when effects are compared, as a share of the residual.  The hull's error is alike
+on all stretches, so that held-out data alone do not penalise parameters that follow it."""
+FOLLOWS = 0.2
+"""Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
+NEARLY = 0.7
+"""Share of the best score from which another effect is nearly as good."""
+ALSO = 0.5
+"""Share of the best score from which an effect is a suspect with values."""
+EVIDENCE = 10.0
+"""Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
+GAPS = 30.0
+"""Log evidence that a hull law may have on an unchanged hull, because no library is complete."""
+
+# Confidence
+
+SURE = 0.9
+"""Minimum confidence of a stated name."""
+FANCIFUL = 0.5
+"""Maximum confidence of a name whose values physics excludes: it stands for another effect."""
+NEAR_NOISE = 102.0 / 118.0
+"""Share of names by likelihood that were right above CLEAN, see `by_likelihood_confidence`."""
+ODDS = -1.76
+"""Calibration of names by transfer: log odds at a score of 0, see `by_transfer_confidence`."""
+ODDS_BY_SCORE = 2.74
+"""Calibration of names by transfer: slope of the log odds with respect to the score."""
+ODDS_BY_LEAD = 2.02
+"""Calibration of names by transfer: slope with respect to the relative lead over the next."""
+BY_LEAD = 1.8
+"""Calibration of names by evidence: slope over log(1 + lead), see `by_evidence_confidence`."""
+EVEN_ODDS = 1.6
+"""Calibration of names by evidence: log(1 + lead) at even odds."""
+AHEAD = 0.15
+"""Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
+OWN = 0.9
+"""Factor on the confidence in an existing effect: its values also absorb other missing effects."""
+OUTDONE = 0.8
+"""Maximum confidence of a name that is not first in the survey."""
+CHANCE = 0.03
+"""Mean lead of the best change by chance, in floors: the part due to the error of the hull model."""
+UNKNOWN = 0.3
+"""Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
+INEXACT = 0.01
+"""Mean lead by chance for each floor that earlier changes removed, due to errors of their formulas."""
+CONFIRMED = 0.5
+"""Ratio of the share explained in held-out sessions to that in the fit, below which a warning is given."""
+OVERLAP = 0.7
+"""Ratio of the sum of added shares to the share explained together, below which findings overlap."""
+IMITATED = 0.5
+"""Ratio of the unexplained share to a finding's share from which the finding's confidence is lowered."""
+LIKELY = 0.6
+"""Confidence from which a name that is not stated is called likely; below it, the name is called possible."""
+STEADY_SECONDS = 20.0
+"""Time over which a disturbance is taken as constant under feedback [s]."""
+STEADY_SHARE = 0.75
+"""Minimum share of an effect that must remain with steady wrenches free, or else it is not stated."""
+EVIDENT = 10.0
+"""Minimum chi-square per parameter of the remaining effect, in units of its expectation by chance."""
+
+# Growth with speed, and discovered terms
+
+SAME_POWER = 0.3
+"""Difference of two powers of speed up to which they count as equal."""
+LEAST_PIECES = 50
+"""Minimum number of pieces of a log for the growth with speed."""
+BINS = 8
+"""Number of speed bins, with equal counts."""
+WIDEST = 1.5
+"""Maximum width of a power's 95 % interval for the power to be reported."""
+TERM_SHARE = 0.02
+"""Minimum share of the error that a kept term removes, or of the variance that a reported term explains."""
+TERM_SHORTLIST = 30
+"""Number of terms whose transfer is evaluated, ranked by the error that they explain."""
+MOST_TERMS = 8
+"""Maximum number of terms of a formula."""
+BETTER = 0.7
+"""Ratio of excess residuals, formula to named forces, below which a formula casts doubt on these."""
+UNUSUAL = 0.95
+"""Weight on the gain of a term that couples axes, relative to drag along its own axis."""
+UNEVEN = 0.8
+"""Weight on the gain of a term that a port-starboard symmetric hull cannot have."""
+
+# Steps of an explanation
+
+MOST_STEPS = 6
+"""Maximum number of steps after the file as given."""
+TRIED = 8
+"""Number of candidates for a step that get a quick fit."""
+SHORTLIST = 4
+"""Number of these that are tested on held-out stretches."""
+LOWER = 0.98
+"""Ratio of held-out errors below which a candidate that is not stated is added, and above which two errors
+count as equal."""
+RISE = 1.02
+"""Ratio of errors up to which a rise does not matter, for a step and for one axis."""
+LEVEL = 0.05
+"""Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
+LIKELY_STEP = 0.2
+"""Confidence from which suspects are tried where nothing is stated; held-out data decide what stays."""
