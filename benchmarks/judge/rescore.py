@@ -40,13 +40,12 @@ CONSTANTS = (
     "settings.HULL_RIGHT",
     "settings.FIT",
     "settings.CHANGED",
-    "settings.LEAST_CHANGE",
+    "settings.MATERIAL",
     "settings.FURTHER",
     "settings.CHANCE",
     "settings.UNKNOWN",
     "settings.INEXACT",
     "settings.MATERIAL",
-    "settings.OWN",
     "settings.NEARLY",
     "settings.OUTDONE",
     "settings.EVIDENCE",
@@ -232,8 +231,7 @@ def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, f
         sure = confidence.by_evidence_confidence(lead, [row["evidence"] or 0.0 for row in rest])
     else:
         sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
-    sure *= settings.OWN if chosen["own"] else 1.0
-    if leaders:
+    if leaders or chosen["own"]:
         sure = min(sure, settings.OUTDONE)
     yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.FANCIFUL)
 

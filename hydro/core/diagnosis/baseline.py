@@ -27,13 +27,12 @@ from hydro.core.diagnosis.model import (
 )
 from hydro.core.diagnosis.settings import (
     ABOVE_NOISE,
-    ENOUGH,
     LEAST_SHOTS,
     LOUD,
     MATERIAL,
     MUCH_OF_IT,
-    SEA_TWICE,
     SHORTEST,
+    SHOTS,
     SLOW,
     STABLE,
     TELLING,
@@ -108,15 +107,15 @@ class Baseline:
         return self.file or self.vehicle
 
     def thinned(self) -> Baseline:
-        """Return the baseline over ENOUGH shots where its residual is far above the noise.
+        """Return the baseline over SHOTS shots where its residual is far above the noise.
 
         Return it unchanged if the residual is smaller or if there are fewer than twice as many shots.  A
         search over a part of the shots is repeated over all of them if it comes near the noise.
         """
-        if len(self.refitted.costs) < 2 * ENOUGH or not self.refitted.normal.chi2 > LOUD:
+        if len(self.refitted.costs) < 2 * SHOTS or not self.refitted.normal.chi2 > LOUD:
             return self
-        given, refitted = self.given.some(ENOUGH), self.refitted.some(ENOUGH)
-        return replace(self, problem=self.problem.some(ENOUGH), given=given, refitted=refitted)
+        given, refitted = self.given.some(SHOTS), self.refitted.some(SHOTS)
+        return replace(self, problem=self.problem.some(SHOTS), given=given, refitted=refitted)
 
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle whose existing effects have the file's values."""
@@ -282,7 +281,7 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
     if any(CATALOGUE[table["name"]].is_random for table in vehicle.effect):
         return baseline
     allowed = baseline
-    for _ in range(SEA_TWICE):
+    for _ in range(2):  # the second time with the file's effects refitted
         sea = shown(allowed.refitted.vehicle, log.record)
         if sea is None:
             break

@@ -37,8 +37,8 @@ from hydro.core.diagnosis.settings import (
     FURTHER,
     HULL_RIGHT,
     INEXACT,
-    LEAST_CHANGE,
-    MOST_CHANGES,
+    MATERIAL,
+    MOST_FINDINGS,
     RESAMPLES,
     SURE,
     TIED,
@@ -158,7 +158,7 @@ class Change:
         """Return whether the change is large enough to be named, as the first or a further one."""
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
-        return self.score >= CHANGED and self.score * float(self.whole.sum()) >= LEAST_CHANGE * self.floor
+        return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
         """Return the 95 % interval of the score."""
@@ -208,7 +208,7 @@ def find(
         without: Effects that are not tried.
     """
     last, changes, refused = first, list[Change](), None
-    while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
+    while len(changes) < MOST_FINDINGS and not ((further or changes) and compared.chi2(last) <= 1.0):
         here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
         here(f"{len(changes)} changes found, looking for more", 0.0)
         rivals = contend(compared, last, [*without, *(one.best.effect for one in changes)], here)

@@ -24,7 +24,6 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     FAR_OFF,
-    FARTHER,
     FINE,
     FIT,
     FOLLOWS,
@@ -32,7 +31,6 @@ from hydro.core.diagnosis.settings import (
     HULL_RIGHT,
     LONG,
     MOST_CONTENDERS,
-    NEARLY_ALL,
     PREFERRED,
     QUICK,
     REFITS,
@@ -204,8 +202,7 @@ def contend(
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = compared.floor(last)
-    whole = float(compared.left_out(last.normal.of([])).sum())
-    right = float(np.clip(NEARLY_ALL * whole, HULL_RIGHT * floor, FIT * floor))
+    right = HULL_RIGHT * floor
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
@@ -245,13 +242,12 @@ def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Score
 
 
 def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
-    """Return starting tables on every side, at two distances, for effects without a derivative at zero."""
+    """Return starting tables on every side for effects without a derivative at zero."""
     return [
-        {"name": name} | {key: times * value for key, value in table.items()}
+        {"name": name} | table
         for name in _far(fits)
         if not vehicle.effects(name)
         for table in CATALOGUE[name].identification.far
-        for times in (1.0, FARTHER)
     ]
 
 

@@ -15,7 +15,7 @@ from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.settings import ERROR_RESAMPLES, LEAST_PREDICTIONS, SHOTS
+from hydro.core.diagnosis.settings import LEAST_PREDICTIONS, RESAMPLES, SHOTS
 from hydro.core.diagnosis.transfer import Squares, axes_by_distance, left_out_squares, resolved, squares_ahead
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
@@ -141,8 +141,8 @@ class _Check:
         return squares.error(self.weight)
 
     def errors(self, squares: Squares) -> Array:
-        """Return the error for random weights of the stretches, with a fixed seed, (ERROR_RESAMPLES,)."""
-        drawn = weights(len(squares.sums), ERROR_RESAMPLES, seed=0)
+        """Return the error for random weights of the stretches, with a fixed seed, (RESAMPLES,)."""
+        drawn = weights(len(squares.sums), RESAMPLES, seed=0)
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))
 

@@ -37,12 +37,11 @@ from hydro.core.diagnosis.settings import (
     CONTENDERS,
     EVIDENCE,
     FAR_FROM_PRIOR,
-    LAST_STEPS,
     LITTLE,
+    LONG,
     MATERIAL,
     NEARLY,
     OUTDONE,
-    OWN,
     SHOTS,
     SURE,
 )
@@ -260,7 +259,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
     vehicle, released = rival.model.vehicle, known.releasing(rival.effect)
-    return fit_model(vehicle, [*others, table], baseline.problem, reach, LAST_STEPS, known=released)
+    return fit_model(vehicle, [*others, table], baseline.problem, reach, LONG, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -268,7 +267,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
-    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LAST_STEPS, known=known)
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LONG, known=known)
 
 
 def _finding(
@@ -286,8 +285,7 @@ def _finding(
         sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
-    sure *= OWN if rival.own else 1.0
-    if surveyed.rivals[0] is not rival:
+    if rival.own or surveyed.rivals[0] is not rival:
         sure = min(sure, OUTDONE)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.settings import ALPHA, COARSE, MATERIAL, NARROWEST, SLOW, WORSE
+from hydro.core.diagnosis.settings import ALPHA, COARSE, DISTINCT, MATERIAL, NARROWEST, SLOW
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -358,7 +358,9 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
-    return [name for name, each in worse.items() if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each)]
+    return [
+        name for name, each in worse.items() if each.sum() <= DISTINCT * np.sqrt(len(each)) * np.std(each)
+    ]
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:

@@ -34,20 +34,20 @@ from hydro.core.diagnosis.model import (
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ALMOST_ALL,
+    CLOSEST,
     CONTENDERS,
-    CONVERGED,
+    DISTINCT,
     EACH,
-    FAR,
     FEW_SHOTS,
     FIT,
-    GENERAL,
+    HOPELESS,
     MOST_FINDINGS,
     NEAR,
     NEAR_CURVED,
+    QUICK,
     RIGHT,
     ROOM,
     SLOW,
-    SURVEY_STEPS,
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
@@ -152,9 +152,9 @@ class Search:
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
-        for number, name in enumerate((not_ruled_out(fits) if few else order)[:CONVERGED]):
-            progress(f"{name}, fitted to convergence", 0.6 + 0.4 * number / CONVERGED)
-            if beyond_noise(fits[name]) > FAR * least:
+        for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
+            progress(f"{name}, fitted to convergence", 0.6 + 0.4 * number / CLOSEST)
+            if beyond_noise(fits[name]) > HOPELESS * least:
                 continue
             if name not in known:
                 try:
@@ -167,7 +167,7 @@ class Search:
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
         """Return the fits, with simpler special cases of the best effect, started from its values.
 
-        A special case that fits equally well, to within GENERAL standard errors, replaces the general effect.
+        A special case that fits equally well, to within DISTINCT standard errors, replaces the general effect.
         """
         best = leader(fits)
         if best is None:
@@ -177,7 +177,7 @@ class Search:
             with suppress(Diverges):
                 plain[table["name"]] = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
         least = min((model.normal.cost for model in plain.values()), default=np.inf)
-        if least - fits[best].normal.cost <= GENERAL**2 * max(fits[best].normal.chi2, 1.0):
+        if least - fits[best].normal.cost <= DISTINCT**2 * max(fits[best].normal.chi2, 1.0):
             del fits[best]
         return {**fits, **plain}
 
@@ -256,9 +256,9 @@ class Search:
         if cost > model.normal.cost:  # too far for a linear step: only the effect starts from it
             vehicle, along = model.vehicle, model.problem
         try:
-            return self._fit(vehicle, [*chosen, table], along, SURVEY_STEPS)
+            return self._fit(vehicle, [*chosen, table], along, QUICK)
         except Diverges:  # too far even so: the effect starts from its default values
-            return self._fit(model.vehicle, [*chosen, name], model.problem, SURVEY_STEPS)
+            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
     def grow(
         self,
@@ -327,9 +327,7 @@ class Search:
             begun = []
             for table in CATALOGUE[name].identification.far:
                 with suppress(Diverges):
-                    begun.append(
-                        self._fit(filed.vehicle, [{"name": name} | table], few.problem, SURVEY_STEPS)
-                    )
+                    begun.append(self._fit(filed.vehicle, [{"name": name} | table], few.problem, QUICK))
             if begun:
                 best = min(begun, key=lambda fit: fit.normal.chi2)
                 with suppress(Diverges):
@@ -383,7 +381,7 @@ class Search:
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
         try:
-            return self._fit(vehicle, others, model.problem, SURVEY_STEPS)
+            return self._fit(vehicle, others, model.problem, QUICK)
         except Diverges:
             return self.baseline.refitted
 

@@ -17,8 +17,6 @@ SHOTS = 96
 """Number of shots of a repeated fit: four times as many change an error by less than 1 %."""
 FEW_SHOTS = 48
 """Number of shots of a first comparison of many candidates; the closest are then fitted to more shots."""
-ENOUGH = 120
-"""Number of shots that carry the information of all shots where the residual is above LOUD."""
 LEAST_SHOTS = 16
 """Minimum number of shots of a diagnosis: about as many as a large effect has parameters."""
 LEAST_PREDICTIONS = 8
@@ -34,16 +32,10 @@ FOLDS = 6
 KEPT = 1.0 / 3.0
 """Minimum share of an effect's information that remains without a held-out part, and of shots in other
 sessions where whole sessions are held out."""
-TOLD = 0.2
-"""The same share for a discovered term."""
 RESAMPLES = 2000
 """Number of bootstrap resamples: a frequency of 2 % is known to 0.3 %."""
-ERROR_RESAMPLES = 1000
-"""Number of bootstrap resamples of a prediction error."""
 POWER_RESAMPLES = 400
 """Number of bootstrap resamples of a power."""
-AXIS_RESAMPLES = 4000
-"""Resampled recordings: a probability of 1 % is known to 0.16 %."""
 TIED = 0.02
 """Minimum share of resamples that a rival wins to be listed with the best."""
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
@@ -54,12 +46,8 @@ more accurate; a filtered log is only smoother."""
 
 QUICK = 6
 """Iterations of a candidate's first fit: most reach the order of their final errors."""
-SURVEY_STEPS = 4
-"""Iterations of a first fit where all candidates of the catalogue are fitted."""
-LAST_STEPS = 12
-"""Iterations of a final fit where no model reaches the noise."""
 LONG = 24
-"""Iterations of the fits that continue above WILD."""
+"""Iterations of a final fit where no model reaches the noise, and of fits that continue above WILD."""
 REFITS = 3
 """Maximum number of refits to the hull forces that act on the fitted vehicle, and iterations from a fit of
 all shots to a fit without one part of them."""
@@ -73,8 +61,6 @@ SETTLED = 0.9
 """Ratio of successive costs above which refits to the hull forces have converged."""
 FAR_OFF = 2.0
 """Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
-FARTHER = 2.0
-"""Factor on an effect's recorded starting values for a second, more distant start."""
 TRIAL_FORCE = 0.01
 """Size of a trial force, as a share of the weight: responses are linear at that size."""
 SUSPECT = 2.0
@@ -88,8 +74,6 @@ FAR_FROM_PRIOR = 2.0
 half widths from the middle of the plausible range, whose ends are uncertain by about that much."""
 LITTLE = 1e-3
 """Size of a fitted value, in scales, at or below which the effect counts as absent."""
-SEA_TWICE = 2
-"""Number of searches for waves: the second uses the file's effects, refitted with the waves allowed for."""
 
 # Mean squared residuals
 
@@ -108,8 +92,6 @@ WILD = 10.0
 the vehicle tumbles."""
 LOUD = 1000.0
 """Residual above which ENOUGH shots carry the information of all shots, in units of the noise."""
-LEAVES = 1.2
-"""Minimum residual at which a formula is searched although all findings have names, in units of the noise."""
 
 # Candidates of one round
 
@@ -124,22 +106,12 @@ MOST_CONTENDERS = 10
 changes the whole motion or acts in few places."""
 CLOSEST = 3
 """Number of the best candidates that are fitted further or reported."""
-CONVERGED = 2
-"""Number of candidates that are fitted to convergence."""
-FAR = 4.0
-"""Ratio to the best error above which a candidate is not fitted to convergence."""
 HOPELESS = 3.0
 """Ratio to the best error above which a first fit is not refined."""
-WORSE = 4.0
-"""Distance in cost from the best on few shots beyond which a model is dropped, in standard errors of it."""
 ROOM = 1.5
 """Maximum ratio of a candidate's residual on all shots to that on the few."""
-NEARLY_ALL = 0.01
-"""Share of the whole residual, up to FIT floors, below which the best fit ends the search for others."""
 MOST_FINDINGS = 4
 """Maximum number of effects of one search."""
-MOST_CHANGES = 3
-"""Maximum number of changes that one diagnosis reports."""
 
 # Size of a finding
 
@@ -155,8 +127,6 @@ VISIBLE = 0.005
 """Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
 CHANGED = 0.10
 """Minimum share of the held-out squared residual that a change removes."""
-LEAST_CHANGE = 0.06
-"""Minimum squared residual that a change removes, as a share of the floor."""
 FURTHER = 0.20
 """Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
 ALMOST_ALL = 0.9
@@ -164,10 +134,11 @@ ALMOST_ALL = 0.9
 EACH = 0.25
 """Share of the error that findings must explain on average for the search to continue.  Sensor errors that
 kinematics shows do not count."""
+DISTINCT = 4.0
+"""Distance between two models above which they differ, in standard errors: a general effect from its special
+case, and a candidate on few shots from the best."""
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
-GENERAL = 3.0
-"""Minimum distance of a general effect from its simpler special case, in standard errors."""
 FINE = 0.004
 """Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
 PREFERRED = 0.012
@@ -204,8 +175,6 @@ EVEN_ODDS = 1.6
 """Calibration of names by evidence: log(1 + lead) at even odds."""
 AHEAD = 0.15
 """Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
-OWN = 0.9
-"""Factor on the confidence in an existing effect: its values also absorb other missing effects."""
 OUTDONE = 0.8
 """Maximum confidence of a name that is not first in the survey."""
 CHANCE = 0.03
@@ -220,8 +189,6 @@ OVERLAP = 0.7
 """Ratio of the sum of added shares to the share explained together, below which findings overlap."""
 IMITATED = 0.5
 """Ratio of the unexplained share to a finding's share from which the finding's confidence is lowered."""
-LIKELY = 0.6
-"""Confidence from which a name that is not stated is called likely; below it, the name is called possible."""
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
 STEADY_SHARE = 0.75
@@ -243,12 +210,6 @@ TERM_SHARE = 0.02
 """Minimum share of the error that a kept term removes, or of the variance that a reported term explains."""
 TERM_SHORTLIST = 30
 """Number of terms whose transfer is evaluated, ranked by the error that they explain."""
-MOST_TERMS = 8
-"""Maximum number of terms of a formula."""
-BETTER = 0.7
-"""Ratio of excess residuals, formula to named forces, below which a formula casts doubt on these."""
-UNUSUAL = 0.95
-"""Weight on the gain of a term that couples axes, relative to drag along its own axis."""
 UNEVEN = 0.8
 """Weight on the gain of a term that a port-starboard symmetric hull cannot have."""
 
@@ -256,13 +217,6 @@ UNEVEN = 0.8
 
 MOST_STEPS = 6
 """Maximum number of steps after the file as given."""
-TRIED = 8
-"""Number of candidates for a step that get a quick fit."""
-SHORTLIST = 4
-"""Number of these that are tested on held-out stretches."""
-LOWER = 0.98
-"""Ratio of held-out errors below which a candidate that is not stated is added, and above which two errors
-count as equal."""
 RISE = 1.02
 """Ratio of errors up to which a rise does not matter, for a step and for one axis."""
 LEVEL = 0.05

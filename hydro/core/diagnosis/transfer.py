@@ -38,9 +38,9 @@ from hydro.core.diagnosis.settings import (
     GAPS,
     KEPT,
     NEARLY,
+    QUICK,
     REFITS,
     RESOLUTION,
-    SURVEY_STEPS,
     SUSPECT,
 )
 from hydro.core.effects import CATALOGUE
@@ -212,7 +212,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     def without(name: str) -> Rival | None:
         """Return an existing effect compared with its values in the file; None where the fit diverges."""
         try:
-            held = fit_model(file, [n for n in own if n != name], problem, reach, SURVEY_STEPS, known=known)
+            held = fit_model(file, [n for n in own if n != name], problem, reach, QUICK, known=known)
         except Diverges:
             return None
         return _rival(name, refitted, held, known, labels, own=True)
@@ -221,7 +221,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         """Return an effect fitted from a starting table; None where the fit diverges."""
         name, released = one[0], known.releasing(one[0])
         try:
-            model = fit_model(file, [*own, one[1]], problem, reach, SURVEY_STEPS, known=released)
+            model = fit_model(file, [*own, one[1]], problem, reach, QUICK, known=released)
         except Diverges:
             return None
         return _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
@@ -271,7 +271,7 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
     model = fit_model(vehicle, [], problem, reach, 0)
     for _ in range(2):
         known = Known(baseline.beforehand, max(model.normal.chi2, 1.0))
-        model = fit_model(vehicle, own, problem, reach, SURVEY_STEPS, known=known)
+        model = fit_model(vehicle, own, problem, reach, QUICK, known=known)
     return model, Known(baseline.beforehand, max(model.normal.chi2, 1.0))
 
 

@@ -22,20 +22,20 @@ from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.settings import (
-    BETTER,
+    CLEAN,
     CLOSEST,
     FAR_FROM_PRIOR,
-    LAST_STEPS,
-    LEAVES,
+    KEPT,
+    LONG,
     LOOSE,
     MATERIAL,
-    MOST_TERMS,
+    MOST_STEPS,
+    NEARLY,
     QUICK,
     RIGHT,
     SHOTS,
     TERM_SHARE,
     TERM_SHORTLIST,
-    TOLD,
     TRIAL_FORCE,
     VISIBLE,
 )
@@ -150,7 +150,7 @@ class Discovery:
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
         held = np.concatenate([prior.information, np.full(extra, self.known.temper * LOOSE)])
         new = range(len(model.values), len(columns))
-        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), TOLD)
+        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), KEPT)
 
     def better(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
@@ -206,7 +206,7 @@ def discovered(
             if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
-    if not unnamed and not diagnosis.chi2[-1] > LEAVES:
+    if not unnamed and not diagnosis.chi2[-1] > CLEAN:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
     equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
@@ -214,7 +214,7 @@ def discovered(
     if found is None:
         return diagnosis
     findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
-    if left - 1.0 < BETTER * (leaves - 1.0):
+    if left - 1.0 < NEARLY * (leaves - 1.0):
         findings = tuple(_doubted(one, left, leaves) for one in findings)
     new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
     estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
@@ -252,9 +252,9 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None
     choice = first
-    while _count(choice.model.vehicle) - _count(vehicle) < MOST_TERMS:
-        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_TERMS
-        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_TERMS))
+    while _count(choice.model.vehicle) - _count(vehicle) < MOST_STEPS:
+        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_STEPS
+        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_STEPS))
         if tried is None or not _worth(first, choice, tried):
             break
         choice = tried
@@ -263,7 +263,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
         return None
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
-    choice = replace(data, known=known).fitted(choice.model.vehicle, LAST_STEPS)
+    choice = replace(data, known=known).fitted(choice.model.vehicle, LONG)
     return _found(vehicle, first, choice)
 
 

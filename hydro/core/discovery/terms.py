@@ -13,7 +13,7 @@ from itertools import combinations, permutations
 from typing import Any
 
 from hydro.core.columns import VELOCITY
-from hydro.core.diagnosis.settings import UNEVEN, UNUSUAL
+from hydro.core.diagnosis.settings import UNEVEN
 from hydro.core.effects.formula import AXES, one_term
 from hydro.core.effects.layout import COMMAND_NAMES
 
@@ -40,7 +40,7 @@ class Term:
 
     text: str
     powers: tuple[float, ...] = ()
-    preferred: float = UNUSUAL
+    preferred: float = 1.0
 
     @property
     def axis(self) -> int:
@@ -75,7 +75,7 @@ def of_axis(axis: str) -> Iterator[Term]:
     """Yield the candidates of one axis that depend on motion or on the direction of gravity."""
     own = VELOCITY[AXES.index(axis)]
     for power in OWN_POWERS:
-        yield Term(f"{axis} |{own}|^n sgn({own})", (power,), 1.0)
+        yield Term(f"{axis} |{own}|^n sgn({own})", (power,))
     for name in VELOCITY:
         if name != own:
             for power in OTHER_POWERS:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.diagnosis.settings import AXIS_RESAMPLES, LEVEL, RISE
+from hydro.core.diagnosis.settings import LEVEL, RESAMPLES, RISE
 from hydro.core.diagnosis.transfer import Squares
 from hydro.core.evaluation.block_resampling import block_sums, weights
 from hydro.core.prediction.normal_equations import block_length
@@ -25,7 +25,7 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
         return ()
     rise = (after.sums - RISE**2 * before.sums)[:, seen]
     blocks = block_sums(rise, block_length(rise - rise.mean(axis=0)))
-    drawn = weights(len(blocks), AXIS_RESAMPLES, 0) @ blocks
+    drawn = weights(len(blocks), RESAMPLES, 0) @ blocks
     return tuple(VELOCITY[seen[i]] for i in _rejected((drawn <= 0.0).mean(axis=0)))
 
 

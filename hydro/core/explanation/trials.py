@@ -25,15 +25,14 @@ from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
 from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.settings import (
-    ENOUGH,
+    CONTENDERS,
     FEW_SHOTS,
     FIT,
     LEAST_SHOTS,
-    LOWER,
+    MOST_CONTENDERS,
     QUICK,
-    SHORTLIST,
+    RISE,
     SHOTS,
-    TRIED,
 )
 from hydro.core.diagnosis.transfer import (
     Squares,
@@ -235,9 +234,12 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
 
     def joins(error: float, one: Quick) -> bool:
         """Return whether the fit may be added."""
-        return error < LOWER * here or (states(last, one.effect) and np.isfinite(error))
+        return RISE * error < here or (states(last, one.effect) and np.isfinite(error))
 
-    errors, listed = list[tuple[float, Quick]](), list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
+    errors, listed = (
+        list[tuple[float, Quick]](),
+        list(dict.fromkeys(one.effect for one in quick))[:CONTENDERS],
+    )
     for one in (one for one in quick if one.effect in listed):
         if errors and one.is_implausible > errors[0][1].is_implausible:
             break
@@ -246,7 +248,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     better = [found for found in errors if joins(*found)]
     if not better:
         return []
-    alike = min(error for error, _ in better) / LOWER
+    alike = RISE * min(error for error, _ in better)
     first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
     for load in [name for name in STEADY if name in first.found and name != first.effect]:
         rest = {name: table for name, table in first.found.items() if name != load}
@@ -264,7 +266,7 @@ def _beside(
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
-    return others[: max(TRIED - len(every), 0)]
+    return others[: max(MOST_CONTENDERS - len(every), 0)]
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
@@ -419,7 +421,7 @@ def _fit_together(
         return min(fit, other, key=lambda one: recordings.error_ahead(one.vehicle))
 
     fit = better(fit, start if tried is None else tried, resolved(problem))
-    ahead = recordings.ahead(fit.vehicle, ENOUGH)
+    ahead = recordings.ahead(fit.vehicle, SHOTS)
     return fit if ahead is None else better(fit, fit.vehicle, ahead)
 
 

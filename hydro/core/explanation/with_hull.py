@@ -17,7 +17,7 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.contenders import Compared
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import unfitted
-from hydro.core.diagnosis.settings import ERROR_RESAMPLES
+from hydro.core.diagnosis.settings import RESAMPLES
 from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.residual.hull import Hull
@@ -100,5 +100,5 @@ def _levels(normal: Normal, weight: Array) -> Array:
         """Return these values for recordings with these shares of the shots, (..., S)."""
         return np.asarray(np.sqrt((shares @ squares) / (shares @ free)[..., None] / part))
 
-    drawn = weights(len(squares), ERROR_RESAMPLES, 0) * weight
+    drawn = weights(len(squares), RESAMPLES, 0) * weight
     return np.vstack([root(weight), interval(root(drawn))])

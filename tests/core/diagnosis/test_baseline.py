@@ -14,7 +14,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.diagnose import searched
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import ABOVE_NOISE, ENOUGH, LOUD, MATERIAL, MUCH_OF_IT, VISIBLE
+from hydro.core.diagnosis.settings import ABOVE_NOISE, LOUD, MATERIAL, MUCH_OF_IT, SHOTS, VISIBLE
 from hydro.core.progress import silent
 from hydro.core.recording.shots import kept_evenly
 
@@ -51,7 +51,7 @@ def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_
     assert not baseline.material(0.9 * plain, before)
 
 
-@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, ENOUGH), (2e3, 148, 148), (50.0, 300, 300)])
+@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, SHOTS), (2e3, 148, 148), (50.0, 300, 300)])
 def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: int, left: int):
     """Both models and the problem keep the same of them; a recording near the noise keeps all."""
     costs = np.arange(shots, dtype=float)
