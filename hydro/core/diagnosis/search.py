@@ -167,7 +167,7 @@ class Search:
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
         """Return the fits, with simpler special cases of the best effect, started from its values.
 
-        A special case that fits equally well, to within DISTINCT standard errors, replaces the general effect.
+        A special case within DISTINCT standard errors of the general effect replaces it.
         """
         best = leader(fits)
         if best is None:
