@@ -340,10 +340,10 @@ def test_decisions_on_kept_candidates_are_those_of_the_diagnosis(results: Path):
 
 
 def test_another_constant_changes_the_decision_and_is_set_back(results: Path):
-    table, kept = pl.read_parquet(results), settings.NEAR_NOISE
-    again = rescore.rescored(table, {"settings.NEAR_NOISE": 0.1, "settings.CLEAN": 0.0})[0]
+    table, kept = pl.read_parquet(results), settings.RIGHT_ABOVE_CLEAN
+    again = rescore.rescored(table, {"settings.RIGHT_ABOVE_CLEAN": 0.1, "settings.CLEAN": 0.0})[0]
     assert again.named[0].confidence <= 0.1
-    assert kept == settings.NEAR_NOISE == confidence.NEAR_NOISE
+    assert kept == settings.RIGHT_ABOVE_CLEAN == confidence.RIGHT_ABOVE_CLEAN
 
 
 def test_an_unknown_constant_and_an_unknown_list_are_refused_in_a_line():

@@ -26,17 +26,17 @@ from hydro.core.evaluation.block_resampling import weights
 
 Row = dict[str, Any]
 CONSTANTS = (
-    "settings.NEAR_NOISE",
+    "settings.RIGHT_ABOVE_CLEAN",
     "settings.CLEAN",
     "settings.TIED",
-    "settings.ODDS",
-    "settings.ODDS_BY_SCORE",
-    "settings.ODDS_BY_LEAD",
-    "settings.BY_LEAD",
-    "settings.EVEN_ODDS",
-    "settings.AHEAD",
-    "settings.PREFERRED",
-    "settings.FOLLOWS",
+    "settings.TRANSFER_ODDS",
+    "settings.TRANSFER_BY_SCORE",
+    "settings.TRANSFER_BY_LEAD",
+    "settings.EVIDENCE_BY_LEAD",
+    "settings.EVIDENCE_EVEN",
+    "settings.LEAST_LEAD",
+    "settings.ENTRY_PENALTY",
+    "settings.ABSORPTION_PENALTY",
     "settings.HULL_RIGHT",
     "settings.FIT",
     "settings.CHANGED",
@@ -46,11 +46,11 @@ CONSTANTS = (
     "settings.UNKNOWN",
     "settings.INEXACT",
     "settings.MATERIAL",
-    "settings.NEARLY",
-    "settings.OUTDONE",
-    "settings.EVIDENCE",
-    "settings.GAPS",
-    "settings.FANCIFUL",
+    "settings.NEARLY_AS_GOOD",
+    "settings.UNSTATED",
+    "settings.LEAST_EVIDENCE",
+    "settings.HULL_EVIDENCE",
+    "settings.IMPLAUSIBLE",
     "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
@@ -176,7 +176,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / settings.RESAMPLES
         frequency = float(wins[rivals.index(best)])
         sure = confidence.by_likelihood_confidence(frequency, left)
-        yield best["effect"], sure if best["plausible"] else min(sure, settings.FANCIFUL)
+        yield best["effect"], sure if best["plausible"] else min(sure, settings.IMPLAUSIBLE)
         if not best["chosen"]:
             return
 
@@ -200,7 +200,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
         sure = change.confidence(given)
-        yield change.best.effect, sure if row["plausible"] else min(sure, settings.FANCIFUL)
+        yield change.best.effect, sure if row["plausible"] else min(sure, settings.IMPLAUSIBLE)
         if not row["chosen"]:
             break
 
@@ -226,14 +226,14 @@ def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, f
     if (chosen["left_out"] or 0.0) < settings.MATERIAL:
         return
     if by_evidence:
-        gap = {row["effect"]: settings.GAPS for row in tried if _hull_law(row)}
+        gap = {row["effect"]: settings.HULL_EVIDENCE for row in tried if _hull_law(row)}
         lead = chosen["evidence"] - gap.get(chosen["effect"], 0.0)
         sure = confidence.by_evidence_confidence(lead, [row["evidence"] or 0.0 for row in rest])
     else:
         sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
     if leaders or chosen["own"]:
-        sure = min(sure, settings.OUTDONE)
-    yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.FANCIFUL)
+        sure = min(sure, settings.UNSTATED)
+    yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.IMPLAUSIBLE)
 
 
 def _hull_law(row: Row) -> bool:

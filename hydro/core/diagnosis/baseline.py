@@ -27,15 +27,14 @@ from hydro.core.diagnosis.model import (
 )
 from hydro.core.diagnosis.settings import (
     ABOVE_NOISE,
+    FAR_FROM_NOISE,
     LEAST_SHOTS,
-    LOUD,
     MATERIAL,
-    MUCH_OF_IT,
-    SHORTEST,
+    MUCH_OF_REST,
+    SHORTEST_SHOT,
     SHOTS,
-    SLOW,
-    STABLE,
-    TELLING,
+    STABLE_SHARE,
+    STEP_SHARE,
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
@@ -112,7 +111,7 @@ class Baseline:
         Return it unchanged if the residual is smaller or if there are fewer than twice as many shots.  A
         search over a part of the shots is repeated over all of them if it comes near the noise.
         """
-        if len(self.refitted.costs) < 2 * SHOTS or not self.refitted.normal.chi2 > LOUD:
+        if len(self.refitted.costs) < 2 * SHOTS or not self.refitted.normal.chi2 > FAR_FROM_NOISE:
             return self
         given, refitted = self.given.some(SHOTS), self.refitted.some(SHOTS)
         return replace(self, problem=self.problem.some(SHOTS), given=given, refitted=refitted)
@@ -137,10 +136,8 @@ class Baseline:
         Where other effects explain most of the error, a small share of the first error may be a large share
         of the present error.  It suffices if it is also clear of the noise.
         """
-        left, first = max(before.excess - gain, 0.0), self.refitted.excess
-        lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
-        much = gain >= max(MUCH_OF_IT * before.excess, ABOVE_NOISE * before.normal.residuals)
-        return self.visible(gain) and bool(lower or much or gain >= MATERIAL * first)
+        much = gain >= max(MUCH_OF_REST * before.excess, ABOVE_NOISE * before.normal.residuals)
+        return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
 
     def visible(self, gain: float) -> bool:
         """Return whether a reduction of the squared residual would be visible in a replay."""
@@ -232,7 +229,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
         count = room(record, seconds)
-        if count < LEAST_SHOTS and seconds > SHORTEST:
+        if count < LEAST_SHOTS and seconds > SHORTEST_SHOT:
             continue
         if count < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
@@ -253,7 +250,7 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
     problem = OutputError.of(shots, vehicle)
     prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
     stable = multiple_shooting.bounded(prepared, problem.shots)
-    return OutputError(problem.shots.of(stable)) if stable.mean() >= STABLE else None
+    return OutputError(problem.shots.of(stable)) if stable.mean() >= STABLE_SHARE else None
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
@@ -297,7 +294,7 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
 
 
 def weighed_fit(
-    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = SLOW
+    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = STEP_SHARE
 ) -> tuple[Model, OutputError, bool]:
     """Fit effects with each channel weighted by its noise, white or coloured.
 

@@ -22,24 +22,24 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
-    AHEAD,
-    BY_LEAD,
-    CALM,
     CLEAN,
+    CLEAN_IN_WAVES,
     CONFIRMED,
-    EVEN_ODDS,
+    EVIDENCE_BY_LEAD,
+    EVIDENCE_EVEN,
     FOLDS,
     IMITATED,
-    NEAR_NOISE,
-    ODDS,
-    ODDS_BY_LEAD,
-    ODDS_BY_SCORE,
+    LEAST_LEAD,
+    LEAST_SESSIONS,
     OVERLAP,
     RESAMPLES,
     RIGHT,
-    SESSIONS,
+    RIGHT_ABOVE_CLEAN,
     SURE,
     TIED,
+    TRANSFER_BY_LEAD,
+    TRANSFER_BY_SCORE,
+    TRANSFER_ODDS,
 )
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
@@ -165,7 +165,7 @@ def folds(session: ArrayLike) -> Rows:
     if len(numbers) < 2:
         raise DataError("one shot is too few to hold data out; record a longer session")
     names, label = np.unique(numbers, return_inverse=True)
-    if len(names) >= SESSIONS:
+    if len(names) >= LEAST_SESSIONS:
         return np.asarray(label, np.int64)
     stretches = min(FOLDS, len(numbers))
     return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
@@ -335,7 +335,7 @@ def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = 
         left: Mean squared residual of the model, in units of the noise.
         in_waves: Whether the shots allow for waves, which hide much of the model's error.
     """
-    return frequency if left <= (CALM if in_waves else CLEAN) else NEAR_NOISE * frequency
+    return frequency if left <= (CLEAN_IN_WAVES if in_waves else CLEAN) else RIGHT_ABOVE_CLEAN * frequency
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
@@ -352,7 +352,7 @@ def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """
     next_best = max(others, default=0.0)
     lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
-    return float(expit(ODDS + ODDS_BY_SCORE * score + ODDS_BY_LEAD * max(lead, 0.0)))
+    return float(expit(TRANSFER_ODDS + TRANSFER_BY_SCORE * score + TRANSFER_BY_LEAD * max(lead, 0.0)))
 
 
 def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
@@ -369,5 +369,5 @@ def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
         others: Log evidence of all others.
     """
     lead = max(evidence - max([0.0, *others]), 0.0)
-    part = min(lead / (AHEAD * max(evidence, 1e-300)), 1.0)
-    return float(part * expit(BY_LEAD * (np.log1p(lead) - EVEN_ODDS)))
+    part = min(lead / (LEAST_LEAD * max(evidence, 1e-300)), 1.0)
+    return float(part * expit(EVIDENCE_BY_LEAD * (np.log1p(lead) - EVIDENCE_EVEN)))

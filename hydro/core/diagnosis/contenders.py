@@ -21,22 +21,22 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, unfitted
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
+    ABSORPTION_PENALTY,
     CLOSEST,
     CONTENDERS,
-    FAR_OFF,
-    FINE,
+    ENTRY_GAIN,
+    ENTRY_PENALTY,
     FIT,
-    FOLLOWS,
     HOPELESS,
     HULL_RIGHT,
-    LONG,
+    LONG_STEPS,
     MOST_CONTENDERS,
-    PREFERRED,
-    QUICK,
+    QUICK_STEPS,
     REFITS,
-    SETTLED,
-    SUSPECT,
-    WILD,
+    SETTLED_RATIO,
+    SUSPECT_SPREAD,
+    TUMBLING,
+    UNTRUSTED_RATIO,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
@@ -99,7 +99,7 @@ class Contender:
         absorbs = CATALOGUE[self.effect].identification.absorbs
         right = min(one.left for one in rivals) <= HULL_RIGHT * floor
         at_stake = min(whole, FIT * floor) if right else whole
-        return PREFERRED * at_stake * len(self.model.values) + FOLLOWS * absorbs * floor
+        return ENTRY_PENALTY * at_stake * len(self.model.values) + ABSORPTION_PENALTY * absorbs * floor
 
 
 @dataclass(frozen=True)
@@ -148,14 +148,14 @@ class Compared:
         alone.
         """
         left, here = self.left_out(model.normal), self.weight * model.costs
-        if left.sum() > FAR_OFF * here.sum():
+        if left.sum() > UNTRUSTED_RATIO * here.sum():
             again = self.refitted(model)
             return again if again.sum() < left.sum() else left
         return left if left.sum() >= here.sum() else here
 
     def settled(self, model: Model) -> bool:
         """Return whether linear steps to the other folds stay where the problem is nearly linear."""
-        return bool(self.left_out(model.normal).sum() <= FAR_OFF * (self.weight * model.costs).sum())
+        return bool(self.left_out(model.normal).sum() <= UNTRUSTED_RATIO * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
         """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
@@ -163,7 +163,7 @@ class Compared:
         for number in np.unique(self.fold):
             out = self.fold == number
             try:
-                there = continue_fit(model.over(~out), QUICK).vehicle
+                there = continue_fit(model.over(~out), QUICK_STEPS).vehicle
             except Diverges:
                 continue
             found[out] = unfitted(there, OutputError(shots.of(out))).costs
@@ -221,10 +221,10 @@ def contend(
             _join(fits, compared, last, table)
         for name in _stepwise(fits):
             _join(fits, compared, last, fits[name].table, ITERATIONS)
-    if _least(fits) > WILD * floor:
+    if _least(fits) > TUMBLING * floor:
         closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
         for name in dict.fromkeys([*closest, *_far(fits)]):
-            _join(fits, compared, last, fits[name].table, LONG)
+            _join(fits, compared, last, fits[name].table, LONG_STEPS)
     return fits
 
 
@@ -272,7 +272,7 @@ def _join(
     compared: Compared,
     last: Model,
     table: Table,
-    iterations: int = QUICK,
+    iterations: int = QUICK_STEPS,
 ) -> None:
     """Fit an effect from a table, and keep the fit if it has the least held-out cost of this effect.
 
@@ -310,16 +310,16 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         at += len(columns)
         own = normal.of(columns)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - FINE * len(columns)
+        score = 1.0 - float(left.sum()) / whole - ENTRY_GAIN * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
-            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT**-2
+            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
             step = np.linalg.solve(known, own.score.sum(axis=0))
             best[suspect.effect] = (score, suspect.begin(step))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
 
 
 def fitted(
-    compared: Compared, last: Model, table: Table, iterations: int = QUICK, least: float = np.inf
+    compared: Compared, last: Model, table: Table, iterations: int = QUICK_STEPS, least: float = np.inf
 ) -> Contender:
     """Fit an effect from a table's values, with the hull forces that act on the fitted vehicle.
 
@@ -332,7 +332,7 @@ def fitted(
     model = with_hull_response(compared, last, model)
     if not compared.settled(model):  # continue with the hull forces held too: they change with the motion
         with suppress(Diverges):
-            again = continue_fit(model, QUICK)
+            again = continue_fit(model, QUICK_STEPS)
             model = again if again.normal.cost < model.normal.cost else model
     return without_needless_entries(compared, last, Contender(name, model, compared.elsewhere(model)))
 
@@ -347,11 +347,11 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     for _ in range(REFITS):
         tables = [model.vehicle.effects(name)[0] for name in names]
         try:
-            again = fitted_together(compared, last, tables, QUICK, about=model.vehicle)
+            again = fitted_together(compared, last, tables, QUICK_STEPS, about=model.vehicle)
         except Diverges:
             return model
         left, model = model.normal.cost, min(again, model, key=lambda one: one.normal.cost)
-        if not model.normal.cost < SETTLED * left:
+        if not model.normal.cost < SETTLED_RATIO * left:
             break
     return model
 
@@ -375,25 +375,25 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
         fewer = [[one for one in kept if one != out] for out in kept]
         costs = [float(compared.left_out(normal.of(columns)).sum()) for columns in fewer]
         best = int(np.argmin(costs))
-        if costs[best] > left + FINE * nothing:
+        if costs[best] > left + ENTRY_GAIN * nothing:
             break
         kept, left = fewer[best], costs[best]
     if len(kept) == count:
         return whole
     held = ~np.isin(np.arange(count), kept)
     try:
-        model = held_at(model, np.where(held, begun, model.values), held, QUICK)
+        model = held_at(model, np.where(held, begun, model.values), held, QUICK_STEPS)
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))
-    return leaner if leaner.left < whole.left + FINE * nothing * (count - len(kept)) else whole
+    return leaner if leaner.left < whole.left + ENTRY_GAIN * nothing * (count - len(kept)) else whole
 
 
 def fitted_together(
     compared: Compared,
     last: Model,
     tables: Sequence[Table],
-    iterations: int = QUICK,
+    iterations: int = QUICK_STEPS,
     about: Vehicle | None = None,
 ) -> Model:
     """Fit effects together to a vehicle's residual, from the values of their tables.

@@ -32,18 +32,18 @@ from hydro.core.diagnosis.findings import (
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding
 from hydro.core.diagnosis.settings import (
-    ALSO,
+    ABSENT,
     CLOSEST,
     CONTENDERS,
-    EVIDENCE,
     FAR_FROM_PRIOR,
-    LITTLE,
-    LONG,
+    HALF_AS_GOOD,
+    LEAST_EVIDENCE,
+    LONG_STEPS,
     MATERIAL,
-    NEARLY,
-    OUTDONE,
+    NEARLY_AS_GOOD,
     SHOTS,
     SURE,
+    UNSTATED,
 )
 from hydro.core.diagnosis.transfer import (
     Known,
@@ -148,7 +148,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change with the most evidence, or with the largest share of held-out error removed.
 
     If physics excludes its values, it stands for another effect.  Then the next best with plausible values is
-    named, if its score is within NEARLY of the first.
+    named, if its score is within NEARLY_AS_GOOD of the first.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -164,7 +164,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         if surveyed.worth(rival) < least:
             break
         if rival.score < MATERIAL:  # an effect with far less evidence does not replace it
-            least = max(least, NEARLY * surveyed.worth(rival))
+            least = max(least, NEARLY_AS_GOOD * surveyed.worth(rival))
             continue
         if rival.own and not _moved(rival, baseline):
             continue
@@ -185,7 +185,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             return named
         passed.append(rival.effect)
         if not implausible_named.findings:
-            implausible_named, least = named, max(NEARLY * surveyed.worth(rival), least)
+            implausible_named, least = named, max(NEARLY_AS_GOOD * surveyed.worth(rival), least)
     return implausible_named
 
 
@@ -218,7 +218,7 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
         best = allowance.refined(rival.model.unknown, held, prior) if number < CONTENDERS else held
         rivals.append(replace(rival, evidence=rival.beyond * (best.evidence - alone), allowed=best))
     rivals.sort(key=lambda rival: -rival.evidence)
-    if not rivals or not EVIDENCE <= rivals[0].evidence < np.inf:
+    if not rivals or not LEAST_EVIDENCE <= rivals[0].evidence < np.inf:
         return surveyed
     return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
@@ -227,7 +227,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
-    return bool((sizes > LITTLE).any())
+    return bool((sizes > ABSENT).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
@@ -259,7 +259,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
     vehicle, released = rival.model.vehicle, known.releasing(rival.effect)
-    return fit_model(vehicle, [*others, table], baseline.problem, reach, LONG, known=released)
+    return fit_model(vehicle, [*others, table], baseline.problem, reach, LONG_STEPS, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -267,7 +267,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
-    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LONG, known=known)
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LONG_STEPS, known=known)
 
 
 def _finding(
@@ -286,10 +286,10 @@ def _finding(
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
     if rival.own or surveyed.rivals[0] is not rival:
-        sure = min(sure, OUTDONE)
+        sure = min(sure, UNSTATED)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
-    least = max(NEARLY * surveyed.worth(rival), MATERIAL)
+    least = max(NEARLY_AS_GOOD * surveyed.worth(rival), MATERIAL)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
     named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
@@ -307,7 +307,7 @@ def _nearly_as_good(
     confidence than the named effect.
     """
     worth = surveyed.worth
-    near = [one for one in others if worth(one) >= max(ALSO * worth(rival), MATERIAL)]
+    near = [one for one in others if worth(one) >= max(HALF_AS_GOOD * worth(rival), MATERIAL)]
     near = [one for one in near if not one.own][:CLOSEST]
     whole = 1.0 + sum(worth(one) for one in near)
     by = "with any hull force allowed" if surveyed.by_evidence else "on held-out data"

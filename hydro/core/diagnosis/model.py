@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.settings import ALPHA, COARSE, DISTINCT, MATERIAL, NARROWEST, SLOW
+from hydro.core.diagnosis.settings import ALPHA, CORNER_RESOLUTION, DISTINCT, MATERIAL, STEP_GAIN, STEP_SHARE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -127,7 +127,7 @@ def fit_model(
     problem: Problem,
     reach: Array,
     iterations: int,
-    share: float = SLOW,
+    share: float = STEP_SHARE,
     known: Callable[[Free], Prior] | None = None,
 ) -> Model:
     """Fit effects to the shots from their present values; without effects, return the vehicle as it is.
@@ -176,7 +176,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
-def continue_fit(model: Model, iterations: int, share: float = SLOW) -> Model:
+def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Model:
     """Continue the fit of a model from its values, see `fit_model`.
 
     Raises:
@@ -200,7 +200,7 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
     Raises:
         Diverges: The predicted motion diverges.
     """
-    return _descended(model.unknown.holding(values, held), model.problem, iterations, SLOW)
+    return _descended(model.unknown.holding(values, held), model.problem, iterations, STEP_SHARE)
 
 
 def _descended(
@@ -218,7 +218,7 @@ def _descended(
     """
     try:
         values, normal, problem = descend(
-            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior, normal
+            unknown, unknown.starts[0], problem, iterations, STEP_GAIN, share, prior, normal
         )
     except np.linalg.LinAlgError as error:
         effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))
@@ -233,7 +233,7 @@ def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
 
 
 def fitted_or_kept(
-    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = SLOW
+    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = STEP_SHARE
 ) -> tuple[Model, bool]:
     """Fit to convergence, or keep the vehicle's values where that diverges; return whether it converged.
 
@@ -248,14 +248,14 @@ def fitted_or_kept(
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
     """Return the model, or a better one found by a line search along each entry with thresholds."""
-    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, NARROWEST)
+    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, CORNER_RESOLUTION)
     if np.array_equal(values, model.values):
         return model
-    values, normal, problem = descend(unknown, values, model.problem, iterations, COARSE, share)
+    values, normal, problem = descend(unknown, values, model.problem, iterations, STEP_GAIN, share)
     return Model(unknown, values, problem, normal) if normal.cost < model.normal.cost else model
 
 
-def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = SLOW) -> Model:
+def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = STEP_SHARE) -> Model:
     """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
 
     Args:

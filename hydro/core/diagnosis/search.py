@@ -37,17 +37,17 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     DISTINCT,
-    EACH,
+    EXPLAINED_EACH,
     FEW_SHOTS,
     FIT,
     HOPELESS,
+    MORE_SHOTS_RATIO,
     MOST_FINDINGS,
-    NEAR,
-    NEAR_CURVED,
-    QUICK,
+    NEAR_BEST,
+    NEAR_BEST_CURVED,
+    QUICK_STEPS,
     RIGHT,
-    ROOM,
-    SLOW,
+    STEP_SHARE,
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
@@ -195,7 +195,7 @@ class Search:
             if name in known:
                 continue
             all_explained = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
-            near = (NEAR_CURVED if is_curved(name) and not all_explained else NEAR) * most
+            near = (NEAR_BEST_CURVED if is_curved(name) and not all_explained else NEAR_BEST) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             progress(f"{name} against the residual", 0.6 * len(fits) / CONTENDERS)
@@ -224,7 +224,7 @@ class Search:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
         few = len(quick.costs) < len(before.costs)
-        enough = quick.normal.chi2 * (ROOM if few else 1.0)
+        enough = quick.normal.chi2 * (MORE_SHOTS_RATIO if few else 1.0)
         at_sight = self.baseline.problem.at_measured_states
         along, best = before.problem if few else quick.problem, quick
         for problem, most in ((at_sight(quick.vehicle), enough), (along, np.inf)):
@@ -256,9 +256,9 @@ class Search:
         if cost > model.normal.cost:  # too far for a linear step: only the effect starts from it
             vehicle, along = model.vehicle, model.problem
         try:
-            return self._fit(vehicle, [*chosen, table], along, QUICK)
+            return self._fit(vehicle, [*chosen, table], along, QUICK_STEPS)
         except Diverges:  # too far even so: the effect starts from its default values
-            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
+            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK_STEPS)
 
     def grow(
         self,
@@ -303,7 +303,7 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether the findings explain so little that the search ends."""
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
-        least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
+        least = min(ALMOST_ALL, doubtful) if self.from_file else EXPLAINED_EACH * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
@@ -312,8 +312,9 @@ class Search:
 
     def telling(self, screening: Screening, model: Model) -> bool:
         """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
+        curved = NEAR_BEST / NEAR_BEST_CURVED
         return any(
-            self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if is_curved(name) else 1.0), model)
+            self.baseline.belongs(name, gain * (curved if is_curved(name) else 1.0), model)
             for name, gain in screening.gains.items()
         )
 
@@ -327,7 +328,7 @@ class Search:
             begun = []
             for table in CATALOGUE[name].identification.far:
                 with suppress(Diverges):
-                    begun.append(self._fit(filed.vehicle, [{"name": name} | table], few.problem, QUICK))
+                    begun.append(self._fit(filed.vehicle, [{"name": name} | table], few.problem, QUICK_STEPS))
             if begun:
                 best = min(begun, key=lambda fit: fit.normal.chi2)
                 with suppress(Diverges):
@@ -381,7 +382,7 @@ class Search:
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
         try:
-            return self._fit(vehicle, others, model.problem, QUICK)
+            return self._fit(vehicle, others, model.problem, QUICK_STEPS)
         except Diverges:
             return self.baseline.refitted
 
@@ -399,7 +400,7 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
     if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
-    return mine > (1.0 - SLOW) * theirs
+    return mine > (1.0 - STEP_SHARE) * theirs
 
 
 def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:

@@ -21,15 +21,15 @@ LEAST_SHOTS = 16
 """Minimum number of shots of a diagnosis: about as many as a large effect has parameters."""
 LEAST_PREDICTIONS = 8
 """Minimum number of held-out predictions: fewer give no standard error of a difference."""
-SHORTEST = 0.5
+SHORTEST_SHOT = 0.5
 """Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
-STABLE = 0.95
+STABLE_SHARE = 0.95
 """Minimum share of shots that must stay finite."""
-SESSIONS = 3
+LEAST_SESSIONS = 3
 """Minimum number of sessions for holding out whole sessions."""
 FOLDS = 6
 """Maximum number of stretches of a recording, each held out of one fit."""
-KEPT = 1.0 / 3.0
+LEAST_INFORMATION = 1.0 / 3.0
 """Minimum share of an effect's information that remains without a held-out part, and of shots in other
 sessions where whole sessions are held out."""
 RESAMPLES = 2000
@@ -44,40 +44,40 @@ more accurate; a filtered log is only smoother."""
 
 # Fits
 
-QUICK = 6
+QUICK_STEPS = 6
 """Iterations of a candidate's first fit: most reach the order of their final errors."""
-LONG = 24
-"""Iterations of a final fit where no model reaches the noise, and of fits that continue above WILD."""
+LONG_STEPS = 24
+"""Iterations of a final fit where no model reaches the noise, and of fits that continue above TUMBLING."""
 REFITS = 3
 """Maximum number of refits to the hull forces that act on the fitted vehicle, and iterations from a fit of
 all shots to a fit without one part of them."""
-COARSE = 0.3
+STEP_GAIN = 0.3
 """Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
-SLOW = 1e-3
+STEP_SHARE = 1e-3
 """Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
-NARROWEST = 0.01
+CORNER_RESOLUTION = 0.01
 """Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
-SETTLED = 0.9
+SETTLED_RATIO = 0.9
 """Ratio of successive costs above which refits to the hull forces have converged."""
-FAR_OFF = 2.0
+UNTRUSTED_RATIO = 2.0
 """Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
 TRIAL_FORCE = 0.01
 """Size of a trial force, as a share of the weight: responses are linear at that size."""
-SUSPECT = 2.0
+SUSPECT_SPREAD = 2.0
 """Prior standard deviation of the parameters of a suspect, in their natural scales about 0."""
 CORRELATED = 10.0
 """Number of correlated residuals of a shot that count as one where a model is wrong."""
-LOOSE = 1e-2
+TERM_PRIOR = 1e-2
 """Prior information on the coefficient of a discovered term, times the mean squared residual."""
 FAR_FROM_PRIOR = 2.0
 """Distance beyond which a value contradicts its prior: in standard deviations from the file's value, or in
 half widths from the middle of the plausible range, whose ends are uncertain by about that much."""
-LITTLE = 1e-3
+ABSENT = 1e-3
 """Size of a fitted value, in scales, at or below which the effect counts as absent."""
 
 # Mean squared residuals
 
-CALM = 1.15
+CLEAN_IN_WAVES = 1.15
 """Maximum residual of a model without significant error, in units of the noise, where shots allow waves."""
 CLEAN = 1.35
 """Maximum residual of a model without significant error, in units of the noise."""
@@ -87,17 +87,17 @@ HULL_RIGHT = 1.5
 """Maximum residual of a right model with a hull-force model, in floors."""
 FIT = 3.0
 """Maximum residual of an acceptable fit, in units of the noise, or in floors."""
-WILD = 10.0
+TUMBLING = 10.0
 """Residual above which the closest fits continue, in floors: no step from the file leads to the values where
 the vehicle tumbles."""
-LOUD = 1000.0
-"""Residual above which ENOUGH shots carry the information of all shots, in units of the noise."""
+FAR_FROM_NOISE = 1000.0
+"""Residual above which SHOTS shots carry the information of all, in units of the noise."""
 
 # Candidates of one round
 
-NEAR = 0.5
+NEAR_BEST = 0.5
 """Share of the best linear gain from which a candidate is fitted."""
-NEAR_CURVED = 0.1
+NEAR_BEST_CURVED = 0.1
 """The same share for a nonlinear effect, whose linear gain is lower."""
 CONTENDERS = 5
 """Number of candidates that are fitted in one round."""
@@ -108,7 +108,7 @@ CLOSEST = 3
 """Number of the best candidates that are fitted further or reported."""
 HOPELESS = 3.0
 """Ratio to the best error above which a first fit is not refined."""
-ROOM = 1.5
+MORE_SHOTS_RATIO = 1.5
 """Maximum ratio of a candidate's residual on all shots to that on the few."""
 MOST_FINDINGS = 4
 """Maximum number of effects of one search."""
@@ -117,12 +117,10 @@ MOST_FINDINGS = 4
 
 MATERIAL = 0.05
 """Minimum share of the error that a finding explains, or that is worth a further search."""
-TELLING = 0.1
-"""Alternative limit: minimum reduction of the root of that error, as a share of the baseline fit's root."""
-MUCH_OF_IT = 0.15
+MUCH_OF_REST = 0.15
 """Alternative limit: minimum share of the present model's excess error."""
 ABOVE_NOISE = 0.01
-"""Minimum share of the noise that goes with MUCH_OF_IT."""
+"""Minimum share of the noise that goes with MUCH_OF_REST."""
 VISIBLE = 0.005
 """Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
 CHANGED = 0.10
@@ -131,7 +129,7 @@ FURTHER = 0.20
 """Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
 ALMOST_ALL = 0.9
 """Share of the error from which likelihood names effects, although the residual is above the noise."""
-EACH = 0.25
+EXPLAINED_EACH = 0.25
 """Share of the error that findings must explain on average for the search to continue.  Sensor errors that
 kinematics shows do not count."""
 DISTINCT = 4.0
@@ -139,43 +137,43 @@ DISTINCT = 4.0
 case, and a candidate on few shots from the best."""
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
-FINE = 0.004
+ENTRY_GAIN = 0.004
 """Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
-PREFERRED = 0.012
+ENTRY_PENALTY = 0.012
 """Penalty of each parameter when effects are compared, as a share of the residual.  The hull's error is alike
 on all stretches, so that held-out data alone do not penalise parameters that follow it."""
-FOLLOWS = 0.2
+ABSORPTION_PENALTY = 0.2
 """Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
-NEARLY = 0.7
+NEARLY_AS_GOOD = 0.7
 """Share of the best score from which another effect is nearly as good."""
-ALSO = 0.5
+HALF_AS_GOOD = 0.5
 """Share of the best score from which an effect is a suspect with values."""
-EVIDENCE = 10.0
+LEAST_EVIDENCE = 10.0
 """Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
-GAPS = 30.0
+HULL_EVIDENCE = 30.0
 """Log evidence that a hull law may have on an unchanged hull, because no library is complete."""
 
 # Confidence
 
 SURE = 0.9
 """Minimum confidence of a stated name."""
-FANCIFUL = 0.5
+IMPLAUSIBLE = 0.5
 """Maximum confidence of a name whose values physics excludes: it stands for another effect."""
-NEAR_NOISE = 102.0 / 118.0
+RIGHT_ABOVE_CLEAN = 102.0 / 118.0
 """Share of names by likelihood that were right above CLEAN, see `by_likelihood_confidence`."""
-ODDS = -1.76
+TRANSFER_ODDS = -1.76
 """Calibration of names by transfer: log odds at a score of 0, see `by_transfer_confidence`."""
-ODDS_BY_SCORE = 2.74
+TRANSFER_BY_SCORE = 2.74
 """Calibration of names by transfer: slope of the log odds with respect to the score."""
-ODDS_BY_LEAD = 2.02
+TRANSFER_BY_LEAD = 2.02
 """Calibration of names by transfer: slope with respect to the relative lead over the next."""
-BY_LEAD = 1.8
+EVIDENCE_BY_LEAD = 1.8
 """Calibration of names by evidence: slope over log(1 + lead), see `by_evidence_confidence`."""
-EVEN_ODDS = 1.6
+EVIDENCE_EVEN = 1.6
 """Calibration of names by evidence: log(1 + lead) at even odds."""
-AHEAD = 0.15
+LEAST_LEAD = 0.15
 """Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
-OUTDONE = 0.8
+UNSTATED = 0.8
 """Maximum confidence of a name that is not first in the survey."""
 CHANCE = 0.03
 """Mean lead of the best change by chance, in floors: the part due to the error of the hull model."""
@@ -193,7 +191,7 @@ STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
 STEADY_SHARE = 0.75
 """Minimum share of an effect that must remain with steady wrenches free, or else it is not stated."""
-EVIDENT = 10.0
+STEADY_CHI2 = 10.0
 """Minimum chi-square per parameter of the remaining effect, in units of its expectation by chance."""
 
 # Growth with speed, and discovered terms
@@ -202,15 +200,15 @@ SAME_POWER = 0.3
 """Difference of two powers of speed up to which they count as equal."""
 LEAST_PIECES = 50
 """Minimum number of pieces of a log for the growth with speed."""
-BINS = 8
+SPEED_BINS = 8
 """Number of speed bins, with equal counts."""
-WIDEST = 1.5
+WIDEST_POWER = 1.5
 """Maximum width of a power's 95 % interval for the power to be reported."""
 TERM_SHARE = 0.02
 """Minimum share of the error that a kept term removes, or of the variance that a reported term explains."""
 TERM_SHORTLIST = 30
 """Number of terms whose transfer is evaluated, ranked by the error that they explain."""
-UNEVEN = 0.8
+UNEVEN_WEIGHT = 0.8
 """Weight on the gain of a term that a port-starboard symmetric hull cannot have."""
 
 # Steps of an explanation
@@ -219,7 +217,7 @@ MOST_STEPS = 6
 """Maximum number of steps after the file as given."""
 RISE = 1.02
 """Ratio of errors up to which a rise does not matter, for a step and for one axis."""
-LEVEL = 0.05
+AXIS_LEVEL = 0.05
 """Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
 LIKELY_STEP = 0.2
 """Confidence from which suspects are tried where nothing is stated; held-out data decide what stays."""

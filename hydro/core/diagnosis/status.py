@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
-from hydro.core.diagnosis.settings import FANCIFUL, HULL_RIGHT, SURE
+from hydro.core.diagnosis.settings import HULL_RIGHT, SURE
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
@@ -67,7 +67,7 @@ def in_words(confidence: float) -> str:
     """Return a confidence in words and percent; a formula, which has none, is possible."""
     if np.isnan(confidence):
         return "possible"
-    word = "certain" if confidence >= SURE else "likely" if confidence > FANCIFUL else "possible"
+    word = "certain" if confidence >= SURE else "likely" if confidence > 0.5 else "possible"
     return f"{word}, {100.0 * confidence:.0f} %"
 
 

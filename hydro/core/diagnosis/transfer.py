@@ -32,16 +32,16 @@ from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import (
     CORRELATED,
+    ENTRY_GAIN,
     FEW_SHOTS,
-    FINE,
     FOLDS,
-    GAPS,
-    KEPT,
-    NEARLY,
-    QUICK,
+    HULL_EVIDENCE,
+    LEAST_INFORMATION,
+    NEARLY_AS_GOOD,
+    QUICK_STEPS,
     REFITS,
     RESOLUTION,
-    SUSPECT,
+    SUSPECT_SPREAD,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
@@ -120,8 +120,8 @@ class Rival:
 
     @property
     def lead(self) -> float:
-        """Log evidence that counts for the lead: for a hull law, the excess over GAPS."""
-        return self.evidence - (GAPS if CATALOGUE[self.effect].family in HULLS else 0.0)
+        """Log evidence that counts for the lead: for a hull law, the excess over HULL_EVIDENCE."""
+        return self.evidence - (HULL_EVIDENCE if CATALOGUE[self.effect].family in HULLS else 0.0)
 
     @property
     def beyond(self) -> float:
@@ -178,7 +178,7 @@ class Known:
         spread = deviations(self.file, unknown.entries) / scales
         names = np.array([entry.effect for entry in unknown.entries])
         new = np.array([not self.file.effects(name) or name in self.released for name in names], bool)
-        spread[new] = SUSPECT
+        spread[new] = SUSPECT_SPREAD
         centre = unknown.within(in_file(self.file, unknown.entries)) / scales
         return Prior(centre, spread**-2.0)
 
@@ -212,7 +212,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     def without(name: str) -> Rival | None:
         """Return an existing effect compared with its values in the file; None where the fit diverges."""
         try:
-            held = fit_model(file, [n for n in own if n != name], problem, reach, QUICK, known=known)
+            held = fit_model(file, [n for n in own if n != name], problem, reach, QUICK_STEPS, known=known)
         except Diverges:
             return None
         return _rival(name, refitted, held, known, labels, own=True)
@@ -221,7 +221,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         """Return an effect fitted from a starting table; None where the fit diverges."""
         name, released = one[0], known.releasing(one[0])
         try:
-            model = fit_model(file, [*own, one[1]], problem, reach, QUICK, known=released)
+            model = fit_model(file, [*own, one[1]], problem, reach, QUICK_STEPS, known=released)
         except Diverges:
             return None
         return _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
@@ -250,12 +250,12 @@ def weighed(rival: Rival) -> Rival:
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
     """Rank rivals by score less a penalty for each entry.
 
-    The best of the effects `first` comes before all others if it has NEARLY of the best score.
+    The best of the effects `first` comes before all others if it has NEARLY_AS_GOOD of the best score.
     """
-    order = sorted(rivals, key=lambda one: FINE * one.entries - one.score)
+    order = sorted(rivals, key=lambda one: ENTRY_GAIN * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
-        if one.effect in first and one.score >= NEARLY * best > 0.0:
+        if one.effect in first and one.score >= NEARLY_AS_GOOD * best > 0.0:
             order.remove(one)
             order.insert(0, one)
             break
@@ -271,7 +271,7 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
     model = fit_model(vehicle, [], problem, reach, 0)
     for _ in range(2):
         known = Known(baseline.beforehand, max(model.normal.chi2, 1.0))
-        model = fit_model(vehicle, own, problem, reach, QUICK, known=known)
+        model = fit_model(vehicle, own, problem, reach, QUICK_STEPS, known=known)
     return model, Known(baseline.beforehand, max(model.normal.chi2, 1.0))
 
 
@@ -293,12 +293,12 @@ def regimes_of(shots: Shots) -> Rows:
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
     """Return the held-out squared residual of each shot, with entries held to their priors, (S,).
 
-    See `confidence.left_out_costs`.  It is NaN where the other folds keep less than KEPT of the information
-    on the entries `new`.
+    See `confidence.left_out_costs`.  It is NaN where the other folds keep less than LEAST_INFORMATION on the
+    entries `new`.
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
-    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, KEPT)
+    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, LEAST_INFORMATION)
 
 
 @dataclass(frozen=True)
@@ -369,7 +369,7 @@ def _predicted_together(shots: Shots) -> Rows:
     A disturbance may last for a session: stretches of one session do not show whether a model transfers.
     """
     _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
-    enough = len(label) - count.max() >= KEPT * len(label)
+    enough = len(label) - count.max() >= LEAST_INFORMATION * len(label)
     return np.asarray(label, np.int64) if enough else sessions_of(shots)
 
 
@@ -443,7 +443,7 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
     screening = Search(baseline).screened(refitted, tried)
     weight, held, tables = CORRELATED * known.temper, known(refitted.unknown).information, {}
     for name, (_, columns) in screening.ranked.items():
-        new = np.full(len(columns), weight * SUSPECT**-2)
+        new = np.full(len(columns), weight * SUSPECT_SPREAD**-2)
         tables[name] = screening.beginning(name, np.concatenate([held, new]))
     for table in file.effect:  # effects of the file that have no grid start from their values
         name = str(table["name"])

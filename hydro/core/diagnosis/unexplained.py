@@ -21,7 +21,7 @@ from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import BINS, FIT, LEAST_PIECES, MATERIAL, SAME_POWER, TRIAL_FORCE
+from hydro.core.diagnosis.settings import FIT, LEAST_PIECES, MATERIAL, SAME_POWER, SPEED_BINS, TRIAL_FORCE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
@@ -310,7 +310,7 @@ def growth(speed: Array, square: Array) -> float | None:
     """
     if len(speed) < LEAST_PIECES:
         return None
-    order = np.array_split(np.argsort(speed), BINS)
+    order = np.array_split(np.argsort(speed), SPEED_BINS)
     v = np.array([speed[part].mean() for part in order])
     f = np.array([square[part].mean() for part in order])
     seen = (f > 0.0) & (v > 0.0)

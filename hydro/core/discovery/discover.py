@@ -25,15 +25,15 @@ from hydro.core.diagnosis.settings import (
     CLEAN,
     CLOSEST,
     FAR_FROM_PRIOR,
-    KEPT,
-    LONG,
-    LOOSE,
+    LEAST_INFORMATION,
+    LONG_STEPS,
     MATERIAL,
     MOST_STEPS,
-    NEARLY,
-    QUICK,
+    NEARLY_AS_GOOD,
+    QUICK_STEPS,
     RIGHT,
     SHOTS,
+    TERM_PRIOR,
     TERM_SHARE,
     TERM_SHORTLIST,
     TRIAL_FORCE,
@@ -148,9 +148,9 @@ class Discovery:
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * LOOSE)])
+        held = np.concatenate([prior.information, np.full(extra, self.known.temper * TERM_PRIOR)])
         new = range(len(model.values), len(columns))
-        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), KEPT)
+        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
     def better(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
@@ -159,7 +159,7 @@ class Discovery:
         for number, term in enumerate(self.shortlist(choice)[:CLOSEST]):
             progress(f"{term.text}, its power fitted", 0.5 + 0.5 * number / CLOSEST)
             try:
-                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), QUICK)
+                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), QUICK_STEPS)
             except (Diverges, np.linalg.LinAlgError):
                 continue
             if best is None or tried.costs.max() < best.costs.max():
@@ -180,7 +180,7 @@ class Discovery:
             for number in new:
                 rest = joined([one for k, one in enumerate(parts) if k != number])
                 try:
-                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), QUICK))
+                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), QUICK_STEPS))
                 except (Diverges, np.linalg.LinAlgError):
                     continue
             least = min(tries, key=lambda one: float(one.costs.max()), default=None)
@@ -214,7 +214,7 @@ def discovered(
     if found is None:
         return diagnosis
     findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
-    if left - 1.0 < NEARLY * (leaves - 1.0):
+    if left - 1.0 < NEARLY_AS_GOOD * (leaves - 1.0):
         findings = tuple(_doubted(one, left, leaves) for one in findings)
     new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
     estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
@@ -263,7 +263,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
         return None
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
-    choice = replace(data, known=known).fitted(choice.model.vehicle, LONG)
+    choice = replace(data, known=known).fitted(choice.model.vehicle, LONG_STEPS)
     return _found(vehicle, first, choice)
 
 

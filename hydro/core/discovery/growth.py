@@ -20,7 +20,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
-from hydro.core.diagnosis.settings import POWER_RESAMPLES, TERM_SHARE, WIDEST
+from hydro.core.diagnosis.settings import POWER_RESAMPLES, TERM_SHARE, WIDEST_POWER
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
@@ -87,7 +87,7 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
             continue
         drawn = _drawn(gram)
         low, high = (float(end) for end in np.quantile(drawn, [0.025, 0.975]))
-        if high - low <= WIDEST:
+        if high - low <= WIDEST_POWER:
             yield {
                 "axis": WRENCH[axis],
                 "against": VELOCITY[against],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.diagnosis.settings import LEVEL, RESAMPLES, RISE
+from hydro.core.diagnosis.settings import AXIS_LEVEL, RESAMPLES, RISE
 from hydro.core.diagnosis.transfer import Squares
 from hydro.core.evaluation.block_resampling import block_sums, weights
 from hydro.core.prediction.normal_equations import block_length
@@ -33,7 +33,7 @@ def _rejected(p_values: Array) -> list[int]:
     """Return the indices of the hypotheses that Holm's procedure rejects, in their order."""
     order, found = np.argsort(p_values, kind="stable"), []
     for number, index in enumerate(order):
-        if p_values[index] > LEVEL / (len(order) - number):
+        if p_values[index] > AXIS_LEVEL / (len(order) - number):
             break
         found.append(int(index))
     return sorted(found)

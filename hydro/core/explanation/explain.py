@@ -19,7 +19,7 @@ from hydro.core.diagnosis.findings import UNEXPLAINED, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.settings import LOUD, MOST_STEPS
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
 from hydro.core.diagnosis.status import status
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
@@ -163,7 +163,7 @@ def _next(
         error = recordings.error(recordings.left_out(tried.vehicle, names_of(tried.tables)))
         ladder.append(left_out_rung(ladder[0], error))
     rest = part(progress, end, 0.9 if beyond else 1.0)
-    in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
+    in_vain = bool(steps) and steps[-1].chi2[-1] > FAR_FROM_NOISE
     diagnosis = diagnose_log(
         plain,
         log,

@@ -30,7 +30,7 @@ from hydro.core.diagnosis.settings import (
     FIT,
     LEAST_SHOTS,
     MOST_CONTENDERS,
-    QUICK,
+    QUICK_STEPS,
     RISE,
     SHOTS,
 )
@@ -154,7 +154,7 @@ class Recordings:
         return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
 
     def tried(
-        self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK
+        self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK_STEPS
     ) -> Vehicle:
         """Return the vehicle with effects fitted to some shots, with at most so many iterations.
 

@@ -18,7 +18,7 @@ from hydro.core.diagnosis.before import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.settings import CLOSEST, HULL_RIGHT, LONG, MOST_CONTENDERS, SURE
+from hydro.core.diagnosis.settings import CLOSEST, HULL_RIGHT, LONG_STEPS, MOST_CONTENDERS, SURE
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import told_apart
 
@@ -125,7 +125,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
     def counted(vehicle, tables, problem, reach, iterations):
         name = str(tables[0]["name"])
         first_change.extend(vehicle.effects("buoyancy_offset"))
-        if iterations == LONG:
+        if iterations == LONG_STEPS:
             long.append(name)
         else:
             quick.add(name)
