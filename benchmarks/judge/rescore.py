@@ -46,7 +46,7 @@ CONSTANTS = (
     "settings.UNKNOWN",
     "settings.INEXACT",
     "settings.MATERIAL",
-    "settings.NEARLY_AS_GOOD",
+    "settings.NEARLY_EQUAL",
     "settings.UNSTATED",
     "settings.LEAST_EVIDENCE",
     "settings.HULL_EVIDENCE",

@@ -26,14 +26,13 @@ from hydro.core.diagnosis.model import (
     unfitted,
 )
 from hydro.core.diagnosis.settings import (
-    ABOVE_NOISE,
+    ALMOST_ALL,
     FAR_FROM_NOISE,
     LEAST_SHOTS,
     MATERIAL,
     MUCH_OF_REST,
     SHORTEST_SHOT,
     SHOTS,
-    STABLE_SHARE,
     STEP_SHARE,
     VISIBLE,
 )
@@ -136,7 +135,7 @@ class Baseline:
         Where other effects explain most of the error, a small share of the first error may be a large share
         of the present error.  It suffices if it is also clear of the noise.
         """
-        much = gain >= max(MUCH_OF_REST * before.excess, ABOVE_NOISE * before.normal.residuals)
+        much = gain >= MUCH_OF_REST * before.excess
         return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
 
     def visible(self, gain: float) -> bool:
@@ -250,7 +249,7 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
     problem = OutputError.of(shots, vehicle)
     prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
     stable = multiple_shooting.bounded(prepared, problem.shots)
-    return OutputError(problem.shots.of(stable)) if stable.mean() >= STABLE_SHARE else None
+    return OutputError(problem.shots.of(stable)) if stable.mean() >= ALMOST_ALL else None
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:

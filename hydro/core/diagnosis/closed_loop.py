@@ -20,7 +20,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.settings import STEADY_CHI2, STEADY_SECONDS, STEADY_SHARE
+from hydro.core.diagnosis.settings import NEARLY_EQUAL, STEADY_CHI2, STEADY_SECONDS
 from hydro.core.diagnosis.unexplained import WRENCH, steadily_disturbed, wrenches_of_pulls
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
@@ -55,7 +55,7 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
 def _judged(finding: Finding, own: dict[str, float]) -> Finding:
     """Lower a finding's confidence by the share that steady disturbances explain; withdraw a re-estimate."""
     share = own.get(finding.effect, 1.0)
-    if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= STEADY_SHARE:
+    if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= NEARLY_EQUAL:
         return finding
     words = f"{finding.advice}; {IMITATES.format(share=1.0 - share)}"
     if finding.verdict == "retune":

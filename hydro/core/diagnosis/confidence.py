@@ -24,17 +24,16 @@ from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
     CLEAN,
     CLEAN_IN_WAVES,
-    CONFIRMED,
     EVIDENCE_BY_LEAD,
     EVIDENCE_EVEN,
     FOLDS,
-    IMITATED,
     LEAST_LEAD,
     LEAST_SESSIONS,
-    OVERLAP,
+    NEARLY_EQUAL,
     RESAMPLES,
     RIGHT,
     RIGHT_ABOVE_CLEAN,
+    SIMILAR,
     SURE,
     TIED,
     TRANSFER_BY_LEAD,
@@ -247,7 +246,7 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     after = Fitted(model.normal.of(own), np.zeros(len(own)))
     elsewhere = scores(before, {effect: after}, session)[effect].share
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
-    if elsewhere >= CONFIRMED * min(here, 1.0):
+    if elsewhere >= SIMILAR * min(here, 1.0):
         return ""
     return (
         f"; one session alone supports it: fitted to the others it removes {elsewhere:.0%} of the error "
@@ -266,7 +265,7 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
         together: Share that all of them explain.
     """
     added = sum(finding.share for finding in findings)
-    if added >= OVERLAP * together or added <= 0.0:
+    if added >= NEARLY_EQUAL * together or added <= 0.0:
         return list(findings)
     names, parted = " and ".join(finding.effect for finding in findings), []
     for one in findings:
@@ -286,7 +285,7 @@ def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) ->
     correlated, and estimates of inertia or damping are biased.
     """
     rest = sum(one.share for one in remaining)
-    if rest < IMITATED * finding.share:
+    if rest < SIMILAR * finding.share:
         return finding
     warning = (
         f"; no effect explains {rest:.0%} of the error, and this estimate may absorb a part of it: if the "

@@ -22,6 +22,7 @@ from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model,
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ABSORPTION_PENALTY,
+    ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
     ENTRY_GAIN,
@@ -33,7 +34,6 @@ from hydro.core.diagnosis.settings import (
     MOST_CONTENDERS,
     QUICK_STEPS,
     REFITS,
-    SETTLED_RATIO,
     SUSPECT_SPREAD,
     TUMBLING,
     UNTRUSTED_RATIO,
@@ -351,7 +351,7 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
         except Diverges:
             return model
         left, model = model.normal.cost, min(again, model, key=lambda one: one.normal.cost)
-        if not model.normal.cost < SETTLED_RATIO * left:
+        if not model.normal.cost < ALMOST_ALL * left:
             break
     return model
 

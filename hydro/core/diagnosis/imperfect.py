@@ -36,12 +36,12 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     FAR_FROM_PRIOR,
-    HALF_AS_GOOD,
     LEAST_EVIDENCE,
     LONG_STEPS,
     MATERIAL,
-    NEARLY_AS_GOOD,
+    NEARLY_EQUAL,
     SHOTS,
+    SIMILAR,
     SURE,
     UNSTATED,
 )
@@ -148,7 +148,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change with the most evidence, or with the largest share of held-out error removed.
 
     If physics excludes its values, it stands for another effect.  Then the next best with plausible values is
-    named, if its score is within NEARLY_AS_GOOD of the first.
+    named, if its score is within NEARLY_EQUAL of the first.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -164,7 +164,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         if surveyed.worth(rival) < least:
             break
         if rival.score < MATERIAL:  # an effect with far less evidence does not replace it
-            least = max(least, NEARLY_AS_GOOD * surveyed.worth(rival))
+            least = max(least, NEARLY_EQUAL * surveyed.worth(rival))
             continue
         if rival.own and not _moved(rival, baseline):
             continue
@@ -185,7 +185,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             return named
         passed.append(rival.effect)
         if not implausible_named.findings:
-            implausible_named, least = named, max(NEARLY_AS_GOOD * surveyed.worth(rival), least)
+            implausible_named, least = named, max(NEARLY_EQUAL * surveyed.worth(rival), least)
     return implausible_named
 
 
@@ -289,7 +289,7 @@ def _finding(
         sure = min(sure, UNSTATED)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
-    least = max(NEARLY_AS_GOOD * surveyed.worth(rival), MATERIAL)
+    least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
     named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
@@ -307,7 +307,7 @@ def _nearly_as_good(
     confidence than the named effect.
     """
     worth = surveyed.worth
-    near = [one for one in others if worth(one) >= max(HALF_AS_GOOD * worth(rival), MATERIAL)]
+    near = [one for one in others if worth(one) >= max(SIMILAR * worth(rival), MATERIAL)]
     near = [one for one in near if not one.own][:CLOSEST]
     whole = 1.0 + sum(worth(one) for one in near)
     by = "with any hull force allowed" if surveyed.by_evidence else "on held-out data"

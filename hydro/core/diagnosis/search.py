@@ -37,17 +37,17 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     DISTINCT,
-    EXPLAINED_EACH,
     FEW_SHOTS,
     FIT,
+    FURTHER,
     HOPELESS,
-    MORE_SHOTS_RATIO,
     MOST_FINDINGS,
     NEAR_BEST,
     NEAR_BEST_CURVED,
     QUICK_STEPS,
     RIGHT,
     STEP_SHARE,
+    UNTRUSTED_RATIO,
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
@@ -224,7 +224,7 @@ class Search:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
         few = len(quick.costs) < len(before.costs)
-        enough = quick.normal.chi2 * (MORE_SHOTS_RATIO if few else 1.0)
+        enough = quick.normal.chi2 * (UNTRUSTED_RATIO if few else 1.0)
         at_sight = self.baseline.problem.at_measured_states
         along, best = before.problem if few else quick.problem, quick
         for problem, most in ((at_sight(quick.vehicle), enough), (along, np.inf)):
@@ -303,7 +303,7 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether the findings explain so little that the search ends."""
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
-        least = min(ALMOST_ALL, doubtful) if self.from_file else EXPLAINED_EACH * doubtful
+        least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:

@@ -23,8 +23,6 @@ LEAST_PREDICTIONS = 8
 """Minimum number of held-out predictions: fewer give no standard error of a difference."""
 SHORTEST_SHOT = 0.5
 """Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
-STABLE_SHARE = 0.95
-"""Minimum share of shots that must stay finite."""
 LEAST_SESSIONS = 3
 """Minimum number of sessions for holding out whole sessions."""
 FOLDS = 6
@@ -34,8 +32,6 @@ LEAST_INFORMATION = 1.0 / 3.0
 sessions where whole sessions are held out."""
 RESAMPLES = 2000
 """Number of bootstrap resamples: a frequency of 2 % is known to 0.3 %."""
-POWER_RESAMPLES = 400
-"""Number of bootstrap resamples of a power."""
 TIED = 0.02
 """Minimum share of resamples that a rival wins to be listed with the best."""
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
@@ -57,8 +53,6 @@ STEP_SHARE = 1e-3
 """Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
 CORNER_RESOLUTION = 0.01
 """Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
-SETTLED_RATIO = 0.9
-"""Ratio of successive costs above which refits to the hull forces have converged."""
 UNTRUSTED_RATIO = 2.0
 """Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
 TRIAL_FORCE = 0.01
@@ -108,8 +102,6 @@ CLOSEST = 3
 """Number of the best candidates that are fitted further or reported."""
 HOPELESS = 3.0
 """Ratio to the best error above which a first fit is not refined."""
-MORE_SHOTS_RATIO = 1.5
-"""Maximum ratio of a candidate's residual on all shots to that on the few."""
 MOST_FINDINGS = 4
 """Maximum number of effects of one search."""
 
@@ -119,8 +111,6 @@ MATERIAL = 0.05
 """Minimum share of the error that a finding explains, or that is worth a further search."""
 MUCH_OF_REST = 0.15
 """Alternative limit: minimum share of the present model's excess error."""
-ABOVE_NOISE = 0.01
-"""Minimum share of the noise that goes with MUCH_OF_REST."""
 VISIBLE = 0.005
 """Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
 CHANGED = 0.10
@@ -129,9 +119,6 @@ FURTHER = 0.20
 """Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
 ALMOST_ALL = 0.9
 """Share of the error from which likelihood names effects, although the residual is above the noise."""
-EXPLAINED_EACH = 0.25
-"""Share of the error that findings must explain on average for the search to continue.  Sensor errors that
-kinematics shows do not count."""
 DISTINCT = 4.0
 """Distance between two models above which they differ, in standard errors: a general effect from its special
 case, and a candidate on few shots from the best."""
@@ -144,10 +131,10 @@ ENTRY_PENALTY = 0.012
 on all stretches, so that held-out data alone do not penalise parameters that follow it."""
 ABSORPTION_PENALTY = 0.2
 """Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
-NEARLY_AS_GOOD = 0.7
-"""Share of the best score from which another effect is nearly as good."""
-HALF_AS_GOOD = 0.5
-"""Share of the best score from which an effect is a suspect with values."""
+NEARLY_EQUAL = 0.7
+"""Ratio of two shares or scores from which they count as nearly equal."""
+SIMILAR = 0.5
+"""Ratio of two shares or scores from which they count as of similar size."""
 LEAST_EVIDENCE = 10.0
 """Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
 HULL_EVIDENCE = 30.0
@@ -181,16 +168,8 @@ UNKNOWN = 0.3
 """Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
 INEXACT = 0.01
 """Mean lead by chance for each floor that earlier changes removed, due to errors of their formulas."""
-CONFIRMED = 0.5
-"""Ratio of the share explained in held-out sessions to that in the fit, below which a warning is given."""
-OVERLAP = 0.7
-"""Ratio of the sum of added shares to the share explained together, below which findings overlap."""
-IMITATED = 0.5
-"""Ratio of the unexplained share to a finding's share from which the finding's confidence is lowered."""
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
-STEADY_SHARE = 0.75
-"""Minimum share of an effect that must remain with steady wrenches free, or else it is not stated."""
 STEADY_CHI2 = 10.0
 """Minimum chi-square per parameter of the remaining effect, in units of its expectation by chance."""
 

@@ -37,7 +37,7 @@ from hydro.core.diagnosis.settings import (
     FOLDS,
     HULL_EVIDENCE,
     LEAST_INFORMATION,
-    NEARLY_AS_GOOD,
+    NEARLY_EQUAL,
     QUICK_STEPS,
     REFITS,
     RESOLUTION,
@@ -250,12 +250,12 @@ def weighed(rival: Rival) -> Rival:
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
     """Rank rivals by score less a penalty for each entry.
 
-    The best of the effects `first` comes before all others if it has NEARLY_AS_GOOD of the best score.
+    The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
     order = sorted(rivals, key=lambda one: ENTRY_GAIN * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
-        if one.effect in first and one.score >= NEARLY_AS_GOOD * best > 0.0:
+        if one.effect in first and one.score >= NEARLY_EQUAL * best > 0.0:
             order.remove(one)
             order.insert(0, one)
             break

@@ -29,7 +29,7 @@ from hydro.core.diagnosis.settings import (
     LONG_STEPS,
     MATERIAL,
     MOST_STEPS,
-    NEARLY_AS_GOOD,
+    NEARLY_EQUAL,
     QUICK_STEPS,
     RIGHT,
     SHOTS,
@@ -214,7 +214,7 @@ def discovered(
     if found is None:
         return diagnosis
     findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
-    if left - 1.0 < NEARLY_AS_GOOD * (leaves - 1.0):
+    if left - 1.0 < NEARLY_EQUAL * (leaves - 1.0):
         findings = tuple(_doubted(one, left, leaves) for one in findings)
     new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
     estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)

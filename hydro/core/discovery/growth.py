@@ -20,7 +20,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
-from hydro.core.diagnosis.settings import POWER_RESAMPLES, TERM_SHARE, WIDEST_POWER
+from hydro.core.diagnosis.settings import RESAMPLES, TERM_SHARE, WIDEST_POWER
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
@@ -156,6 +156,6 @@ def _profile(gram: Array) -> tuple[Array, Array, Array]:
 
 
 def _drawn(gram: Array) -> Array:
-    """Return the best powers of resampled recordings, (POWER_RESAMPLES,)."""
-    drawn = weights(len(gram), POWER_RESAMPLES, 0)
+    """Return the best powers of resampled recordings, (RESAMPLES,)."""
+    drawn = weights(len(gram), RESAMPLES, 0)
     return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])
