@@ -8,7 +8,6 @@ were never fitted.  Those steps are left out.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, cast
@@ -37,20 +36,15 @@ CONSTANTS = (
     "settings.LEAST_LEAD",
     "settings.ENTRY_PENALTY",
     "settings.ABSORPTION_PENALTY",
-    "settings.HULL_RIGHT",
+    "settings.RIGHT",
     "settings.FIT",
     "settings.CHANGED",
     "settings.MATERIAL",
-    "settings.FURTHER",
     "settings.CHANCE",
     "settings.UNKNOWN",
-    "settings.INEXACT",
-    "settings.MATERIAL",
     "settings.NEARLY_EQUAL",
-    "settings.UNSTATED",
-    "settings.LEAST_EVIDENCE",
-    "settings.HULL_EVIDENCE",
     "settings.IMPLAUSIBLE",
+    "settings.LEAST_EVIDENCE",
     "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
@@ -184,9 +178,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
 def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
     """Yield names and confidences of a search for changes with a hull model."""
     found: list[Change] = []
-    steps = list(_steps(tried))
-    given = steps[0][0]["chi2"] if steps else math.nan
-    for without, rows in steps:
+    for without, rows in _steps(tried):
         rivals = {row["effect"]: _contender(row) for row in rows}
         if not rivals:
             break
@@ -199,7 +191,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
             break
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
-        sure = change.confidence(given)
+        sure = change.confidence
         yield change.best.effect, sure if row["plausible"] else min(sure, settings.IMPLAUSIBLE)
         if not row["chosen"]:
             break
@@ -226,13 +218,13 @@ def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, f
     if (chosen["left_out"] or 0.0) < settings.MATERIAL:
         return
     if by_evidence:
-        gap = {row["effect"]: settings.HULL_EVIDENCE for row in tried if _hull_law(row)}
+        gap = {row["effect"]: settings.LEAST_EVIDENCE for row in tried if _hull_law(row)}
         lead = chosen["evidence"] - gap.get(chosen["effect"], 0.0)
         sure = confidence.by_evidence_confidence(lead, [row["evidence"] or 0.0 for row in rest])
     else:
         sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
     if leaders or chosen["own"]:
-        sure = min(sure, settings.UNSTATED)
+        sure = min(sure, settings.IMPLAUSIBLE)
     yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.IMPLAUSIBLE)
 
 

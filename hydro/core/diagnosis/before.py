@@ -34,12 +34,9 @@ from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
     CHANCE,
     CHANGED,
-    FURTHER,
-    HULL_RIGHT,
-    INEXACT,
-    MATERIAL,
     MOST_FINDINGS,
     RESAMPLES,
+    RIGHT,
     SURE,
     TIED,
     UNKNOWN,
@@ -140,25 +137,22 @@ class Change:
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
 
-    def confidence(self, given: float) -> float:
-        """Return the probability that the best candidate is the change.
+    @property
+    def confidence(self) -> float:
+        """Probability that the best candidate is the change.
 
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
         due to chance.  Leads by chance have an exponential distribution.
-
-        Args:
-            given: Squared residual of the file as given, in floors.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
-        removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
-        by_chance = CHANCE + UNKNOWN * beyond + INEXACT * removed
+        by_chance = CHANCE + UNKNOWN * beyond
         return self.wins()[self.best.effect] * -math.expm1(-max(self.margin, 0.0) / by_chance)
 
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named, as the first or a further one."""
-        if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
-            return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
-        return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
+        # A drag law that absorbs the error of an unchanged hull is not a further change.
+        absorbed = CATALOGUE[self.best.effect].identification.absorbs if further else 0.0
+        return self.relative_gain >= max(CHANGED, absorbed)
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
         """Return the 95 % interval of the score."""
@@ -253,7 +247,7 @@ def as_diagnosis(compared: Compared, first: Model, those: Changes, further: bool
             (*compared.log.faults, nothing), first.vehicle, (given, given, given), candidates=tried
         )
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
-    findings = [_finding(change, first.vehicle, compared, given, left[-1]) for change in changes]
+    findings = [_finding(change, first.vehicle, compared, left[-1]) for change in changes]
     return Diagnosis(
         (*compared.log.faults, *findings),
         changes[-1].best.model.vehicle,
@@ -297,14 +291,13 @@ def _candidate(
     )
 
 
-def _finding(change: Change, file: Vehicle, compared: Compared, given: float, left: float) -> Finding:
+def _finding(change: Change, file: Vehicle, compared: Compared, left: float) -> Finding:
     """Return a change as a finding.
 
     Args:
         change: Change.
         file: Vehicle file.
         compared: Recordings.
-        given: Residual of the file as given, in floors.
         left: Residual with all changes, in floors.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
@@ -316,7 +309,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
         words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
-    if left > HULL_RIGHT:
+    if left > RIGHT:
         words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
     if known:
@@ -324,9 +317,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
         words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = limited_confidence(
-        change.confidence(given), fit.vehicle, name, errors if left <= HULL_RIGHT else None
-    )
+    sure = limited_confidence(change.confidence, fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,

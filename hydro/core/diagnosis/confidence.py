@@ -23,7 +23,6 @@ from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
     CLEAN,
-    CLEAN_IN_WAVES,
     EVIDENCE_BY_LEAD,
     EVIDENCE_EVEN,
     FOLDS,
@@ -323,7 +322,7 @@ def stated(finding: Finding) -> Finding:
     return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
 
 
-def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = False) -> float:
+def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
     Of 921 names that were nearly certain on the benchmarks' recordings, 908 were right up to CLEAN; above it,
@@ -332,9 +331,8 @@ def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = 
     Args:
         frequency: Share of the resamples in which the effect wins, see `selection_frequency`.
         left: Mean squared residual of the model, in units of the noise.
-        in_waves: Whether the shots allow for waves, which hide much of the model's error.
     """
-    return frequency if left <= (CLEAN_IN_WAVES if in_waves else CLEAN) else RIGHT_ABOVE_CLEAN * frequency
+    return frequency if left <= CLEAN else RIGHT_ABOVE_CLEAN * frequency
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:

@@ -25,15 +25,14 @@ from hydro.core.diagnosis.settings import (
     ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
-    ENTRY_GAIN,
     ENTRY_PENALTY,
     FIT,
     HOPELESS,
-    HULL_RIGHT,
     LONG_STEPS,
     MOST_CONTENDERS,
     QUICK_STEPS,
     REFITS,
+    RIGHT,
     SUSPECT_SPREAD,
     TUMBLING,
     UNTRUSTED_RATIO,
@@ -97,7 +96,7 @@ class Contender:
             floor: Squared residual of the hull model.
         """
         absorbs = CATALOGUE[self.effect].identification.absorbs
-        right = min(one.left for one in rivals) <= HULL_RIGHT * floor
+        right = min(one.left for one in rivals) <= RIGHT * floor
         at_stake = min(whole, FIT * floor) if right else whole
         return ENTRY_PENALTY * at_stake * len(self.model.values) + ABSORPTION_PENALTY * absorbs * floor
 
@@ -202,7 +201,7 @@ def contend(
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = compared.floor(last)
-    right = HULL_RIGHT * floor
+    right = RIGHT * floor
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
@@ -310,7 +309,7 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         at += len(columns)
         own = normal.of(columns)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - ENTRY_GAIN * len(columns)
+        score = 1.0 - float(left.sum()) / whole - ENTRY_PENALTY * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
             known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
             step = np.linalg.solve(known, own.score.sum(axis=0))
@@ -375,7 +374,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
         fewer = [[one for one in kept if one != out] for out in kept]
         costs = [float(compared.left_out(normal.of(columns)).sum()) for columns in fewer]
         best = int(np.argmin(costs))
-        if costs[best] > left + ENTRY_GAIN * nothing:
+        if costs[best] > left + ENTRY_PENALTY * nothing:
             break
         kept, left = fewer[best], costs[best]
     if len(kept) == count:
@@ -386,7 +385,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))
-    return leaner if leaner.left < whole.left + ENTRY_GAIN * nothing * (count - len(kept)) else whole
+    return leaner if leaner.left < whole.left + ENTRY_PENALTY * nothing * (count - len(kept)) else whole
 
 
 def fitted_together(

@@ -406,7 +406,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += unconfirmed(effect, without, model, baseline.problem.shots.session)
-    sure = by_likelihood_confidence(tied[effect], model.normal.chi2, in_waves=baseline.sea is not None)
+    sure = by_likelihood_confidence(tied[effect], model.normal.chi2)
     return Finding(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,
@@ -483,7 +483,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         if p <= ALPHA or absurd:
             values, errors = _joint(outcome).table(name)
             frequency = change_frequency(model.normal, entries, change)
-            sure = by_likelihood_confidence(frequency, model.normal.chi2, in_waves=baseline.sea is not None)
+            sure = by_likelihood_confidence(frequency, model.normal.chi2)
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
             yield Finding(

@@ -15,7 +15,7 @@ from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.settings import LEAST_PREDICTIONS, RESAMPLES, SHOTS
+from hydro.core.diagnosis.settings import FOLDS, RESAMPLES, SHOTS
 from hydro.core.diagnosis.transfer import Squares, axes_by_distance, left_out_squares, resolved, squares_ahead
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
@@ -47,7 +47,7 @@ def predicted(
         ahead = log.shots(JUDGED)
     except DataError:
         return diagnosis
-    if len(ahead.starts) < LEAST_PREDICTIONS:
+    if len(ahead.starts) < FOLDS:
         return diagnosis
     progress("predictions of the file", 0.0)
     check, alone = _Check.of(vehicle, log, ahead), {}

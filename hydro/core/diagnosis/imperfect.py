@@ -36,6 +36,7 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     FAR_FROM_PRIOR,
+    IMPLAUSIBLE,
     LEAST_EVIDENCE,
     LONG_STEPS,
     MATERIAL,
@@ -43,7 +44,6 @@ from hydro.core.diagnosis.settings import (
     SHOTS,
     SIMILAR,
     SURE,
-    UNSTATED,
 )
 from hydro.core.diagnosis.transfer import (
     Known,
@@ -286,7 +286,7 @@ def _finding(
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
     if rival.own or surveyed.rivals[0] is not rival:
-        sure = min(sure, UNSTATED)
+        sure = min(sure, IMPLAUSIBLE)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)

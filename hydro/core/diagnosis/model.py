@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.settings import ALPHA, CORNER_RESOLUTION, DISTINCT, MATERIAL, STEP_GAIN, STEP_SHARE
+from hydro.core.diagnosis.settings import ALPHA, DISTINCT, MATERIAL, SMALL_STEP, STEP_GAIN, STEP_SHARE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -248,7 +248,7 @@ def fitted_or_kept(
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
     """Return the model, or a better one found by a line search along each entry with thresholds."""
-    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, CORNER_RESOLUTION)
+    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
     values, normal, problem = descend(unknown, values, model.problem, iterations, STEP_GAIN, share)

@@ -19,8 +19,6 @@ FEW_SHOTS = 48
 """Number of shots of a first comparison of many candidates; the closest are then fitted to more shots."""
 LEAST_SHOTS = 16
 """Minimum number of shots of a diagnosis: about as many as a large effect has parameters."""
-LEAST_PREDICTIONS = 8
-"""Minimum number of held-out predictions: fewer give no standard error of a difference."""
 SHORTEST_SHOT = 0.5
 """Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
 LEAST_SESSIONS = 3
@@ -51,12 +49,10 @@ STEP_GAIN = 0.3
 """Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
 STEP_SHARE = 1e-3
 """Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
-CORNER_RESOLUTION = 0.01
-"""Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
 UNTRUSTED_RATIO = 2.0
 """Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
-TRIAL_FORCE = 0.01
-"""Size of a trial force, as a share of the weight: responses are linear at that size."""
+SMALL_STEP = 0.01
+"""Small change: a trial force as a share of the weight, and the resolution of thresholds in scales."""
 SUSPECT_SPREAD = 2.0
 """Prior standard deviation of the parameters of a suspect, in their natural scales about 0."""
 CORRELATED = 10.0
@@ -71,14 +67,10 @@ ABSENT = 1e-3
 
 # Mean squared residuals
 
-CLEAN_IN_WAVES = 1.15
-"""Maximum residual of a model without significant error, in units of the noise, where shots allow waves."""
 CLEAN = 1.35
 """Maximum residual of a model without significant error, in units of the noise."""
 RIGHT = 2.0
 """Maximum residual of a model that may be right, in units of the noise: then likelihood names effects."""
-HULL_RIGHT = 1.5
-"""Maximum residual of a right model with a hull-force model, in floors."""
 FIT = 3.0
 """Maximum residual of an acceptable fit, in units of the noise, or in floors."""
 TUMBLING = 10.0
@@ -110,13 +102,12 @@ MOST_FINDINGS = 4
 MATERIAL = 0.05
 """Minimum share of the error that a finding explains, or that is worth a further search."""
 MUCH_OF_REST = 0.15
-"""Alternative limit: minimum share of the present model's excess error."""
+"""Minimum share of the present error that a further finding explains, and that findings explain on average
+for a search to continue."""
 VISIBLE = 0.005
 """Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
 CHANGED = 0.10
-"""Minimum share of the held-out squared residual that a change removes."""
-FURTHER = 0.20
-"""Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
+"""Minimum share that a change removes, of the greater of the held-out squared residual and the floor."""
 ALMOST_ALL = 0.9
 """Share of the error from which likelihood names effects, although the residual is above the noise."""
 DISTINCT = 4.0
@@ -124,21 +115,18 @@ DISTINCT = 4.0
 case, and a candidate on few shots from the best."""
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
-ENTRY_GAIN = 0.004
-"""Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
 ENTRY_PENALTY = 0.012
-"""Penalty of each parameter when effects are compared, as a share of the residual.  The hull's error is alike
-on all stretches, so that held-out data alone do not penalise parameters that follow it."""
+"""Penalty of each entry of an effect, as a share of the residual; an entry that removes less is dropped.  The
+hull's error is alike on all stretches, so held-out data alone do not penalise entries that follow it."""
 ABSORPTION_PENALTY = 0.2
 """Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
 NEARLY_EQUAL = 0.7
 """Ratio of two shares or scores from which they count as nearly equal."""
 SIMILAR = 0.5
 """Ratio of two shares or scores from which they count as of similar size."""
-LEAST_EVIDENCE = 10.0
-"""Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
-HULL_EVIDENCE = 30.0
-"""Log evidence that a hull law may have on an unchanged hull, because no library is complete."""
+LEAST_EVIDENCE = 30.0
+"""Log evidence that gaps of the hull-force library may give: smaller evidence does not rank the names, and
+that of a hull law counts only beyond it."""
 
 # Confidence
 
@@ -160,14 +148,10 @@ EVIDENCE_EVEN = 1.6
 """Calibration of names by evidence: log(1 + lead) at even odds."""
 LEAST_LEAD = 0.15
 """Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
-UNSTATED = 0.8
-"""Maximum confidence of a name that is not first in the survey."""
 CHANCE = 0.03
 """Mean lead of the best change by chance, in floors: the part due to the error of the hull model."""
 UNKNOWN = 0.3
 """Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
-INEXACT = 0.01
-"""Mean lead by chance for each floor that earlier changes removed, due to errors of their formulas."""
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
 STEADY_CHI2 = 10.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
-from hydro.core.diagnosis.settings import HULL_RIGHT, SURE
+from hydro.core.diagnosis.settings import RIGHT, SURE
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
@@ -28,7 +28,7 @@ def status(findings: Sequence[Finding], vehicle: Vehicle, dt: float, left: float
     suspected = [one for one in named if _is_unsure(one)]
     stated = [one for one in named if one not in suspected]
     faults = [f"The log has a fault: {one.advice}." for one in findings if one.verdict == "log_fault"]
-    remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > HULL_RIGHT)
+    remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > RIGHT)
     if stated:
         told = [_sentence(one, vehicle, dt) for one in stated]
         rest = ["An error remains that no effect explains."] if remains else []

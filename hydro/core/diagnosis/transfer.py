@@ -32,10 +32,10 @@ from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import (
     CORRELATED,
-    ENTRY_GAIN,
+    ENTRY_PENALTY,
     FEW_SHOTS,
     FOLDS,
-    HULL_EVIDENCE,
+    LEAST_EVIDENCE,
     LEAST_INFORMATION,
     NEARLY_EQUAL,
     QUICK_STEPS,
@@ -120,8 +120,8 @@ class Rival:
 
     @property
     def lead(self) -> float:
-        """Log evidence that counts for the lead: for a hull law, the excess over HULL_EVIDENCE."""
-        return self.evidence - (HULL_EVIDENCE if CATALOGUE[self.effect].family in HULLS else 0.0)
+        """Log evidence that counts for the lead: for a hull law, the excess over LEAST_EVIDENCE."""
+        return self.evidence - (LEAST_EVIDENCE if CATALOGUE[self.effect].family in HULLS else 0.0)
 
     @property
     def beyond(self) -> float:
@@ -252,7 +252,7 @@ def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tu
 
     The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
-    order = sorted(rivals, key=lambda one: ENTRY_GAIN * one.entries - one.score)
+    order = sorted(rivals, key=lambda one: ENTRY_PENALTY * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
         if one.effect in first and one.score >= NEARLY_EQUAL * best > 0.0:

@@ -21,7 +21,7 @@ from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import FIT, LEAST_PIECES, MATERIAL, SAME_POWER, SPEED_BINS, TRIAL_FORCE
+from hydro.core.diagnosis.settings import FIT, LEAST_PIECES, MATERIAL, SAME_POWER, SMALL_STEP, SPEED_BINS
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
@@ -153,7 +153,7 @@ def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
     """Yield the vehicle under a small steady pull along one NED axis, at CO, ahead, to starboard or below."""
-    pull = TRIAL_FORCE * vehicle.rigid_body.mass * vehicle.environment.gravity
+    pull = SMALL_STEP * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
     for place in (np.zeros(3), *np.eye(3)):
         for way in np.eye(3):

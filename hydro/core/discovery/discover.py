@@ -33,10 +33,10 @@ from hydro.core.diagnosis.settings import (
     QUICK_STEPS,
     RIGHT,
     SHOTS,
+    SMALL_STEP,
     TERM_PRIOR,
     TERM_SHARE,
     TERM_SHORTLIST,
-    TRIAL_FORCE,
     VISIBLE,
 )
 from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, sessions_of, tempered
@@ -130,7 +130,7 @@ class Discovery:
         """Return the terms with the largest explained error, sorted by how well they transfer."""
         model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
-        pulls = [TRIAL_FORCE * size for size in _sizes(model.vehicle)]
+        pulls = [SMALL_STEP * size for size in _sizes(model.vehicle)]
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
         normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
         count = len(own)

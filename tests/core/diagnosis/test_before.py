@@ -18,7 +18,7 @@ from hydro.core.diagnosis.before import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.settings import CLOSEST, HULL_RIGHT, LONG_STEPS, MOST_CONTENDERS, SURE
+from hydro.core.diagnosis.settings import CLOSEST, LONG_STEPS, MOST_CONTENDERS, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import told_apart
 
@@ -145,7 +145,7 @@ def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):
     found = diagnosed(damped(), flown(OFFSET, seed=40), hull)
     assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
     assert found.findings[0].confidence >= SURE
-    assert found.chi2[2] < HULL_RIGHT, "no more is left than the law of the hull leaves"
+    assert found.chi2[2] < RIGHT, "no more is left than the law of the hull leaves"
 
 
 def test_of_two_fins_the_one_that_was_turned_is_named():

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.settings import HULL_EVIDENCE, LEAST_INFORMATION
+from hydro.core.diagnosis.settings import LEAST_EVIDENCE, LEAST_INFORMATION
 from hydro.core.diagnosis.transfer import (
     DRAG,
     Rival,
@@ -137,7 +137,7 @@ def test_laws_of_the_hull_need_more_evidence_for_a_lead():
         return Rival(name, False, None, 0.5, 0.5, evidence=50.0).lead
 
     assert lead("ocean_current") == lead("thruster_lag") == lead("payload") == 50.0
-    assert lead("linear_damping") == lead("body_lift") == lead("added_mass") == 50.0 - HULL_EVIDENCE
+    assert lead("linear_damping") == lead("body_lift") == lead("added_mass") == 50.0 - LEAST_EVIDENCE
 
 
 def test_the_best_by_evidence_has_a_worth_of_one_and_others_their_share():
