@@ -8,6 +8,7 @@ were never fitted.  Those steps are left out.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, cast
@@ -42,6 +43,8 @@ CONSTANTS = (
     "settings.MATERIAL",
     "settings.CHANCE",
     "settings.UNKNOWN",
+    "settings.INEXACT",
+    "settings.FURTHER",
     "settings.NEARLY_EQUAL",
     "settings.IMPLAUSIBLE",
     "settings.LEAST_EVIDENCE",
@@ -178,7 +181,9 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
 def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
     """Yield names and confidences of a search for changes with a hull model."""
     found: list[Change] = []
-    for without, rows in _steps(tried):
+    steps = list(_steps(tried))
+    given = steps[0][0]["chi2"] if steps else math.nan
+    for without, rows in steps:
         rivals = {row["effect"]: _contender(row) for row in rows}
         if not rivals:
             break
@@ -191,7 +196,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
             break
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
-        sure = change.confidence
+        sure = change.confidence(given)
         yield change.best.effect, sure if row["plausible"] else min(sure, settings.IMPLAUSIBLE)
         if not row["chosen"]:
             break

@@ -28,9 +28,9 @@ from hydro.core.diagnosis.model import (
 from hydro.core.diagnosis.settings import (
     ALMOST_ALL,
     FAR_FROM_NOISE,
+    FURTHER,
     LEAST_SHOTS,
     MATERIAL,
-    MUCH_OF_REST,
     SHORTEST_SHOT,
     SHOTS,
     STEP_SHARE,
@@ -135,7 +135,7 @@ class Baseline:
         Where other effects explain most of the error, a small share of the first error may be a large share
         of the present error.  It suffices if it is also clear of the noise.
         """
-        much = gain >= MUCH_OF_REST * before.excess
+        much = gain >= FURTHER * before.excess
         return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
 
     def visible(self, gain: float) -> bool:

@@ -34,6 +34,9 @@ from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
     CHANCE,
     CHANGED,
+    FURTHER,
+    INEXACT,
+    MATERIAL,
     MOST_FINDINGS,
     RESAMPLES,
     RIGHT,
@@ -137,22 +140,25 @@ class Change:
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
 
-    @property
-    def confidence(self) -> float:
-        """Probability that the best candidate is the change.
+    def confidence(self, given: float) -> float:
+        """Return the probability that the best candidate is the change.
 
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
         due to chance.  Leads by chance have an exponential distribution.
+
+        Args:
+            given: Squared residual of the file as given, in floors.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
-        by_chance = CHANCE + UNKNOWN * beyond
+        removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
+        by_chance = CHANCE + UNKNOWN * beyond + INEXACT * removed
         return self.wins()[self.best.effect] * -math.expm1(-max(self.margin, 0.0) / by_chance)
 
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named, as the first or a further one."""
-        # A drag law that absorbs the error of an unchanged hull is not a further change.
-        absorbed = CATALOGUE[self.best.effect].identification.absorbs if further else 0.0
-        return self.relative_gain >= max(CHANGED, absorbed)
+        if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
+            return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
+        return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
         """Return the 95 % interval of the score."""
@@ -247,7 +253,7 @@ def as_diagnosis(compared: Compared, first: Model, those: Changes, further: bool
             (*compared.log.faults, nothing), first.vehicle, (given, given, given), candidates=tried
         )
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
-    findings = [_finding(change, first.vehicle, compared, left[-1]) for change in changes]
+    findings = [_finding(change, first.vehicle, compared, given, left[-1]) for change in changes]
     return Diagnosis(
         (*compared.log.faults, *findings),
         changes[-1].best.model.vehicle,
@@ -291,13 +297,14 @@ def _candidate(
     )
 
 
-def _finding(change: Change, file: Vehicle, compared: Compared, left: float) -> Finding:
+def _finding(change: Change, file: Vehicle, compared: Compared, given: float, left: float) -> Finding:
     """Return a change as a finding.
 
     Args:
         change: Change.
         file: Vehicle file.
         compared: Recordings.
+        given: Residual of the file as given, in floors.
         left: Residual with all changes, in floors.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
@@ -317,7 +324,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, left: float) -> 
         words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = limited_confidence(change.confidence, fit.vehicle, name, errors if left <= RIGHT else None)
+    sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,

@@ -39,9 +39,9 @@ from hydro.core.diagnosis.settings import (
     DISTINCT,
     FEW_SHOTS,
     FIT,
+    FURTHER,
     HOPELESS,
     MOST_FINDINGS,
-    MUCH_OF_REST,
     NEAR_BEST,
     NEAR_BEST_CURVED,
     QUICK_STEPS,
@@ -303,7 +303,7 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether the findings explain so little that the search ends."""
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
-        least = min(ALMOST_ALL, doubtful) if self.from_file else MUCH_OF_REST * doubtful
+        least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:

@@ -101,13 +101,13 @@ MOST_FINDINGS = 4
 
 MATERIAL = 0.05
 """Minimum share of the error that a finding explains, or that is worth a further search."""
-MUCH_OF_REST = 0.15
+FURTHER = 0.2
 """Minimum share of the present error that a further finding explains, and that findings explain on average
 for a search to continue."""
 VISIBLE = 0.005
 """Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
 CHANGED = 0.10
-"""Minimum share that a change removes, of the greater of the held-out squared residual and the floor."""
+"""Minimum share of the held-out squared residual that a change removes."""
 ALMOST_ALL = 0.9
 """Share of the error from which likelihood names effects, although the residual is above the noise."""
 DISTINCT = 4.0
@@ -152,6 +152,8 @@ CHANCE = 0.03
 """Mean lead of the best change by chance, in floors: the part due to the error of the hull model."""
 UNKNOWN = 0.3
 """Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
+INEXACT = 0.01
+"""Mean lead by chance for each floor that earlier changes removed, due to errors of their formulas."""
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
 STEADY_CHI2 = 10.0

@@ -14,7 +14,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.diagnose import searched
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MATERIAL, MUCH_OF_REST, SHOTS, VISIBLE
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE, FURTHER, MATERIAL, SHOTS, VISIBLE
 from hydro.core.progress import silent
 from hydro.core.recording.shots import kept_evenly
 
@@ -45,7 +45,7 @@ def test_what_explains_more_matters_no_less(first: float, left: float, part: flo
 def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_what_is_left():
     """A third effect is not passed over because the first one was a thousand times the noise."""
     baseline, before = begun_from(1000 * RESIDUALS), leaving(0.13 * RESIDUALS)
-    plain = MUCH_OF_REST * before.excess
+    plain = FURTHER * before.excess
     assert plain < MATERIAL * baseline.refitted.excess
     assert baseline.material(1.01 * plain, before)
     assert not baseline.material(0.9 * plain, before)
@@ -91,7 +91,7 @@ def test_the_files_values_are_tried_before_a_second_effect_joins_far_from_the_no
     def grow(search: Search, progress: object, start: Any = None, other: Any = None, far: float = np.inf):
         asked.append(FILED if search.from_file else RESUMED if start else FIRST)
         assert far == (FAR_FROM_NOISE if asked[-1] == FIRST else np.inf)
-        model = leaving(1.0 - MUCH_OF_REST)
+        model = leaving(1.0 - FURTHER)
         model.normal.chi2 = filed if asked[-1] == FILED else left
         return SimpleNamespace(model=model, found=("payload",), said=asked[-1])
 

@@ -70,31 +70,32 @@ def pair(left: float, ahead: float, whole: float) -> Change:
     return change([rival("net_buoyancy", left, 1), rival("command_delay", left + ahead, 1)], whole)
 
 
-@given(st.floats(0.1, 20.0), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
-def test_confidence_grows_with_the_margin_alone(left, ahead, more):
+@given(st.floats(0.1, 20.0), st.floats(0.0, 20.0), st.floats(0.0, 20.0), st.floats(1.0, 100.0))
+def test_confidence_grows_with_the_margin_alone(left, ahead, more, further):
     """It is a probability; of two names that leave as much, the one farther ahead is the surer."""
     whole = left + ahead + more + 1.0
     near, far = pair(left, ahead, whole), pair(left, ahead + more, whole)
-    assert 0.0 <= near.confidence <= far.confidence <= 1.0
+    assert 0.0 <= near.confidence(whole) <= far.confidence(whole) <= 1.0
+    assert near.confidence(whole * further) <= near.confidence(whole)
 
 
 @given(st.floats(0.1, 20.0), st.floats(0.01, 5.0))
 def test_a_little_more_left_makes_a_name_a_little_less_sure(left, ahead):
     """No limit is passed at which confidence jumps."""
     whole = left + 2.0 * ahead + 1.0
-    here, there = (pair(one, ahead, whole).confidence for one in (left, left + 1e-4))
+    here, there = (pair(one, ahead, whole).confidence(whole) for one in (left, left + 1e-4))
     assert abs(there - here) < 0.01
 
 
 @pytest.mark.parametrize(("left", "sure"), [(0.9, True), (1.9, False)])
 def test_a_name_that_leaves_much_needs_a_lead(left, sure):
     """Where it leaves more than a model that is right, another that leaves almost as much could be it."""
-    assert (pair(left, 0.3, 10.0).confidence > SURE) is sure
-    assert pair(left, 5.0, 10.0).confidence > SURE
+    assert (pair(left, 0.3, 10.0).confidence(10.0) > SURE) is sure
+    assert pair(left, 5.0, 10.0).confidence(10.0) > SURE
 
 
 def test_what_is_no_better_than_no_change_has_no_confidence():
-    assert pair(1.0, 0.5, 1.001).confidence == 0.0
+    assert pair(1.0, 0.5, 1.001).confidence(1.001) == 0.0
 
 
 def test_at_finer_places_the_most_promising_effects_come_first(monkeypatch):
