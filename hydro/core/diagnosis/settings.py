@@ -135,9 +135,9 @@ NEARLY_EQUAL = 0.7
 """Ratio from which two shares or scores count as nearly equal."""
 SIMILAR = 0.5
 """Ratio from which two shares or scores count as of similar size."""
-LEAST_EVIDENCE = 30.0
+LEAST_EVIDENCE = 10.0
 """Log evidence that gaps of the hull-force library may give: smaller evidence does not rank the names, and
-that of a hull law counts only beyond it."""
+that of a hull law counts only beyond it.  10 or 30 for hull laws names the same in the frozen table."""
 
 # Confidence
 
