@@ -42,10 +42,10 @@ from hydro.core.diagnosis.settings import (
     FURTHER,
     HOPELESS,
     MOST_FINDINGS,
-    NEAR_BEST,
-    NEAR_BEST_CURVED,
     QUICK_STEPS,
     RIGHT,
+    SIMILAR,
+    SIMILAR_CURVED,
     STEP_SHARE,
     UNTRUSTED_RATIO,
     VISIBLE,
@@ -195,7 +195,7 @@ class Search:
             if name in known:
                 continue
             all_explained = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
-            near = (NEAR_BEST_CURVED if is_curved(name) and not all_explained else NEAR_BEST) * most
+            near = (SIMILAR_CURVED if is_curved(name) and not all_explained else SIMILAR) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             progress(f"{name} against the residual", 0.6 * len(fits) / CONTENDERS)
@@ -312,7 +312,7 @@ class Search:
 
     def telling(self, screening: Screening, model: Model) -> bool:
         """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
-        curved = NEAR_BEST / NEAR_BEST_CURVED
+        curved = SIMILAR / SIMILAR_CURVED
         return any(
             self.baseline.belongs(name, gain * (curved if is_curved(name) else 1.0), model)
             for name, gain in screening.gains.items()

@@ -87,10 +87,6 @@ FAR_FROM_NOISE = 1000.0
 
 # Candidates of one round
 
-NEAR_BEST = 0.5
-"""Share of the best linear gain from which a candidate is fitted."""
-NEAR_BEST_CURVED = 0.1
-"""The same share for a nonlinear effect, whose linear gain is lower."""
 CONTENDERS = 5
 """Number of candidates that are always fitted or tested in one round: it bounds the time."""
 MOST_CONTENDERS = 10
@@ -134,7 +130,9 @@ table has a second wrong statement."""
 NEARLY_EQUAL = 0.7
 """Ratio from which two shares or scores count as nearly equal."""
 SIMILAR = 0.5
-"""Ratio from which two shares or scores count as of similar size."""
+"""Ratio from which two shares, scores or gains count as of similar size."""
+SIMILAR_CURVED = 0.1
+"""The same ratio for the linear gain of a nonlinear effect, which shows only a part of what it explains."""
 LEAST_EVIDENCE = 10.0
 """Log evidence that gaps of the hull-force library may give: smaller evidence does not rank the names, and
 that of a hull law counts only beyond it.  10 or 30 for hull laws names the same in the frozen table."""
