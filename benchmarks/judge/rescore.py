@@ -46,7 +46,7 @@ CONSTANTS = (
     "settings.INEXACT",
     "settings.FURTHER",
     "settings.NEARLY_EQUAL",
-    "settings.IMPLAUSIBLE",
+    "settings.DOUBTFUL",
     "settings.LEAST_EVIDENCE",
     "settings.SURE",
 )
@@ -173,7 +173,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / settings.RESAMPLES
         frequency = float(wins[rivals.index(best)])
         sure = confidence.by_likelihood_confidence(frequency, left)
-        yield best["effect"], sure if best["plausible"] else min(sure, settings.IMPLAUSIBLE)
+        yield best["effect"], sure if best["plausible"] else min(sure, settings.DOUBTFUL)
         if not best["chosen"]:
             return
 
@@ -197,7 +197,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
         sure = change.confidence(given)
-        yield change.best.effect, sure if row["plausible"] else min(sure, settings.IMPLAUSIBLE)
+        yield change.best.effect, sure if row["plausible"] else min(sure, settings.DOUBTFUL)
         if not row["chosen"]:
             break
 
@@ -229,8 +229,8 @@ def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, f
     else:
         sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
     if leaders or chosen["own"]:
-        sure = min(sure, settings.IMPLAUSIBLE)
-    yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.IMPLAUSIBLE)
+        sure = min(sure, settings.DOUBTFUL)
+    yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.DOUBTFUL)
 
 
 def _hull_law(row: Row) -> bool:

@@ -15,7 +15,7 @@ import polars.selectors as cs
 
 from hydro.core import toml_text
 from hydro.core.diagnosis.candidates import Candidate
-from hydro.core.diagnosis.settings import FAR_FROM_PRIOR, IMPLAUSIBLE
+from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
@@ -313,7 +313,7 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
 def limited_confidence(
     confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
 ) -> float:
-    """Limit the confidence in a name to IMPLAUSIBLE where physics excludes its values.
+    """Limit the confidence in a name to DOUBTFUL where physics excludes its values.
 
     Args:
         confidence: Confidence in the name.
@@ -323,7 +323,7 @@ def limited_confidence(
             FAR_FROM_PRIOR half widths out.
     """
     beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else FAR_FROM_PRIOR)
-    return min(confidence, IMPLAUSIBLE) if beyond else confidence
+    return min(confidence, DOUBTFUL) if beyond else confidence
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:

@@ -35,8 +35,8 @@ from hydro.core.diagnosis.settings import (
     ABSENT,
     CLOSEST,
     CONTENDERS,
+    DOUBTFUL,
     FAR_FROM_PRIOR,
-    IMPLAUSIBLE,
     LEAST_EVIDENCE,
     LONG_STEPS,
     MATERIAL,
@@ -286,7 +286,7 @@ def _finding(
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
     if rival.own or surveyed.rivals[0] is not rival:
-        sure = min(sure, IMPLAUSIBLE)
+        sure = min(sure, DOUBTFUL)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)

@@ -141,8 +141,9 @@ that of a hull law counts only beyond it.  10 or 30 for hull laws names the same
 
 SURE = 0.9
 """Minimum confidence of a stated name: one statement in ten may be wrong."""
-IMPLAUSIBLE = 0.5
-"""Maximum confidence of a name whose values physics excludes, or that another effect outdoes."""
+DOUBTFUL = 0.5
+"""Maximum confidence of a name that may stand for another effect: physics excludes its values, or it is named
+by transfer although another effect is first or the file has it already."""
 RIGHT_ABOVE_CLEAN = 102.0 / 118.0
 """Share of names by likelihood that were right above CLEAN, see `by_likelihood_confidence`."""
 TRANSFER_ODDS = -1.76
