@@ -480,9 +480,9 @@ def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(kn
     said = Diagnosis((), known, (9.0, 9.0, 9.0))
     monkeypatch.setattr(module, "searched", lambda *_: pytest.fail("searched"))
     monkeypatch.setattr(module, "named_by_transfer", lambda baseline, outcome, _: said)
-    monkeypatch.setattr(module, "LOUD", 1.0)
+    monkeypatch.setattr(module, "FAR_FROM_NOISE", 1.0)
     assert diagnose_log(known, log, in_vain=True, file=known) == said
-    monkeypatch.setattr(module, "LOUD", 1e6)
+    monkeypatch.setattr(module, "FAR_FROM_NOISE", 1e6)
     with pytest.raises(pytest.fail.Exception, match="searched"):
         diagnose_log(known, log, in_vain=True)
 
