@@ -37,8 +37,9 @@ from benchmarks.work import Results, add_workers, done
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.diagnosis.baseline import refit, stable_start
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import ALPHA, Screening
+from hydro.core.diagnosis.model import Screening
 from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis.settings import ALPHA
 from hydro.core.evaluation.score_test import FLIPS, p_values
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.vehicle.description import Vehicle

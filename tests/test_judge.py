@@ -19,7 +19,7 @@ from benchmarks.judge import results as files
 from benchmarks.judge.scores import Score, score
 from benchmarks.judge.studies import LISTS, Study
 from benchmarks.work import Results
-from hydro.core.diagnosis import confidence
+from hydro.core.diagnosis import confidence, settings
 from hydro.core.diagnosis.candidates import BLOCKS, in_blocks
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.vehicle.description import Vehicle
@@ -340,17 +340,16 @@ def test_decisions_on_kept_candidates_are_those_of_the_diagnosis(results: Path):
 
 
 def test_another_constant_changes_the_decision_and_is_set_back(results: Path):
-    table, kept = pl.read_parquet(results), confidence.NEAR
-    settings = {"confidence.NEAR": 0.1, "confidence.CLEAN": 0.0}
-    again = rescore.rescored(table, settings)[0]
+    table, kept = pl.read_parquet(results), settings.RIGHT_ABOVE_CLEAN
+    again = rescore.rescored(table, {"settings.RIGHT_ABOVE_CLEAN": 0.1, "settings.CLEAN": 0.0})[0]
     assert again.named[0].confidence <= 0.1
-    assert kept == confidence.NEAR
+    assert kept == settings.RIGHT_ABOVE_CLEAN == confidence.RIGHT_ABOVE_CLEAN
 
 
 def test_an_unknown_constant_and_an_unknown_list_are_refused_in_a_line():
     with pytest.raises(SystemExit, match=r"not a constant of a kept decision"):
-        rescore.parsed(["confidence.NOPE=1"])
+        rescore.parsed(["settings.NOPE=1"])
     with pytest.raises(SystemExit, match="not a number"):
-        rescore.parsed(["confidence.NEAR=much"])
+        rescore.parsed(["settings.CLEAN=much"])
     with pytest.raises(SystemExit, match="give NAME"):
         command.sizes(["clean-four"])

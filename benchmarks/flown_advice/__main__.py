@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import os
 
+from hydro.core.diagnosis.settings import SURE
+
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # studies run in parallel
 
@@ -26,7 +28,6 @@ from benchmarks.flown_advice import study
 from benchmarks.kept_tables import Row, keep, markdown, origin
 from benchmarks.shares import rate
 from benchmarks.work import Results, add_report, add_workers, done
-from hydro.core.diagnosis.findings import SURE
 
 KEY = ("seed", "seconds")
 FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}

@@ -15,7 +15,8 @@ from benchmarks.flown_advice import cases
 from benchmarks.hidden_effects import vehicles
 from benchmarks.imperfect_logs.study import clean
 from hydro.core.diagnosis.diagnose import diagnose
-from hydro.core.diagnosis.findings import SURE, Diagnosis
+from hydro.core.diagnosis.findings import Diagnosis
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.experiment.flight import Limits, advise
 
 LIMITS = Limits(depth=(5.0, 25.0), space=30.0, thrust=1.0, seconds=120.0)

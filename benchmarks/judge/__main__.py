@@ -3,7 +3,7 @@
     python -m benchmarks.judge run -o now.parquet          # lists and sizes of the frozen table
     python -m benchmarks.judge run --list panel-before=200 --first-seed 200000 -o before.parquet
     python -m benchmarks.judge show now.parquet --base benchmarks/results/judge-7389b25.parquet
-    python -m benchmarks.judge show now.parquet --rescore confidence.NEAR=0.9
+    python -m benchmarks.judge show now.parquet --rescore settings.RIGHT_ABOVE_CLEAN=0.9
     python -m benchmarks.judge write --list panel-before --seed 12 -o study/
 
 `run` adds the studies missing in the results file, so the same command continues an earlier run.  `--base`
@@ -98,8 +98,8 @@ def show(chosen: argparse.Namespace) -> None:
     table = results.read(chosen.results)
     now = scored(table)
     if chosen.rescore:
-        settings = rescore.parsed(chosen.rescore)
-        again, decided = rescore.rescored(table, settings), rescore.rescored(table, {})
+        again = rescore.rescored(table, rescore.parsed(chosen.rescore))
+        decided = rescore.rescored(table, {})
         print(rescore.agreement(now, decided))
         print(board.paired(decided, again, "settings of the code", ", ".join(chosen.rescore)))
         return
@@ -163,7 +163,7 @@ def parser() -> argparse.ArgumentParser:
         "--rescore",
         action="append",
         default=[],
-        metavar="MODULE.CONSTANT=VALUE",
+        metavar="settings.CONSTANT=VALUE",
         help=f"decide again with another constant: {', '.join(rescore.CONSTANTS)}",
     )
     two.add_argument("--keep", metavar="NAME", help="write the scoreboard to benchmarks/results/NAME.csv")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +18,7 @@ import polars as pl
 
 from benchmarks.judge.rows import KEY
 from benchmarks.judge.scores import Score, score
-from hydro.core.diagnosis import before, confidence, contenders, findings, imperfect, transfer
+from hydro.core.diagnosis import before, confidence, contenders, findings, imperfect, settings, transfer
 from hydro.core.diagnosis.before import Change
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import penalty
@@ -26,53 +26,43 @@ from hydro.core.evaluation.block_resampling import weights
 
 Row = dict[str, Any]
 CONSTANTS = (
-    "confidence.NEAR",
-    "confidence.CLEAN",
-    "confidence.TIED",
-    "confidence.ODDS",
-    "confidence.ODDS_BY_SCORE",
-    "confidence.ODDS_BY_LEAD",
-    "confidence.BY_LEAD",
-    "confidence.HALF",
-    "confidence.AHEAD",
-    "contenders.PREFERRED",
-    "contenders.FOLLOWS",
-    "contenders.RIGHT",
-    "contenders.FAR",
-    "before.NAMED",
-    "before.LEAST",
-    "before.FURTHER",
-    "before.CHANCE",
-    "before.UNKNOWN",
-    "before.INEXACT",
-    "before.RIGHT",
-    "imperfect.NAMED",
-    "imperfect.OWN",
-    "imperfect.NEARLY",
-    "imperfect.OUTDONE",
-    "imperfect.TELLING",
-    "transfer.GAPS",
-    "findings.FANCIFUL",
+    "settings.RIGHT_ABOVE_CLEAN",
+    "settings.CLEAN",
+    "settings.TIED",
+    "settings.TRANSFER_ODDS",
+    "settings.TRANSFER_BY_SCORE",
+    "settings.TRANSFER_BY_LEAD",
+    "settings.EVIDENCE_BY_LEAD",
+    "settings.EVIDENCE_EVEN",
+    "settings.LEAST_LEAD",
+    "settings.ENTRY_PENALTY",
+    "settings.ABSORPTION_PENALTY",
+    "settings.RIGHT",
+    "settings.FIT",
+    "settings.CHANGED",
+    "settings.MATERIAL",
+    "settings.CHANCE",
+    "settings.UNKNOWN",
+    "settings.INEXACT",
+    "settings.FURTHER",
+    "settings.NEARLY_EQUAL",
+    "settings.DOUBTFUL",
+    "settings.LEAST_EVIDENCE",
+    "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
-MODULES: Mapping[str, ModuleType] = {
-    "confidence": confidence,
-    "contenders": contenders,
-    "before": before,
-    "imperfect": imperfect,
-    "transfer": transfer,
-    "findings": findings,
-}
+MODULES = (settings, before, confidence, contenders, findings, imperfect, transfer)
+"""Modules that read these constants, each under the same name."""
 
 
-def parsed(settings: Sequence[str]) -> dict[str, float]:
-    """Return `MODULE.CONSTANT=VALUE` settings as numbers.
+def parsed(texts: Sequence[str]) -> dict[str, float]:
+    """Return `settings.CONSTANT=VALUE` texts as numbers.
 
     Raises:
         SystemExit: A constant is unknown, or a value is not a number.
     """
     found = dict[str, float]()
-    for one in settings:
+    for one in texts:
         name, _, value = one.partition("=")
         if name not in CONSTANTS:
             raise SystemExit(
@@ -85,31 +75,24 @@ def parsed(settings: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def rescored(table: pl.DataFrame, settings: Mapping[str, float]) -> list[Score]:
+def rescored(table: pl.DataFrame, values: Mapping[str, float]) -> list[Score]:
     """Return the scores of kept studies, decided with some constants changed."""
-    with changed(settings):
+    with changed(values):
         return [score(decided(part.to_dicts())) for _, part in table.group_by(KEY, maintain_order=True)]
 
 
 @contextlib.contextmanager
-def changed(settings: Mapping[str, float]) -> Iterator[None]:
-    """Set constants of the engines' modules, and restore them afterwards."""
-    kept = []
+def changed(values: Mapping[str, float]) -> Iterator[None]:
+    """Set constants in `settings` and in the modules that import them, and set them back afterwards."""
+    names = {name.removeprefix("settings."): value for name, value in values.items()}
+    kept = [(each, name, vars(each)[name]) for each in MODULES for name in names if name in vars(each)]
     try:
-        for name, value in settings.items():
-            module, constant = name.split(".")
-            for each in MODULES.values():  # also where another module has imported it by its name
-                if getattr(each, constant, None) == getattr(MODULES[module], constant) and constant in vars(
-                    each
-                ):
-                    kept.append((each, constant, getattr(each, constant)))
-            for each, known, _ in kept:
-                if known == constant:
-                    setattr(each, constant, value)
+        for each, name, _ in kept:
+            setattr(each, name, names[name])
         yield
     finally:
-        for each, constant, value in kept:
-            setattr(each, constant, value)
+        for each, name, value in kept:
+            setattr(each, name, value)
 
 
 def agreement(stated: Sequence[Score], again: Sequence[Score]) -> str:
@@ -157,7 +140,7 @@ def _renamed(rows: Sequence[Row], names: Mapping[str, float]) -> Iterator[Row]:
         }
         verdict = row["verdict"]
         if verdict in ("missing", "suspect"):
-            verdict = "missing" if sure >= findings.SURE else "suspect"
+            verdict = "missing" if sure >= settings.SURE else "suspect"
         yield row | {"verdict": verdict, "confidence": sure}
     for row in told:
         if row["effect"] not in names and (row["effect"] not in searched or row["confidence"] is None):
@@ -186,11 +169,11 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
             return
         costs = np.stack([_penalised(row) for row in rivals], axis=1)
         best = rivals[int(costs.sum(axis=0).argmin())]
-        drawn = weights(len(costs), confidence.RESAMPLES, 0) @ costs
-        wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / confidence.RESAMPLES
+        drawn = weights(len(costs), settings.RESAMPLES, 0) @ costs
+        wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / settings.RESAMPLES
         frequency = float(wins[rivals.index(best)])
         sure = confidence.by_likelihood_confidence(frequency, left)
-        yield best["effect"], sure if best["plausible"] else min(sure, findings.FANCIFUL)
+        yield best["effect"], sure if best["plausible"] else min(sure, settings.DOUBTFUL)
         if not best["chosen"]:
             return
 
@@ -214,7 +197,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
         sure = change.confidence(given)
-        yield change.best.effect, sure if row["plausible"] else min(sure, findings.FANCIFUL)
+        yield change.best.effect, sure if row["plausible"] else min(sure, settings.DOUBTFUL)
         if not row["chosen"]:
             break
 
@@ -237,18 +220,17 @@ def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, f
     passed = {row["effect"] for row in leaders}
     by_evidence = any(row["evidence"] is not None for row in tried)
     rest = [row for row in tried if row["effect"] not in passed and row is not chosen]
-    if (chosen["left_out"] or 0.0) < imperfect.NAMED:
+    if (chosen["left_out"] or 0.0) < settings.MATERIAL:
         return
     if by_evidence:
-        gap = {row["effect"]: transfer.GAPS for row in tried if _hull_law(row)}
+        gap = {row["effect"]: settings.LEAST_EVIDENCE for row in tried if _hull_law(row)}
         lead = chosen["evidence"] - gap.get(chosen["effect"], 0.0)
         sure = confidence.by_evidence_confidence(lead, [row["evidence"] or 0.0 for row in rest])
     else:
         sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
-    sure *= imperfect.OWN if chosen["own"] else 1.0
-    if leaders:
-        sure = min(sure, imperfect.OUTDONE)
-    yield chosen["effect"], sure if chosen["plausible"] else min(sure, findings.FANCIFUL)
+    if leaders or chosen["own"]:
+        sure = min(sure, settings.DOUBTFUL)
+    yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.DOUBTFUL)
 
 
 def _hull_law(row: Row) -> bool:

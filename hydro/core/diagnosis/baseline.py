@@ -15,7 +15,6 @@ import numpy as np
 
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import (
-    SLOW,
     Diverges,
     Model,
     Screening,
@@ -25,6 +24,17 @@ from hydro.core.diagnosis.model import (
     from_elsewhere,
     names_of,
     unfitted,
+)
+from hydro.core.diagnosis.settings import (
+    ALMOST_ALL,
+    FAR_FROM_NOISE,
+    FURTHER,
+    LEAST_SHOTS,
+    MATERIAL,
+    SHORTEST_SHOT,
+    SHOTS,
+    STEP_SHARE,
+    VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -42,16 +52,6 @@ from hydro.core.recording.shots import SHOT_SECONDS, Shots, room
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
-MATERIAL = 0.05
-"""Minimum share of the squared error beyond the noise that a finding explains."""
-TELLING = 0.1
-"""Alternative limit: minimum reduction of the root of that error, as a share of the baseline fit's root."""
-MUCH_OF_IT, PLAIN = 0.15, 0.01
-"""Alternative limit: minimum share of the present model's excess error, and least share of the noise."""
-VISIBLE = 0.005
-"""Minimum share of the whole squared error, noise included.  A smaller gain is invisible in a replay."""
-SEA_TWICE = 2
-"""Number of searches for waves: the second uses the file's effects, refitted with the waves allowed for."""
 SHOT_LENGTHS = tuple(part * SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
 """Shot lengths to try [s].  The shorter ones are for models that are unstable."""
 DIVERGED_FILE = (
@@ -59,14 +59,6 @@ DIVERGED_FILE = (
     "linear damping of an equation-error fit"
 )
 DIVERGED_REFIT = "the refit of the file's effects diverged: they keep their starting values"
-STABLE = 0.95
-"""Minimum share of shots that must stay finite."""
-LEAST_SHOTS = 16
-"""Minimum number of shots for a diagnosis."""
-SHORTEST = 0.5
-"""Shot length below which a log with too few shots is refused [s]: 10 s of sinking suffice."""
-LOUD, ENOUGH = 1e3, 120
-"""Reduced chi-square above which ENOUGH shots carry the same information as all shots, and their number."""
 
 
 @dataclass(frozen=True)
@@ -113,15 +105,15 @@ class Baseline:
         return self.file or self.vehicle
 
     def thinned(self) -> Baseline:
-        """Return the baseline over ENOUGH shots where its residual is far above the noise.
+        """Return the baseline over SHOTS shots where its residual is far above the noise.
 
         Return it unchanged if the residual is smaller or if there are fewer than twice as many shots.  A
         search over a part of the shots is repeated over all of them if it comes near the noise.
         """
-        if len(self.refitted.costs) < 2 * ENOUGH or not self.refitted.normal.chi2 > LOUD:
+        if len(self.refitted.costs) < 2 * SHOTS or not self.refitted.normal.chi2 > FAR_FROM_NOISE:
             return self
-        given, refitted = self.given.some(ENOUGH), self.refitted.some(ENOUGH)
-        return replace(self, problem=self.problem.some(ENOUGH), given=given, refitted=refitted)
+        given, refitted = self.given.some(SHOTS), self.refitted.some(SHOTS)
+        return replace(self, problem=self.problem.some(SHOTS), given=given, refitted=refitted)
 
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle whose existing effects have the file's values."""
@@ -143,10 +135,8 @@ class Baseline:
         Where other effects explain most of the error, a small share of the first error may be a large share
         of the present error.  It suffices if it is also clear of the noise.
         """
-        left, first = max(before.excess - gain, 0.0), self.refitted.excess
-        lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
-        much = gain >= max(MUCH_OF_IT * before.excess, PLAIN * before.normal.residuals)
-        return self.visible(gain) and bool(lower or much or gain >= MATERIAL * first)
+        much = gain >= FURTHER * before.excess
+        return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
 
     def visible(self, gain: float) -> bool:
         """Return whether a reduction of the squared residual would be visible in a replay."""
@@ -238,7 +228,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
         count = room(record, seconds)
-        if count < LEAST_SHOTS and seconds > SHORTEST:
+        if count < LEAST_SHOTS and seconds > SHORTEST_SHOT:
             continue
         if count < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
@@ -259,7 +249,7 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
     problem = OutputError.of(shots, vehicle)
     prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
     stable = multiple_shooting.bounded(prepared, problem.shots)
-    return OutputError(problem.shots.of(stable)) if stable.mean() >= STABLE else None
+    return OutputError(problem.shots.of(stable)) if stable.mean() >= ALMOST_ALL else None
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
@@ -287,7 +277,7 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
     if any(CATALOGUE[table["name"]].is_random for table in vehicle.effect):
         return baseline
     allowed = baseline
-    for _ in range(SEA_TWICE):
+    for _ in range(2):  # the second time with the file's effects refitted
         sea = shown(allowed.refitted.vehicle, log.record)
         if sea is None:
             break
@@ -303,7 +293,7 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
 
 
 def weighed_fit(
-    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = SLOW
+    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = STEP_SHARE
 ) -> tuple[Model, OutputError, bool]:
     """Fit effects with each channel weighted by its noise, white or coloured.
 

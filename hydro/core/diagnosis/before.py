@@ -20,7 +20,6 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
 from hydro.core.diagnosis.confidence import folds, stated
 from hydro.core.diagnosis.contenders import (
-    RIGHT,
     Compared,
     Contender,
     contend,
@@ -28,10 +27,23 @@ from hydro.core.diagnosis.contenders import (
     fitted_together,
     with_hull_response,
 )
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, limited_confidence
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
+from hydro.core.diagnosis.settings import (
+    CHANCE,
+    CHANGED,
+    FURTHER,
+    INEXACT,
+    MATERIAL,
+    MOST_FINDINGS,
+    RESAMPLES,
+    RIGHT,
+    SURE,
+    TIED,
+    UNKNOWN,
+)
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
@@ -43,25 +55,6 @@ from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations, pulls, widened
 from hydro.core.vehicle.description import Vehicle
-
-NAMED = 0.10
-"""Minimum share of the held-out squared residual that a change removes."""
-LEAST = 0.06
-"""Minimum squared residual that a change removes, as a share of the floor."""
-FURTHER = 0.20
-"""Minimum share that a further change removes, of the greater of the remaining residual and the floor."""
-RESAMPLES = 2000
-"""Number of bootstrap resamples."""
-MOST_CHANGES = 3
-"""Maximum number of changes that one diagnosis reports."""
-CHANCE = 0.03
-"""Mean lead of the best candidate by chance, in floors: the part due to the error of the hull model."""
-UNKNOWN = 0.3
-"""Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
-INEXACT = 0.01
-"""Mean lead by chance for each floor that earlier changes removed, due to errors of their formulas."""
-TIED = 0.02
-"""Minimum share of resamples that a rival wins to be listed in the advice."""
 
 
 def diagnose_change(
@@ -165,7 +158,7 @@ class Change:
         """Return whether the change is large enough to be named, as the first or a further one."""
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
-        return self.score >= NAMED and self.score * float(self.whole.sum()) >= LEAST * self.floor
+        return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
         """Return the 95 % interval of the score."""
@@ -215,7 +208,7 @@ def find(
         without: Effects that are not tried.
     """
     last, changes, refused = first, list[Change](), None
-    while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
+    while len(changes) < MOST_FINDINGS and not ((further or changes) and compared.chi2(last) <= 1.0):
         here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
         here(f"{len(changes)} changes found, looking for more", 0.0)
         rivals = contend(compared, last, [*without, *(one.best.effect for one in changes)], here)

@@ -20,6 +20,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.settings import NEARLY_EQUAL, STEADY_CHI2, STEADY_SECONDS
 from hydro.core.diagnosis.unexplained import WRENCH, steadily_disturbed, wrenches_of_pulls
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
@@ -29,12 +30,6 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.feedback import Feedback, feedback
 from hydro.core.vehicle.frames import rotation_from_quaternion
 
-STRETCH = 20.0
-"""Time over which a disturbance is taken as constant [s]."""
-OWN = 0.75
-"""Minimum share of an effect that must remain with steady wrenches free, or else it is not stated."""
-EVIDENT = 10.0
-"""Minimum chi-square per parameter of the remaining effect, in units of its expectation by chance."""
 DISTURBANCES = tuple(name for name, one in CATALOGUE.items() if one.family == "surroundings")
 """Effects to which a controller reacts."""
 ADVICE = (
@@ -60,7 +55,7 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
 def _judged(finding: Finding, own: dict[str, float]) -> Finding:
     """Lower a finding's confidence by the share that steady disturbances explain; withdraw a re-estimate."""
     share = own.get(finding.effect, 1.0)
-    if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= OWN:
+    if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= NEARLY_EQUAL:
         return finding
     words = f"{finding.advice}; {IMITATES.format(share=1.0 - share)}"
     if finding.verdict == "retune":
@@ -77,7 +72,7 @@ def _judged(finding: Finding, own: dict[str, float]) -> Finding:
 
 def _warning(seen: Feedback) -> Finding:
     """Return the warning that the recording was made under feedback."""
-    return Finding("closed_loop", advice=ADVICE.format(words=seen.words(), stretch=STRETCH))
+    return Finding("closed_loop", advice=ADVICE.format(words=seen.words(), stretch=STEADY_SECONDS))
 
 
 def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
@@ -104,7 +99,7 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
         told = float(after[of] @ known @ after[of]) / len(of)
         stays = float(after[of] @ known @ step[of]) / max(float(step[of] @ known @ step[of]), 1e-300)
         found[name] = (
-            float(np.clip(stays, 0.0, 1.0)) if told >= EVIDENT * max(model.normal.chi2, 1.0) else 0.0
+            float(np.clip(stays, 0.0, 1.0)) if told >= STEADY_CHI2 * max(model.normal.chi2, 1.0) else 0.0
         )
     return found
 
@@ -123,7 +118,7 @@ def _with_wrenches(model: Model) -> Array:
     mix[:, len(pulls) :, WRENCH:] = np.eye(rest)
     gram = mix.transpose(0, 2, 1) @ normal.gram[kept] @ mix
     shots, record = problem.shots, problem.shots.record
-    place = record.t[shots.starts[kept]] // STRETCH
+    place = record.t[shots.starts[kept]] // STEADY_SECONDS
     key = np.column_stack([shots.segment[kept], place])
     begins = np.flatnonzero(np.r_[True, (np.diff(key, axis=0) != 0).any(axis=1)])
     return np.asarray(np.add.reduceat(gram, begins, axis=0))

@@ -19,43 +19,31 @@ from numpy.typing import ArrayLike
 from scipy.special import expit
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.findings import SURE, Finding
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
+from hydro.core.diagnosis.settings import (
+    CLEAN,
+    EVIDENCE_BY_LEAD,
+    EVIDENCE_EVEN,
+    FOLDS,
+    LEAST_LEAD,
+    LEAST_SESSIONS,
+    NEARLY_EQUAL,
+    RESAMPLES,
+    RIGHT,
+    RIGHT_ABOVE_CLEAN,
+    SIMILAR,
+    SURE,
+    TIED,
+    TRANSFER_BY_LEAD,
+    TRANSFER_BY_SCORE,
+    TRANSFER_ODDS,
+)
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.prediction.normal_equations import Normal, block_length
-
-RIGHT = 2.0
-"""Maximum reduced chi-square of a model that may be right; only then likelihood names effects."""
-CLEAN = 1.35
-"""Maximum reduced chi-square of a model without significant error beyond the noise."""
-CALM = 1.15
-"""Maximum reduced chi-square of such a model where shots allow for waves."""
-NEAR = 102.0 / 118.0
-"""Share of names by likelihood that were right above CLEAN, see `by_likelihood_confidence`."""
-ODDS, ODDS_BY_SCORE, ODDS_BY_LEAD = -1.76, 2.74, 2.02
-"""Logistic calibration of names by transfer: log odds at a score of 0, slope with respect to the score, and
-slope with respect to the relative lead over the next."""
-BY_LEAD, HALF = 1.8, 1.6
-"""Logistic calibration of names by evidence: slope over log(1 + lead), and its value at even odds."""
-AHEAD = 0.15
-"""Minimum lead as a share of the evidence; below it the confidence falls in proportion."""
-RESAMPLES = 2000
-"""Number of bootstrap resamples."""
-TIED = 0.02
-"""Minimum share of resamples that a rival wins to be listed with the best."""
-SESSIONS = 3
-"""Minimum number of sessions for holding out whole sessions."""
-STRETCHES = 6
-"""Number of stretches of equal length that are held out in turn, with fewer sessions."""
-CONFIRMED = 0.5
-"""Ratio of the share explained in held-out sessions to that in the fit, below which a warning is given."""
-OVERLAP = 0.7
-"""Ratio of the sum of added shares to the share explained together, below which findings overlap."""
-IMITATED = 0.5
-"""Ratio of the unexplained share to a finding's share from which the finding's confidence is lowered."""
 
 
 def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -> dict[str, float]:
@@ -175,9 +163,9 @@ def folds(session: ArrayLike) -> Rows:
     if len(numbers) < 2:
         raise DataError("one shot is too few to hold data out; record a longer session")
     names, label = np.unique(numbers, return_inverse=True)
-    if len(names) >= SESSIONS:
+    if len(names) >= LEAST_SESSIONS:
         return np.asarray(label, np.int64)
-    stretches = min(STRETCHES, len(numbers))
+    stretches = min(FOLDS, len(numbers))
     return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
 
 
@@ -257,7 +245,7 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     after = Fitted(model.normal.of(own), np.zeros(len(own)))
     elsewhere = scores(before, {effect: after}, session)[effect].share
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
-    if elsewhere >= CONFIRMED * min(here, 1.0):
+    if elsewhere >= SIMILAR * min(here, 1.0):
         return ""
     return (
         f"; one session alone supports it: fitted to the others it removes {elsewhere:.0%} of the error "
@@ -276,7 +264,7 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
         together: Share that all of them explain.
     """
     added = sum(finding.share for finding in findings)
-    if added >= OVERLAP * together or added <= 0.0:
+    if added >= NEARLY_EQUAL * together or added <= 0.0:
         return list(findings)
     names, parted = " and ".join(finding.effect for finding in findings), []
     for one in findings:
@@ -296,7 +284,7 @@ def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) ->
     correlated, and estimates of inertia or damping are biased.
     """
     rest = sum(one.share for one in remaining)
-    if rest < IMITATED * finding.share:
+    if rest < SIMILAR * finding.share:
         return finding
     warning = (
         f"; no effect explains {rest:.0%} of the error, and this estimate may absorb a part of it: if the "
@@ -334,7 +322,7 @@ def stated(finding: Finding) -> Finding:
     return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
 
 
-def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = False) -> float:
+def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
     Of 921 names that were nearly certain on the benchmarks' recordings, 908 were right up to CLEAN; above it,
@@ -343,9 +331,8 @@ def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = 
     Args:
         frequency: Share of the resamples in which the effect wins, see `selection_frequency`.
         left: Mean squared residual of the model, in units of the noise.
-        in_waves: Whether the shots allow for waves, which hide much of the model's error.
     """
-    return frequency if left <= (CALM if in_waves else CLEAN) else NEAR * frequency
+    return frequency if left <= CLEAN else RIGHT_ABOVE_CLEAN * frequency
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
@@ -362,7 +349,7 @@ def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """
     next_best = max(others, default=0.0)
     lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
-    return float(expit(ODDS + ODDS_BY_SCORE * score + ODDS_BY_LEAD * max(lead, 0.0)))
+    return float(expit(TRANSFER_ODDS + TRANSFER_BY_SCORE * score + TRANSFER_BY_LEAD * max(lead, 0.0)))
 
 
 def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
@@ -379,5 +366,5 @@ def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
         others: Log evidence of all others.
     """
     lead = max(evidence - max([0.0, *others]), 0.0)
-    part = min(lead / (AHEAD * max(evidence, 1e-300)), 1.0)
-    return float(part * expit(BY_LEAD * (np.log1p(lead) - HALF)))
+    part = min(lead / (LEAST_LEAD * max(evidence, 1e-300)), 1.0)
+    return float(part * expit(EVIDENCE_BY_LEAD * (np.log1p(lead) - EVIDENCE_EVEN)))

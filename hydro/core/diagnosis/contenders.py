@@ -20,6 +20,23 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, unfitted
 from hydro.core.diagnosis.sensor_errors import refuted
+from hydro.core.diagnosis.settings import (
+    ABSORPTION_PENALTY,
+    ALMOST_ALL,
+    CLOSEST,
+    CONTENDERS,
+    ENTRY_PENALTY,
+    FIT,
+    HOPELESS,
+    LONG_STEPS,
+    MOST_CONTENDERS,
+    QUICK_STEPS,
+    REFITS,
+    RIGHT,
+    SUSPECT_SPREAD,
+    TUMBLING,
+    UNTRUSTED_RATIO,
+)
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
@@ -35,39 +52,6 @@ from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
-CONTENDERS = 5
-"""Number of candidates that are always fitted, the best by one step."""
-RIGHT, MOST_CONTENDERS = 1.5, 10
-"""Maximum residual of a right model, in floors, and maximum number of fits of a further change above it.  One
-step is a poor score for a candidate that changes the whole motion or acts in few places."""
-FAR, WILD = 3.0, 10.0
-"""Residuals of the best fit [floors] above which more is tried: from FAR on all candidates of a further
-change are fitted and some start from several points; from WILD on the closest fits continue, because no step
-from the file leads to the values where the vehicle tumbles."""
-NEARLY_ALL = 0.01
-"""Share of the whole residual, up to FAR floors, below which the best fit ends the search for others."""
-CLOSEST, LONG = 3, 24
-"""Number of fits that continue above WILD, and their iterations."""
-FARTHER = 2.0
-"""Factor on an effect's recorded starting values for a second, more distant start."""
-QUICK = 6
-"""Iterations of a candidate's first fit."""
-HOPELESS = 3.0
-"""Residual of a first fit, in units of the best fit's, above which it is not refined."""
-AGAIN, SETTLED = 3, 0.9
-"""Maximum number of refits to the hull forces that act on the fitted vehicle, and the ratio of successive
-costs above which they have converged."""
-FAR_OFF = 2.0
-"""Ratio of held-out cost by linear steps to the cost of the fit, above which these steps are not trusted."""
-SCALES = 2.0
-"""Prior standard deviation of a suspect's parameters in their natural scales."""
-FINE = 0.004
-"""Minimum share of the residual that each entry of an effect removes, or else it is dropped."""
-PREFERRED = 0.012
-"""Penalty of each parameter when effects are compared, as a share of the residual.  The hull's error is alike
-on all stretches, so that held-out data alone do not penalise parameters that follow it."""
-FOLLOWS = 0.2
-"""Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors."""
 ASKED = ("flow", "sensor")
 """Kinds of effects that change the motion through the water on which the hull force depends."""
 Table = Mapping[str, Any]
@@ -102,7 +86,7 @@ class Contender:
     def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
         """Return the penalty of this effect, in units of squared residual.
 
-        If a rival reaches the floor, parameters cost a share of at most FAR floors, because the rest of the
+        If a rival reaches the floor, parameters cost a share of at most FIT floors, because the rest of the
         residual was due to the change.  Otherwise no candidate is right, and they cost a share of the whole
         residual.
 
@@ -113,8 +97,8 @@ class Contender:
         """
         absorbs = CATALOGUE[self.effect].identification.absorbs
         right = min(one.left for one in rivals) <= RIGHT * floor
-        at_stake = min(whole, FAR * floor) if right else whole
-        return PREFERRED * at_stake * len(self.model.values) + FOLLOWS * absorbs * floor
+        at_stake = min(whole, FIT * floor) if right else whole
+        return ENTRY_PENALTY * at_stake * len(self.model.values) + ABSORPTION_PENALTY * absorbs * floor
 
 
 @dataclass(frozen=True)
@@ -163,14 +147,14 @@ class Compared:
         alone.
         """
         left, here = self.left_out(model.normal), self.weight * model.costs
-        if left.sum() > FAR_OFF * here.sum():
+        if left.sum() > UNTRUSTED_RATIO * here.sum():
             again = self.refitted(model)
             return again if again.sum() < left.sum() else left
         return left if left.sum() >= here.sum() else here
 
     def settled(self, model: Model) -> bool:
         """Return whether linear steps to the other folds stay where the problem is nearly linear."""
-        return bool(self.left_out(model.normal).sum() <= FAR_OFF * (self.weight * model.costs).sum())
+        return bool(self.left_out(model.normal).sum() <= UNTRUSTED_RATIO * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
         """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
@@ -178,7 +162,7 @@ class Compared:
         for number in np.unique(self.fold):
             out = self.fold == number
             try:
-                there = continue_fit(model.over(~out), QUICK).vehicle
+                there = continue_fit(model.over(~out), QUICK_STEPS).vehicle
             except Diverges:
                 continue
             found[out] = unfitted(there, OutputError(shots.of(out))).costs
@@ -217,8 +201,7 @@ def contend(
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = compared.floor(last)
-    whole = float(compared.left_out(last.normal.of([])).sum())
-    right = float(np.clip(NEARLY_ALL * whole, RIGHT * floor, FAR * floor))
+    right = RIGHT * floor
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
@@ -228,19 +211,19 @@ def contend(
     if _least(fits) > right:
         others = {name: scored for name, scored in ranked.items() if name not in always}
         for number, table in enumerate(_at_finer_places(compared, last, others), len(always)):
-            if _least(fits) <= (FAR * floor if chosen and number >= MOST_CONTENDERS else right):
+            if _least(fits) <= (FIT * floor if chosen and number >= MOST_CONTENDERS else right):
                 break
             progress(f"{table['name']} on held-out stretches", min(number / MOST_CONTENDERS, 1.0))
             _join(fits, compared, last, table)
-    if _least(fits) > FAR * floor:
+    if _least(fits) > FIT * floor:
         for table in _from_all_sides(vehicle, fits):
             _join(fits, compared, last, table)
         for name in _stepwise(fits):
             _join(fits, compared, last, fits[name].table, ITERATIONS)
-    if _least(fits) > WILD * floor:
+    if _least(fits) > TUMBLING * floor:
         closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
         for name in dict.fromkeys([*closest, *_far(fits)]):
-            _join(fits, compared, last, fits[name].table, LONG)
+            _join(fits, compared, last, fits[name].table, LONG_STEPS)
     return fits
 
 
@@ -258,13 +241,12 @@ def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Score
 
 
 def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
-    """Return starting tables on every side, at two distances, for effects without a derivative at zero."""
+    """Return starting tables on every side for effects without a derivative at zero."""
     return [
-        {"name": name} | {key: times * value for key, value in table.items()}
+        {"name": name} | table
         for name in _far(fits)
         if not vehicle.effects(name)
         for table in CATALOGUE[name].identification.far
-        for times in (1.0, FARTHER)
     ]
 
 
@@ -289,7 +271,7 @@ def _join(
     compared: Compared,
     last: Model,
     table: Table,
-    iterations: int = QUICK,
+    iterations: int = QUICK_STEPS,
 ) -> None:
     """Fit an effect from a table, and keep the fit if it has the least held-out cost of this effect.
 
@@ -327,16 +309,16 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         at += len(columns)
         own = normal.of(columns)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - FINE * len(columns)
+        score = 1.0 - float(left.sum()) / whole - ENTRY_PENALTY * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
-            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SCALES**-2
+            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
             step = np.linalg.solve(known, own.score.sum(axis=0))
             best[suspect.effect] = (score, suspect.begin(step))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
 
 
 def fitted(
-    compared: Compared, last: Model, table: Table, iterations: int = QUICK, least: float = np.inf
+    compared: Compared, last: Model, table: Table, iterations: int = QUICK_STEPS, least: float = np.inf
 ) -> Contender:
     """Fit an effect from a table's values, with the hull forces that act on the fitted vehicle.
 
@@ -349,7 +331,7 @@ def fitted(
     model = with_hull_response(compared, last, model)
     if not compared.settled(model):  # continue with the hull forces held too: they change with the motion
         with suppress(Diverges):
-            again = continue_fit(model, QUICK)
+            again = continue_fit(model, QUICK_STEPS)
             model = again if again.normal.cost < model.normal.cost else model
     return without_needless_entries(compared, last, Contender(name, model, compared.elsewhere(model)))
 
@@ -361,14 +343,14 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     the correction with the last vehicle's response leaves several floors, which another effect would absorb.
     """
     names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
-    for _ in range(AGAIN):
+    for _ in range(REFITS):
         tables = [model.vehicle.effects(name)[0] for name in names]
         try:
-            again = fitted_together(compared, last, tables, QUICK, about=model.vehicle)
+            again = fitted_together(compared, last, tables, QUICK_STEPS, about=model.vehicle)
         except Diverges:
             return model
         left, model = model.normal.cost, min(again, model, key=lambda one: one.normal.cost)
-        if not model.normal.cost < SETTLED * left:
+        if not model.normal.cost < ALMOST_ALL * left:
             break
     return model
 
@@ -392,25 +374,25 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
         fewer = [[one for one in kept if one != out] for out in kept]
         costs = [float(compared.left_out(normal.of(columns)).sum()) for columns in fewer]
         best = int(np.argmin(costs))
-        if costs[best] > left + FINE * nothing:
+        if costs[best] > left + ENTRY_PENALTY * nothing:
             break
         kept, left = fewer[best], costs[best]
     if len(kept) == count:
         return whole
     held = ~np.isin(np.arange(count), kept)
     try:
-        model = held_at(model, np.where(held, begun, model.values), held, QUICK)
+        model = held_at(model, np.where(held, begun, model.values), held, QUICK_STEPS)
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))
-    return leaner if leaner.left < whole.left + FINE * nothing * (count - len(kept)) else whole
+    return leaner if leaner.left < whole.left + ENTRY_PENALTY * nothing * (count - len(kept)) else whole
 
 
 def fitted_together(
     compared: Compared,
     last: Model,
     tables: Sequence[Table],
-    iterations: int = QUICK,
+    iterations: int = QUICK_STEPS,
     about: Vehicle | None = None,
 ) -> Model:
     """Fit effects together to a vehicle's residual, from the values of their tables.

@@ -18,9 +18,6 @@ from scipy.special import fdtrc
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import (
-    LOUD,
-    MATERIAL,
-    VISIBLE,
     Baseline,
     Found,
     Outcome,
@@ -32,7 +29,6 @@ from hydro.core.diagnosis.baseline import (
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
-    RIGHT,
     by_likelihood_confidence,
     change_frequency,
     discounted_by_largest,
@@ -48,16 +44,11 @@ from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
-from hydro.core.diagnosis.model import (
-    ALPHA,
-    Diverges,
-    Model,
-    continue_fit,
-    unfitted,
-)
+from hydro.core.diagnosis.model import Diverges, Model, continue_fit, unfitted
 from hydro.core.diagnosis.provisional import ReportingSearch, Told
 from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.diagnosis.search import Search, candidates
+from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
@@ -158,8 +149,8 @@ def diagnose_log(
         further: Whether the vehicle has changes since the hull's recording already, so that the next must be
             larger.
         file: Vehicle whose values are prior knowledge, where `vehicle` was fitted to this very recording.
-        in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where LOUD
-            times the noise remains, candidates are then ranked by transfer at once.
+        in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where the
+            residual is still above FAR_FROM_NOISE, candidates are then ranked by transfer at once.
         beyond: Function that extends a diagnosis without a finding before it is answered; not with `file`.
         progress: Called with a short text and the share of the work done.
         provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`; not
@@ -256,11 +247,11 @@ def _searched_for(
 ) -> Diagnosis:
     """Search from a baseline and return the diagnosis; see `diagnose_log` for `in_vain`."""
     vehicle, log, some = baseline.vehicle, baseline.log, baseline.thinned()
-    if in_vain and baseline.refitted.normal.chi2 > LOUD:
+    if in_vain and baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
         last = Search(some).screen(some.refitted, ())
         return named_by_transfer(some, Outcome(some.refitted, (), last), progress)
     search, outcome = searched(some, progress, provisional)
-    if search.baseline is not baseline and outcome.model.normal.chi2 <= LOUD:
+    if search.baseline is not baseline and outcome.model.normal.chi2 <= FAR_FROM_NOISE:
         search, outcome = searched(baseline, progress)
     if not (outcome.found or search.wrong(outcome)):
         search, outcome = simplest(search, outcome, part(progress, 0.4, 0.45))
@@ -313,18 +304,18 @@ def searched(
     """Search from the refitted values, then from the file's if no model fits, and return search and outcome.
 
     Without the missing effect, refitted values may run away and no step leads back from them.  So where the
-    first effect that joins leaves LOUD times the noise, the file's values are tried before a second joins.
-    The second search is returned only if it fits.
+    first effect that joins leaves a residual above FAR_FROM_NOISE, the file's values are tried before a
+    second joins.  The second search is returned only if it fits.
     """
     first = ReportingSearch(baseline, told=provisional)
     again = replace(first, from_file=True)
-    found = first.grow(part(progress, 0.0, 0.4), far=LOUD)
+    found = first.grow(part(progress, 0.0, 0.4), far=FAR_FROM_NOISE)
     if found.model.normal.chi2 <= RIGHT:
         return first, found
     other = again.grow(part(progress, 0.2, 0.45), other=found)
     if other.model.normal.chi2 <= RIGHT:
         return again, other
-    if first.waits(found.model, found.found, LOUD):
+    if first.waits(found.model, found.found, FAR_FROM_NOISE):
         found = first.grow(part(progress, 0.3, 0.45), found)
     return first, found
 
@@ -417,7 +408,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += unconfirmed(effect, without, model, baseline.problem.shots.session)
-    sure = by_likelihood_confidence(tied[effect], model.normal.chi2, in_waves=baseline.sea is not None)
+    sure = by_likelihood_confidence(tied[effect], model.normal.chi2)
     return Finding(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,
@@ -494,7 +485,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         if p <= ALPHA or absurd:
             values, errors = _joint(outcome).table(name)
             frequency = change_frequency(model.normal, entries, change)
-            sure = by_likelihood_confidence(frequency, model.normal.chi2, in_waves=baseline.sea is not None)
+            sure = by_likelihood_confidence(frequency, model.normal.chi2)
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
             yield Finding(

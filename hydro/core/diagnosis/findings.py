@@ -15,6 +15,7 @@ import polars.selectors as cs
 
 from hydro.core import toml_text
 from hydro.core.diagnosis.candidates import Candidate
+from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
@@ -48,15 +49,6 @@ and no effect was found, so that the missing effect is unknown.  `closed_loop` i
 other findings: the commands react to the motion, and an effect may imitate a disturbance.
 """
 
-SURE = 0.9
-"""Minimum confidence of a stated name."""
-FANCIFUL = 0.5
-"""Maximum confidence of a name whose values physics excludes: it stands for another effect."""
-WELL_BEYOND = 2.0
-"""Distance of excluded values from the middle of their plausible range, in half widths, where a model fits.
-The ends of a range are uncertain by about that much."""
-FIT = 3.0
-"""Maximum mean squared residual of an acceptable fit, in units of the noise."""
 STATED = ("missing", "retune", "cannot_tell_apart")
 """Verdicts that state an effect: `hydro add` adds their values by default."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
@@ -359,16 +351,17 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
 def limited_confidence(
     confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
 ) -> float:
-    """Limit the confidence in a name to FANCIFUL where physics excludes its values.
+    """Limit the confidence in a name to DOUBTFUL where physics excludes its values.
 
     Args:
         confidence: Confidence in the name.
         vehicle: Vehicle with the values.
         effect: Name.
-        errors: Standard errors of the values, given where a model fits: the values must then lie WELL_BEYOND.
+        errors: Standard errors of the values, given where a model fits: the values must then lie
+            FAR_FROM_PRIOR half widths out.
     """
-    beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else WELL_BEYOND)
-    return min(confidence, FANCIFUL) if beyond else confidence
+    beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else FAR_FROM_PRIOR)
+    return min(confidence, DOUBTFUL) if beyond else confidence
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:

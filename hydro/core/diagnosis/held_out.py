@@ -15,6 +15,7 @@ from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.settings import FOLDS, RESAMPLES, SHOTS
 from hydro.core.diagnosis.transfer import Squares, axes_by_distance, left_out_squares, resolved, squares_ahead
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
@@ -29,14 +30,6 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, silent
 from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
-
-PART = 96
-"""Maximum number of shots to which findings are refitted without a stretch: four times as many change an
-error by less than 1 %."""
-LEAST = 8
-"""Minimum number of predictions: fewer give no standard error of a difference."""
-RESAMPLES = 1000
-"""Number of bootstrap resamples."""
 
 
 def predicted(
@@ -54,7 +47,7 @@ def predicted(
         ahead = log.shots(JUDGED)
     except DataError:
         return diagnosis
-    if len(ahead.starts) < LEAST:
+    if len(ahead.starts) < FOLDS:
         return diagnosis
     progress("predictions of the file", 0.0)
     check, alone = _Check.of(vehicle, log, ahead), {}
@@ -133,7 +126,7 @@ class _Check:
     @classmethod
     def of(cls, vehicle: Vehicle, log: Preprocessed, ahead: Shots) -> _Check:
         """Return the file as given, and its predictions."""
-        problem = resolved(stable_start(vehicle, log)[1]).some(PART)
+        problem = resolved(stable_start(vehicle, log)[1]).some(SHOTS)
         weight = Weights.of(candidate(vehicle)).velocity
         return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)
 
@@ -148,7 +141,7 @@ class _Check:
         return squares.error(self.weight)
 
     def errors(self, squares: Squares) -> Array:
-        """Return the error for RESAMPLES random weights of the stretches, with a fixed seed, (RESAMPLES,)."""
+        """Return the error for random weights of the stretches, with a fixed seed, (RESAMPLES,)."""
         drawn = weights(len(squares.sums), RESAMPLES, seed=0)
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))

@@ -21,6 +21,7 @@ from hydro.core.columns import DOF, Array
 from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.settings import CLOSEST
 from hydro.core.effects import CATALOGUE, inertia_matrix
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
@@ -56,8 +57,6 @@ VECTORS: Mapping[str, tuple[str, str, str]] = {
 """Names of a vector's entries, where they are not the body's axes."""
 BODY = ("forward", "to starboard", "down")
 """Names of a vector's entries along the body axes."""
-CLOSEST = 3
-"""Maximum number of rivals of a suspect, itself included."""
 
 
 def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple[str, ...]]:

@@ -23,7 +23,6 @@ from hydro.core.diagnosis.confidence import (
 )
 from hydro.core.diagnosis.findings import (
     STATED,
-    SURE,
     Diagnosis,
     Finding,
     extended,
@@ -32,6 +31,20 @@ from hydro.core.diagnosis.findings import (
 )
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding
+from hydro.core.diagnosis.settings import (
+    ABSENT,
+    CLOSEST,
+    CONTENDERS,
+    DOUBTFUL,
+    FAR_FROM_PRIOR,
+    LEAST_EVIDENCE,
+    LONG_STEPS,
+    MATERIAL,
+    NEARLY_EQUAL,
+    SHOTS,
+    SIMILAR,
+    SURE,
+)
 from hydro.core.diagnosis.transfer import (
     Known,
     Rival,
@@ -52,29 +65,6 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import shown
 from hydro.core.progress import Progress, part
 from hydro.core.residual.allowance import Allowance
-
-NAMED = 0.05
-"""Minimum share of the held-out error that a named effect removes."""
-MOVED = 2.0
-"""Minimum change of an existing value that is a finding, in standard deviations of its prior."""
-NEARLY = 0.7
-"""Share of the best score from which other effects are listed as nearly as good."""
-ALSO, NEIGHBOURS = 0.5, 3
-"""Share of the best score from which an effect is a suspect with values, and most such suspects."""
-OWN = 0.9
-"""Factor on the confidence in an existing effect: its values also absorb other missing effects."""
-LITTLE = 1e-3
-"""Size of a fitted value, in scales, at or below which the effect counts as absent."""
-OUTDONE = 0.8
-"""Maximum confidence of a name that is not first in the survey."""
-TELLING = 10.0
-"""Log evidence of the best effect from which evidence ranks the names: gaps of the library give less."""
-ALLOWED = 96
-"""Maximum number of shots for the evidence, which more shots would not change."""
-CLOSEST = 5
-"""Number of effects whose values are refined with the hull force free."""
-STEPS = 12
-"""Iterations of the final fit."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +148,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change with the most evidence, or with the largest share of held-out error removed.
 
     If physics excludes its values, it stands for another effect.  Then the next best with plausible values is
-    named, if its score is within NEARLY of the first.
+    named, if its score is within NEARLY_EQUAL of the first.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -169,12 +159,12 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     except Diverges:  # the file's predictions diverge: no fit can start
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
-    implausible_named, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
+    implausible_named, least, passed = Named((), alone, None, alone, surveyed.rivals), MATERIAL, list[str]()
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
-        if rival.score < NAMED:  # an effect with far less evidence does not replace it
-            least = max(least, NEARLY * surveyed.worth(rival))
+        if rival.score < MATERIAL:  # an effect with far less evidence does not replace it
+            least = max(least, NEARLY_EQUAL * surveyed.worth(rival))
             continue
         if rival.own and not _moved(rival, baseline):
             continue
@@ -195,7 +185,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             return named
         passed.append(rival.effect)
         if not implausible_named.findings:
-            implausible_named, least = named, max(NEARLY * surveyed.worth(rival), least)
+            implausible_named, least = named, max(NEARLY_EQUAL * surveyed.worth(rival), least)
     return implausible_named
 
 
@@ -212,7 +202,7 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
     """
     if not has_drag(baseline.vehicle):
         return surveyed
-    allowance = Allowance.of(baseline.vehicle, baseline.problem.some(ALLOWED).shots)
+    allowance = Allowance.of(baseline.vehicle, baseline.problem.some(SHOTS).shots)
     alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown)).evidence
     found, rivals = [], []
     for rival in surveyed.rivals:
@@ -225,10 +215,10 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
             found.append((rival, held, prior))
     found.sort(key=lambda one: -one[1].evidence)
     for number, (rival, held, prior) in enumerate(found):
-        best = allowance.refined(rival.model.unknown, held, prior) if number < CLOSEST else held
+        best = allowance.refined(rival.model.unknown, held, prior) if number < CONTENDERS else held
         rivals.append(replace(rival, evidence=rival.beyond * (best.evidence - alone), allowed=best))
     rivals.sort(key=lambda rival: -rival.evidence)
-    if not rivals or not TELLING <= rivals[0].evidence < np.inf:
+    if not rivals or not LEAST_EVIDENCE <= rivals[0].evidence < np.inf:
         return surveyed
     return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
@@ -237,7 +227,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
-    return bool((sizes > LITTLE).any())
+    return bool((sizes > ABSENT).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
@@ -254,7 +244,7 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
     unknown = rival.model.unknown
     own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
     entries = [unknown.entries[i] for i in own]
-    return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= MOVED
+    return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= FAR_FROM_PRIOR
 
 
 def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Model:
@@ -269,7 +259,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
     vehicle, released = rival.model.vehicle, known.releasing(rival.effect)
-    return fit_model(vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
+    return fit_model(vehicle, [*others, table], baseline.problem, reach, LONG_STEPS, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -277,7 +267,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
-    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, STEPS, known=known)
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LONG_STEPS, known=known)
 
 
 def _finding(
@@ -295,12 +285,11 @@ def _finding(
         sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
-    sure *= OWN if rival.own else 1.0
-    if surveyed.rivals[0] is not rival:
-        sure = min(sure, OUTDONE)
+    if rival.own or surveyed.rivals[0] is not rival:
+        sure = min(sure, DOUBTFUL)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
-    least = max(NEARLY * surveyed.worth(rival), NAMED)
+    least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
     named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
@@ -318,8 +307,8 @@ def _nearly_as_good(
     confidence than the named effect.
     """
     worth = surveyed.worth
-    near = [one for one in others if worth(one) >= max(ALSO * worth(rival), NAMED)]
-    near = [one for one in near if not one.own][:NEIGHBOURS]
+    near = [one for one in others if worth(one) >= max(SIMILAR * worth(rival), MATERIAL)]
+    near = [one for one in near if not one.own][:CLOSEST]
     whole = 1.0 + sum(worth(one) for one in near)
     by = "with any hull force allowed" if surveyed.by_evidence else "on held-out data"
     for one in near:

@@ -13,6 +13,7 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.settings import MOST_SHOTS
 from hydro.core.errors import DataError
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.prediction.tracking import tracked
@@ -23,9 +24,6 @@ from hydro.core.recording.heavy_tails import Tail
 from hydro.core.recording.shots import SHOT_SECONDS, Shots, make_shots
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
-
-MOST_SHOTS = 600
-"""Maximum number of shots of one recording, which bounds the time of a fit."""
 
 
 @dataclass(frozen=True)

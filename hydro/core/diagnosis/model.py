@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
+from hydro.core.diagnosis.settings import ALPHA, DISTINCT, MATERIAL, SMALL_STEP, STEP_GAIN, STEP_SHARE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -37,19 +38,6 @@ from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]
 """Effects to fit: names in the catalogue, or tables with starting values."""
-
-ALPHA = 0.01
-"""Probability of a false alarm in one round, over all effects at once."""
-COARSE = 0.3
-"""Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
-SLOW = 1e-3
-"""Minimum reduction of the cost by one step, as a share of it: a poor model never converges fully."""
-NARROWEST = 0.01
-"""Resolution of the search along an entry with thresholds, in scales: names do not need a finer one."""
-WORSE = 4.0
-"""Distance in cost from the best on few shots beyond which a model is dropped, in standard errors of it."""
-LEFT = 0.05
-"""Excess error, as a share of the noise, below which no other local minimum is searched for."""
 
 
 def names_of(wanted: Wanted) -> list[str]:
@@ -139,7 +127,7 @@ def fit_model(
     problem: Problem,
     reach: Array,
     iterations: int,
-    share: float = SLOW,
+    share: float = STEP_SHARE,
     known: Callable[[Free], Prior] | None = None,
 ) -> Model:
     """Fit effects to the shots from their present values; without effects, return the vehicle as it is.
@@ -188,7 +176,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
-def continue_fit(model: Model, iterations: int, share: float = SLOW) -> Model:
+def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Model:
     """Continue the fit of a model from its values, see `fit_model`.
 
     Raises:
@@ -212,7 +200,7 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
     Raises:
         Diverges: The predicted motion diverges.
     """
-    return _descended(model.unknown.holding(values, held), model.problem, iterations, SLOW)
+    return _descended(model.unknown.holding(values, held), model.problem, iterations, STEP_SHARE)
 
 
 def _descended(
@@ -230,7 +218,7 @@ def _descended(
     """
     try:
         values, normal, problem = descend(
-            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior, normal
+            unknown, unknown.starts[0], problem, iterations, STEP_GAIN, share, prior, normal
         )
     except np.linalg.LinAlgError as error:
         effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))
@@ -245,7 +233,7 @@ def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
 
 
 def fitted_or_kept(
-    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = SLOW
+    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = STEP_SHARE
 ) -> tuple[Model, bool]:
     """Fit to convergence, or keep the vehicle's values where that diverges; return whether it converged.
 
@@ -260,14 +248,14 @@ def fitted_or_kept(
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
     """Return the model, or a better one found by a line search along each entry with thresholds."""
-    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, NARROWEST)
+    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
-    values, normal, problem = descend(unknown, values, model.problem, iterations, COARSE, share)
+    values, normal, problem = descend(unknown, values, model.problem, iterations, STEP_GAIN, share)
     return Model(unknown, values, problem, normal) if normal.cost < model.normal.cost else model
 
 
-def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = SLOW) -> Model:
+def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = STEP_SHARE) -> Model:
     """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
 
     Args:
@@ -276,7 +264,7 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
         reach: As for `fit_model`.
         share: As for `fit_model`.
     """
-    if model.excess < LEFT * model.normal.residuals:
+    if model.excess < MATERIAL * model.normal.residuals:
         return model
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
     for values in elsewhere(model.unknown, model.values, problem, reach, model.normal.cost):
@@ -370,7 +358,9 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
-    return [name for name, each in worse.items() if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each)]
+    return [
+        name for name, each in worse.items() if each.sum() <= DISTINCT * np.sqrt(len(each)) * np.std(each)
+    ]
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:

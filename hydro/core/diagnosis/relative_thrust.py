@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hydro.core.diagnosis.findings import FANCIFUL, Finding
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import HORIZONTAL, Recording
 
@@ -24,5 +25,5 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
     """Reduce a finding of thruster gains to a suspect where a wrong inertia predicts the same motion."""
     if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
         return finding
-    sure = min(finding.confidence, FANCIFUL)
+    sure = min(finding.confidence, DOUBTFUL)
     return replace(finding, verdict="suspect", confidence=sure, advice=f"{WORDS}; {finding.advice}")

@@ -18,10 +18,8 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from hydro.core.diagnosis.baseline import VISIBLE, Baseline, Found, Outcome
+from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
-from hydro.core.diagnosis.confidence import RIGHT
-from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -34,6 +32,24 @@ from hydro.core.diagnosis.model import (
     screened,
 )
 from hydro.core.diagnosis.sensor_errors import refuted
+from hydro.core.diagnosis.settings import (
+    ALMOST_ALL,
+    CLOSEST,
+    CONTENDERS,
+    DISTINCT,
+    FEW_SHOTS,
+    FIT,
+    FURTHER,
+    HOPELESS,
+    MOST_FINDINGS,
+    QUICK_STEPS,
+    RIGHT,
+    SIMILAR,
+    SIMILAR_CURVED,
+    STEP_SHARE,
+    UNTRUSTED_RATIO,
+    VISIBLE,
+)
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
@@ -45,31 +61,6 @@ from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
-
-CONTENDERS = 5
-"""Maximum number of candidates that are fitted in one round."""
-NEAR, NEAR_CURVED = 0.5, 0.1
-"""Share of the best linear gain from which a candidate is fitted; less for nonlinear effects."""
-MOST_FINDINGS = 4
-"""Maximum number of effects of one search."""
-SURE = 3.0
-"""Minimum distance of a general effect from its simpler special case, in standard errors."""
-ALMOST_ALL = 0.9
-"""Share of the error from which likelihood names effects, although the residual is above the noise."""
-EACH = 0.25
-"""Share of the error that findings must explain on average for the search to continue.  Sensor errors that
-kinematics shows do not count."""
-SAME = 1e-3
-"""Minimum relative reduction of the cost by which a second search with the same findings continues."""
-QUICK = 4
-"""Iterations of a candidate's first fit."""
-CLOSEST, FAR = 2, 4.0
-"""Maximum number of candidates fitted to convergence, and ratio to the best error above which none is."""
-FEW = 48
-"""Number of shots for a first comparison where the residual is above RIGHT.  Candidates that are not much
-worse than the best are then fitted to all shots."""
-ROOM = 1.5
-"""Maximum ratio of a candidate's residual on all shots to that on the few."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +100,8 @@ class Search:
 
     def fewer(self, model: Model) -> Model:
         """Return the model over a few shots where its residual is far above the noise."""
-        enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW
-        return model.some(FEW) if enough else model
+        enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW_SHOTS
+        return model.some(FEW_SHOTS) if enough else model
 
     def contend(
         self,
@@ -157,13 +148,13 @@ class Search:
     ) -> dict[str, Model]:
         """Fit some candidates quickly, and the closest of them to convergence; see `contend`."""
         few = screening.model is not model
-        rivals = {name: fit.some(FEW) if few else fit for name, fit in known.items()}
+        rivals = {name: fit.some(FEW_SHOTS) if few else fit for name, fit in known.items()}
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
         for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
             progress(f"{name}, fitted to convergence", 0.6 + 0.4 * number / CLOSEST)
-            if beyond_noise(fits[name]) > FAR * least:
+            if beyond_noise(fits[name]) > HOPELESS * least:
                 continue
             if name not in known:
                 try:
@@ -176,7 +167,7 @@ class Search:
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
         """Return the fits, with simpler special cases of the best effect, started from its values.
 
-        A special case that fits equally well, to within SURE standard errors, replaces the general effect.
+        A special case within DISTINCT standard errors of the general effect replaces it.
         """
         best = leader(fits)
         if best is None:
@@ -186,7 +177,7 @@ class Search:
             with suppress(Diverges):
                 plain[table["name"]] = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
         least = min((model.normal.cost for model in plain.values()), default=np.inf)
-        if least - fits[best].normal.cost <= SURE**2 * max(fits[best].normal.chi2, 1.0):
+        if least - fits[best].normal.cost <= DISTINCT**2 * max(fits[best].normal.chi2, 1.0):
             del fits[best]
         return {**fits, **plain}
 
@@ -204,7 +195,7 @@ class Search:
             if name in known:
                 continue
             all_explained = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
-            near = (NEAR_CURVED if is_curved(name) and not all_explained else NEAR) * most
+            near = (SIMILAR_CURVED if is_curved(name) and not all_explained else SIMILAR) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             progress(f"{name} against the residual", 0.6 * len(fits) / CONTENDERS)
@@ -233,7 +224,7 @@ class Search:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
         few = len(quick.costs) < len(before.costs)
-        enough = quick.normal.chi2 * (ROOM if few else 1.0)
+        enough = quick.normal.chi2 * (UNTRUSTED_RATIO if few else 1.0)
         at_sight = self.baseline.problem.at_measured_states
         along, best = before.problem if few else quick.problem, quick
         for problem, most in ((at_sight(quick.vehicle), enough), (along, np.inf)):
@@ -265,9 +256,9 @@ class Search:
         if cost > model.normal.cost:  # too far for a linear step: only the effect starts from it
             vehicle, along = model.vehicle, model.problem
         try:
-            return self._fit(vehicle, [*chosen, table], along, QUICK)
+            return self._fit(vehicle, [*chosen, table], along, QUICK_STEPS)
         except Diverges:  # too far even so: the effect starts from its default values
-            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
+            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK_STEPS)
 
     def grow(
         self,
@@ -312,7 +303,7 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether the findings explain so little that the search ends."""
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
-        least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
+        least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
@@ -321,8 +312,9 @@ class Search:
 
     def telling(self, screening: Screening, model: Model) -> bool:
         """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
+        curved = SIMILAR / SIMILAR_CURVED
         return any(
-            self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if is_curved(name) else 1.0), model)
+            self.baseline.belongs(name, gain * (curved if is_curved(name) else 1.0), model)
             for name, gain in screening.gains.items()
         )
 
@@ -336,7 +328,7 @@ class Search:
             begun = []
             for table in CATALOGUE[name].identification.far:
                 with suppress(Diverges):
-                    begun.append(self._fit(filed.vehicle, [{"name": name} | table], few.problem, QUICK))
+                    begun.append(self._fit(filed.vehicle, [{"name": name} | table], few.problem, QUICK_STEPS))
             if begun:
                 best = min(begun, key=lambda fit: fit.normal.chi2)
                 with suppress(Diverges):
@@ -390,7 +382,7 @@ class Search:
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
         try:
-            return self._fit(vehicle, others, model.problem, QUICK)
+            return self._fit(vehicle, others, model.problem, QUICK_STEPS)
         except Diverges:
             return self.baseline.refitted
 
@@ -408,7 +400,7 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
     if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
-    return mine > (1.0 - SAME) * theirs
+    return mine > (1.0 - STEP_SHARE) * theirs
 
 
 def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:

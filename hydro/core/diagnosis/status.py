@@ -7,14 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hydro.core.diagnosis.contenders import RIGHT
-from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Diagnosis, Finding, Prediction, Status
+from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Diagnosis, Finding, Prediction, Status
+from hydro.core.diagnosis.settings import RIGHT, SURE
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
-
-LIKELY = 0.6
-"""Confidence from which a name that is not stated is called likely; below it, the name is called possible."""
 
 
 def status(
@@ -81,7 +78,7 @@ def in_words(confidence: float) -> str:
     """Return a confidence in words and percent; a formula, which has none, is possible."""
     if np.isnan(confidence):
         return "possible"
-    word = "certain" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
+    word = "certain" if confidence >= SURE else "likely" if confidence > 0.5 else "possible"
     return f"{word}, {100.0 * confidence:.0f} %"
 
 

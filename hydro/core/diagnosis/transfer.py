@@ -28,9 +28,21 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
-from hydro.core.diagnosis.contenders import FINE
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
 from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis.settings import (
+    CORRELATED,
+    ENTRY_PENALTY,
+    FEW_SHOTS,
+    FOLDS,
+    LEAST_EVIDENCE,
+    LEAST_INFORMATION,
+    NEARLY_EQUAL,
+    QUICK_STEPS,
+    REFITS,
+    RESOLUTION,
+    SUSPECT_SPREAD,
+)
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
 from hydro.core.effects.record import Role
@@ -51,30 +63,8 @@ from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion
 
-CORRELATED = 10.0
-"""Number of correlated residuals of a shot that count as one where a model is wrong."""
-SUSPECT = 2.0
-"""Prior standard deviation of an effect that may be missing, in scales about 0."""
-SURVEY_SHOTS = 48
-"""Number of shots to which all effects are fitted."""
-STEPS = 4
-"""Iterations of a fit in the survey."""
-RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
-"""Minimum standard deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s].  No sensor is
-more accurate; a filtered log is only smoother."""
-FOLDS = 6
-"""Maximum number of parts of a recording, each held out of one fit."""
-AGAIN = 3
-"""Iterations from a fit of all shots to a fit without one fold."""
 DRAG = frozenset(with_role(Role.DRAG))
 """Effects that are drag which grows faster than speed."""
-BEFORE_OTHERS = 0.7
-"""Share of the best score from which drag is named first if the file has none."""
-KEPT = 1.0 / 3.0
-"""Minimum share of an effect's information that remains without a held-out regime.  Also the minimum share of
-shots in other sessions where whole sessions are held out."""
-GAPS = 30.0
-"""Log evidence that a hull law may have on an unchanged hull, because no library is complete."""
 HULLS = ("inertia", "damping", "hull", "memory")
 """Families of effects that are hull laws."""
 
@@ -130,8 +120,8 @@ class Rival:
 
     @property
     def lead(self) -> float:
-        """Log evidence that counts for the lead: for a hull law, the excess over GAPS."""
-        return self.evidence - (GAPS if CATALOGUE[self.effect].family in HULLS else 0.0)
+        """Log evidence that counts for the lead: for a hull law, the excess over LEAST_EVIDENCE."""
+        return self.evidence - (LEAST_EVIDENCE if CATALOGUE[self.effect].family in HULLS else 0.0)
 
     @property
     def beyond(self) -> float:
@@ -188,7 +178,7 @@ class Known:
         spread = deviations(self.file, unknown.entries) / scales
         names = np.array([entry.effect for entry in unknown.entries])
         new = np.array([not self.file.effects(name) or name in self.released for name in names], bool)
-        spread[new] = SUSPECT
+        spread[new] = SUSPECT_SPREAD
         centre = unknown.within(in_file(self.file, unknown.entries)) / scales
         return Prior(centre, spread**-2.0)
 
@@ -215,14 +205,14 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         progress: Called with a short text and the share of the work done.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
-    problem = baseline.problem.some(SURVEY_SHOTS)
+    problem = baseline.problem.some(FEW_SHOTS)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
     refitted, known = tempered(baseline, problem)
 
     def without(name: str) -> Rival | None:
         """Return an existing effect compared with its values in the file; None where the fit diverges."""
         try:
-            held = fit_model(file, [n for n in own if n != name], problem, reach, STEPS, known=known)
+            held = fit_model(file, [n for n in own if n != name], problem, reach, QUICK_STEPS, known=known)
         except Diverges:
             return None
         return _rival(name, refitted, held, known, labels, own=True)
@@ -231,7 +221,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         """Return an effect fitted from a starting table; None where the fit diverges."""
         name, released = one[0], known.releasing(one[0])
         try:
-            model = fit_model(file, [*own, one[1]], problem, reach, STEPS, known=released)
+            model = fit_model(file, [*own, one[1]], problem, reach, QUICK_STEPS, known=released)
         except Diverges:
             return None
         return _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
@@ -260,12 +250,12 @@ def weighed(rival: Rival) -> Rival:
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
     """Rank rivals by score less a penalty for each entry.
 
-    The best of the effects `first` comes before all others if it has BEFORE_OTHERS of the best score.
+    The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
-    order = sorted(rivals, key=lambda one: FINE * one.entries - one.score)
+    order = sorted(rivals, key=lambda one: ENTRY_PENALTY * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
-        if one.effect in first and one.score >= BEFORE_OTHERS * best > 0.0:
+        if one.effect in first and one.score >= NEARLY_EQUAL * best > 0.0:
             order.remove(one)
             order.insert(0, one)
             break
@@ -281,7 +271,7 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
     model = fit_model(vehicle, [], problem, reach, 0)
     for _ in range(2):
         known = Known(baseline.beforehand, max(model.normal.chi2, 1.0))
-        model = fit_model(vehicle, own, problem, reach, STEPS, known=known)
+        model = fit_model(vehicle, own, problem, reach, QUICK_STEPS, known=known)
     return model, Known(baseline.beforehand, max(model.normal.chi2, 1.0))
 
 
@@ -303,12 +293,12 @@ def regimes_of(shots: Shots) -> Rows:
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
     """Return the held-out squared residual of each shot, with entries held to their priors, (S,).
 
-    See `confidence.left_out_costs`.  It is NaN where the other folds keep less than KEPT of the information
-    on the entries `new`.
+    See `confidence.left_out_costs`.  It is NaN where the other folds keep less than LEAST_INFORMATION on the
+    entries `new`.
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
-    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, KEPT)
+    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, LEAST_INFORMATION)
 
 
 @dataclass(frozen=True)
@@ -360,7 +350,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
 
     def predicted(number: int) -> Squares:
         """Return the squared errors of the stretches of one fold."""
-        there = continue_fit(whole.over(fold != number), AGAIN).vehicle
+        there = continue_fit(whole.over(fold != number), REFITS).vehicle
         return squares_ahead(there, ahead.of(within == number))
 
     sums, counts = np.zeros((2, len(ahead.starts), 6))
@@ -379,7 +369,7 @@ def _predicted_together(shots: Shots) -> Rows:
     A disturbance may last for a session: stretches of one session do not show whether a model transfers.
     """
     _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
-    enough = len(label) - count.max() >= KEPT * len(label)
+    enough = len(label) - count.max() >= LEAST_INFORMATION * len(label)
     return np.asarray(label, np.int64) if enough else sessions_of(shots)
 
 
@@ -453,7 +443,7 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
     screening = Search(baseline).screened(refitted, tried)
     weight, held, tables = CORRELATED * known.temper, known(refitted.unknown).information, {}
     for name, (_, columns) in screening.ranked.items():
-        new = np.full(len(columns), weight * SUSPECT**-2)
+        new = np.full(len(columns), weight * SUSPECT_SPREAD**-2)
         tables[name] = screening.beginning(name, np.concatenate([held, new]))
     for table in file.effect:  # effects of the file that have no grid start from their values
         name = str(table["name"])

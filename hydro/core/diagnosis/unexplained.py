@@ -17,10 +17,11 @@ import numpy as np
 from hydro.core.columns import DOF, VELOCITY, Array
 from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import explained_share
-from hydro.core.diagnosis.findings import FIT, Finding
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis.settings import FIT, LEAST_PIECES, MATERIAL, SAME_POWER, SMALL_STEP, SPEED_BINS
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
@@ -40,20 +41,8 @@ from hydro.core.recording.arrays import drawn
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion
 
-STRUCTURED = 0.05
-"""Minimum size of unexplained error that is a finding, as a share of the noise."""
-LEFT = 0.05
-"""Minimum size of unexplained error that is a finding, as a share of the error beyond the noise."""
-PULL = 0.01
-"""Size of a trial pull, as a share of the vehicle's weight; responses are linear at that size."""
 WRENCH = 6
 """Number of components of a wrench."""
-LEAST_PIECES = 50
-"""Minimum number of pieces of a log for the growth with speed."""
-BINS = 8
-"""Number of speed bins, with equal counts."""
-FLAT = 0.3
-"""Exponent of speed at or below which a force is reported as not growing."""
 
 
 def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -> list[Finding]:
@@ -72,9 +61,9 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
     whole = first.excess / max(1.0 - baseline.calmed, 1e-9)  # with the part that waves explain
-    if not far and model.excess < max(LEFT * whole, STRUCTURED * model.normal.residuals):
+    if not far and model.excess < max(MATERIAL * whole, MATERIAL * model.normal.residuals):
         return []
-    if not (far or last.significant or (_white(baseline) and _steady_share(model) >= STRUCTURED)):
+    if not (far or last.significant or (_white(baseline) and _steady_share(model) >= MATERIAL)):
         return []
     share, low, high = explained_share(
         model.excesses, first.excesses, max(block_length(model.normal.score), 1)
@@ -164,7 +153,7 @@ def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
     """Yield the vehicle under a small steady pull along one NED axis, at CO, ahead, to starboard or below."""
-    pull = PULL * vehicle.rigid_body.mass * vehicle.environment.gravity
+    pull = SMALL_STEP * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
     for place in (np.zeros(3), *np.eye(3)):
         for way in np.eye(3):
@@ -246,7 +235,7 @@ class Leftover:
             text += f", most of it {self.place}"
         if self.power is None:
             return text
-        if self.power > FLAT:
+        if self.power > SAME_POWER:
             return f"{text}; it grows about as speed to the power {self.power:.1f}"
         return f"{text}; it does not grow with speed"
 
@@ -271,7 +260,9 @@ class Leftover:
         )
 
     def _steepest(self) -> list[int]:
-        grown = [(power, i) for i, power in enumerate(self.powers) if power is not None and power > FLAT]
+        grown = [
+            (power, i) for i, power in enumerate(self.powers) if power is not None and power > SAME_POWER
+        ]
         return [i for _, i in sorted(grown, reverse=True)]
 
 
@@ -319,7 +310,7 @@ def growth(speed: Array, square: Array) -> float | None:
     """
     if len(speed) < LEAST_PIECES:
         return None
-    order = np.array_split(np.argsort(speed), BINS)
+    order = np.array_split(np.argsort(speed), SPEED_BINS)
     v = np.array([speed[part].mean() for part in order])
     f = np.array([square[part].mean() for part in order])
     seen = (f > 0.0) & (v > 0.0)

@@ -17,10 +17,28 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
-from hydro.core.diagnosis.confidence import RIGHT, Fitted, explained_share, left_out_costs
+from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_costs
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.settings import (
+    CLEAN,
+    CLOSEST,
+    FAR_FROM_PRIOR,
+    LEAST_INFORMATION,
+    LONG_STEPS,
+    MATERIAL,
+    MOST_STEPS,
+    NEARLY_EQUAL,
+    QUICK_STEPS,
+    RIGHT,
+    SHOTS,
+    SMALL_STEP,
+    TERM_PRIOR,
+    TERM_SHARE,
+    TERM_SHORTLIST,
+    VISIBLE,
+)
 from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, sessions_of, tempered
 from hydro.core.discovery.sentences import told
 from hydro.core.discovery.terms import Term, library
@@ -37,35 +55,6 @@ from hydro.core.vehicle.description import Vehicle
 
 UNNAMED = ("far_from_noise", "none_of_the_known")
 """Verdicts after which a discovery is attempted."""
-LEAVES = 1.2
-"""Minimum reduced chi-square at which a formula is searched although every finding has a name."""
-BETTER = 0.7
-"""Ratio of excess reduced chi-squares, formula to named forces, below which a formula casts doubt on these.
-"""
-SHOTS = 96
-"""Maximum number of shots on which terms are selected."""
-MOST_TERMS = 8
-"""Maximum number of terms added to a formula."""
-WORTH = 0.05
-"""Minimum share of the remaining held-out error that a term must remove."""
-BESIDE, PLAIN = 0.005, 0.05
-"""Minimum gain of a term as a share of the initial held-out error (BESIDE) and of the noise (PLAIN)."""
-NEEDED = 0.02
-"""Minimum share of the remaining error that a kept term must remove; the other limit is half of PLAIN."""
-SHORTLIST = 30
-"""Number of terms whose transfer is evaluated, ranked by the error that they explain."""
-TRIED = 3
-"""Number of shortlisted terms that are fitted together with their powers."""
-MOVED = 2.0
-"""Prior standard deviations by which a value of the file must change to be reported."""
-STEPS, LAST_STEPS = 6, 12
-"""Maximum Gauss-Newton steps of a fit during selection (STEPS) and of the final fit (LAST_STEPS)."""
-LOOSE = 1e-2
-"""Prior information on the coefficient of a term, times the mean squared residual."""
-TOLD = 0.2
-"""Minimum share of the information on a term that must remain when a fold is held out."""
-LITTLE = 0.01
-"""Perturbation of a term's coefficient for derivatives, relative to weight or weight times length."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +130,7 @@ class Discovery:
         """Return the terms with the largest explained error, sorted by how well they transfer."""
         model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
-        pulls = [LITTLE * size for size in _sizes(model.vehicle)]
+        pulls = [SMALL_STEP * size for size in _sizes(model.vehicle)]
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
         normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
         count = len(own)
@@ -159,18 +148,18 @@ class Discovery:
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * LOOSE)])
+        held = np.concatenate([prior.information, np.full(extra, self.known.temper * TERM_PRIOR)])
         new = range(len(model.values), len(columns))
-        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), TOLD)
+        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
     def better(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
         progress("terms tested on held-out data", 0.0)
         best: Choice | None = None
-        for number, term in enumerate(self.shortlist(choice)[:TRIED]):
-            progress(f"fit of {term.text} with its power", 0.5 + 0.5 * number / TRIED)
+        for number, term in enumerate(self.shortlist(choice)[:CLOSEST]):
+            progress(f"fit of {term.text} with its power", 0.5 + 0.5 * number / CLOSEST)
             try:
-                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), STEPS)
+                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), QUICK_STEPS)
             except (Diverges, np.linalg.LinAlgError):
                 continue
             if best is None or tried.costs.max() < best.costs.max():
@@ -191,12 +180,12 @@ class Discovery:
             for number in new:
                 rest = joined([one for k, one in enumerate(parts) if k != number])
                 try:
-                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), STEPS))
+                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), QUICK_STEPS))
                 except (Diverges, np.linalg.LinAlgError):
                     continue
             least = min(tries, key=lambda one: float(one.costs.max()), default=None)
             noise, left = choice.model.normal.residuals, float(choice.costs.max())
-            if least is None or least.costs.max() - left > max(NEEDED * left, 0.5 * PLAIN * noise):
+            if least is None or least.costs.max() - left > max(TERM_SHARE * left, 0.5 * MATERIAL * noise):
                 return choice
             choice = least
 
@@ -217,7 +206,7 @@ def discovered(
             if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
-    if not unnamed and not diagnosis.chi2[-1] > LEAVES:
+    if not unnamed and not diagnosis.chi2[-1] > CLEAN:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
     equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
@@ -225,7 +214,7 @@ def discovered(
     if found is None:
         return diagnosis
     findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
-    if left - 1.0 < BETTER * (leaves - 1.0):
+    if left - 1.0 < NEARLY_EQUAL * (leaves - 1.0):
         findings = tuple(_doubted(one, left, leaves) for one in findings)
     new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
     estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
@@ -260,12 +249,12 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
     """Return the formula that the file lacks; None where no term transfers."""
     data, first = _begun(vehicle, log)
-    if not first.model.normal.chi2 > 1.0 + PLAIN:
+    if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None
     choice = first
-    while _count(choice.model.vehicle) - _count(vehicle) < MOST_TERMS:
-        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_TERMS
-        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_TERMS))
+    while _count(choice.model.vehicle) - _count(vehicle) < MOST_STEPS:
+        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_STEPS
+        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_STEPS))
         if tried is None or not _worth(first, choice, tried):
             break
         choice = tried
@@ -274,7 +263,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
         return None
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
-    choice = replace(data, known=known).fitted(choice.model.vehicle, LAST_STEPS)
+    choice = replace(data, known=known).fitted(choice.model.vehicle, LONG_STEPS)
     return _found(vehicle, first, choice)
 
 
@@ -293,7 +282,7 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
 def _worth(first: Choice, before: Choice, after: Choice) -> bool:
     """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
     gained, noise = before.costs - after.costs, before.model.normal.residuals
-    least = np.maximum(WORTH * before.costs, np.maximum(BESIDE * first.costs, PLAIN * noise))
+    least = np.maximum(MATERIAL * before.costs, np.maximum(VISIBLE * first.costs, MATERIAL * noise))
     return bool((gained >= least).all())
 
 
@@ -311,7 +300,7 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
     change = (fit.values - in_file(file, entries)) / deviations(file, entries)
     for name in dict.fromkeys(entry.effect for entry in entries):
         own = [i for i, entry in enumerate(entries) if entry.effect == name]
-        if name == FORMULA.name or not (np.abs(change[own]) > MOVED).any():
+        if name == FORMULA.name or not (np.abs(change[own]) > FAR_FROM_PRIOR).any():
             continue
         farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
         values, errors = fit.table(name)
@@ -354,7 +343,7 @@ def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, 
     size = np.diag(matrix)[count:]
     free = size - np.einsum("ij,ji->i", across, np.linalg.solve(held, across.T)) if count else size
     gain = np.where(free > 1e-6 * size, rest**2 / np.maximum(free, 1e-300), 0.0) * np.array(preferred)
-    return [int(i) for i in np.argsort(-gain)[:SHORTLIST] if gain[i] > 0.0]
+    return [int(i) for i in np.argsort(-gain)[:TERM_SHORTLIST] if gain[i] > 0.0]
 
 
 def _sizes(vehicle: Vehicle) -> list[float]:

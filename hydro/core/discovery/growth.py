@@ -20,6 +20,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
+from hydro.core.diagnosis.settings import RESAMPLES, TERM_SHARE, WIDEST_POWER
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
@@ -33,12 +34,6 @@ from hydro.core.vehicle.description import Vehicle
 
 POWERS = np.arange(0.0, 4.01, 0.05)
 """Powers that are tried."""
-RESAMPLES = 400
-"""Number of bootstrap samples for the interval of a power."""
-PLAIN = 0.02
-"""Minimum share of the force's variance that a term must explain for its power to be reported."""
-WIDEST = 1.5
-"""Maximum width of a power's 95 % interval for the power to be reported."""
 RIDGE = 1e-9
 """Relative ridge that keeps the normal equations invertible."""
 
@@ -90,11 +85,11 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
         gram = _grams(tried, np.column_stack([_beside(nu, axis, against), force]), number)
         left, drag, share = _profile(gram.sum(axis=0))
         best = int(left.argmin())
-        if share[best] < PLAIN or best in (0, len(POWERS) - 1):
+        if share[best] < TERM_SHARE or best in (0, len(POWERS) - 1):
             continue
         drawn = _drawn(gram)
         low, high = (float(end) for end in np.quantile(drawn, [0.025, 0.975]))
-        if high - low <= WIDEST:
+        if high - low <= WIDEST_POWER:
             yield {
                 "axis": WRENCH[axis],
                 "against": VELOCITY[against],

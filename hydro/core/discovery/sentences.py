@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydro.core.columns import DOF, VELOCITY
+from hydro.core.diagnosis.settings import SAME_POWER
 from hydro.core.effects.formula import AXES, amounts
 from hydro.core.effects.layout import COMMAND_NAMES
 
-SAME = 0.3
-"""Maximum difference of two powers that are reported as one force acting away from CO."""
 OFFSETS = {
     ("Y", "N"): (1.0, "ahead of"),
     ("Z", "M"): (-1.0, "ahead of"),
@@ -86,7 +85,7 @@ def _lever(
     sign, way = OFFSETS.get((text[0], other[0]), (0.0, ""))
     if not sign or not value or text[1:] != other[1:] or text[1:].startswith((" g", " z")):
         return None
-    if any(abs(a - b) > SAME for a, b in zip(powers, its, strict=True)):
+    if any(abs(a - b) > SAME_POWER for a, b in zip(powers, its, strict=True)):
         return None
     arm = sign * turning / value
     return f"{abs(arm):.2f} m {way if arm > 0.0 else AGAINST[way]}" if math.isfinite(arm) else None

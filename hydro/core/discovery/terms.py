@@ -13,6 +13,7 @@ from itertools import combinations, permutations
 from typing import Any
 
 from hydro.core.columns import VELOCITY
+from hydro.core.diagnosis.settings import UNEVEN_WEIGHT
 from hydro.core.effects.formula import AXES, one_term
 from hydro.core.effects.layout import COMMAND_NAMES
 
@@ -25,9 +26,6 @@ fin."""
 DOWN = ("g_x", "g_y", "g_z")
 MIRRORED = frozenset("YKNvpr")
 """Axes and velocities that change sign in a mirror that swaps port and starboard, and g_y."""
-PLAIN, UNUSUAL, UNEVEN = 1.0, 0.95, 0.8
-"""Weights on the gain of a term: drag along its own axis (PLAIN), coupling between axes (UNUSUAL), and terms
-that a port-starboard symmetric hull cannot have (UNEVEN)."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Term:
 
     text: str
     powers: tuple[float, ...] = ()
-    preferred: float = UNUSUAL
+    preferred: float = 1.0
 
     @property
     def axis(self) -> int:
@@ -77,7 +75,7 @@ def of_axis(axis: str) -> Iterator[Term]:
     """Yield the candidates of one axis that depend on motion or on the direction of gravity."""
     own = VELOCITY[AXES.index(axis)]
     for power in OWN_POWERS:
-        yield Term(f"{axis} |{own}|^n sgn({own})", (power,), PLAIN)
+        yield Term(f"{axis} |{own}|^n sgn({own})", (power,))
     for name in VELOCITY:
         if name != own:
             for power in OTHER_POWERS:
@@ -98,4 +96,4 @@ def even(term: Term, *odd: str) -> Term:
     """Return the term, with a lower weight where port-starboard symmetry rules it out."""
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)
-    return Term(term.text, term.powers, UNEVEN if uneven else term.preferred)
+    return Term(term.text, term.powers, UNEVEN_WEIGHT if uneven else term.preferred)

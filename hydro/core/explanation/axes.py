@@ -5,16 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import VELOCITY, Array
+from hydro.core.diagnosis.settings import AXIS_LEVEL, RESAMPLES, RISE
 from hydro.core.diagnosis.transfer import Squares
 from hydro.core.evaluation.block_resampling import block_sums, weights
 from hydro.core.prediction.normal_equations import block_length
-
-LEVEL = 0.05
-"""Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
-MATERIAL = 1.02
-"""Ratio of root mean square errors up to which a worse axis does not matter: the bar for a better step."""
-RESAMPLES = 4000
-"""Resampled recordings: a probability of 1 % is known to 0.16 %."""
 
 
 def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
@@ -29,7 +23,7 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
     seen = np.flatnonzero(before.counts.sum(axis=0))
     if len(before.sums) < 2 or not seen.size:
         return ()
-    rise = (after.sums - MATERIAL**2 * before.sums)[:, seen]
+    rise = (after.sums - RISE**2 * before.sums)[:, seen]
     blocks = block_sums(rise, block_length(rise - rise.mean(axis=0)))
     drawn = weights(len(blocks), RESAMPLES, 0) @ blocks
     return tuple(VELOCITY[seen[i]] for i in _rejected((drawn <= 0.0).mean(axis=0)))
@@ -39,7 +33,7 @@ def _rejected(p_values: Array) -> list[int]:
     """Return the indices of the hypotheses that Holm's procedure rejects, in their order."""
     order, found = np.argsort(p_values, kind="stable"), []
     for number, index in enumerate(order):
-        if p_values[index] > LEVEL / (len(order) - number):
+        if p_values[index] > AXIS_LEVEL / (len(order) - number):
             break
         found.append(int(index))
     return sorted(found)

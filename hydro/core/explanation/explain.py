@@ -13,12 +13,13 @@ from dataclasses import replace
 
 import polars as pl
 
-from hydro.core.diagnosis.baseline import LOUD, stable_shots
+from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.diagnose import Beyond, diagnose_log
 from hydro.core.diagnosis.findings import UNEXPLAINED, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.provisional import Told
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
@@ -30,8 +31,6 @@ from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
-MOST_STEPS = 6
-"""Maximum number of steps after the file as given."""
 TRIED, COMPARED = 0.2, 0.15
 """Approximate shares of the time of a step for trials and for comparisons; the diagnosis takes the rest."""
 NO_BETTER = "no other candidate lowers the held-out prediction error"
@@ -164,7 +163,7 @@ def _next(
         error = recordings.error(recordings.left_out(tried.vehicle, names_of(tried.tables)))
         ladder.append(left_out_rung(ladder[0], error))
     rest = part(progress, end, 0.9 if beyond else 1.0)
-    in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
+    in_vain = bool(steps) and steps[-1].chi2[-1] > FAR_FROM_NOISE
     diagnosis = diagnose_log(
         plain,
         log,

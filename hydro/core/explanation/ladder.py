@@ -15,16 +15,15 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import Status
-from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, column
+from hydro.core.diagnosis.settings import RISE
+from hydro.core.evaluation.yardsticks import JUDGED, LEVEL, PREDICTORS, column
 from hydro.core.explanation.with_hull import BESIDE, FLOOR
 from hydro.core.explanation.with_hull import LEVEL as OF_HULL
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
-HORIZON = 5.0
+HORIZON = JUDGED
 """Prediction horizon at which steps are compared [s]."""
-RISE = 1.02
-"""Ratio of the held-out error to the least of the earlier steps from which a step is one too many."""
 DATASETS = ("fit", "holdout")
 """Names of the recording that is fitted to and of the held-out one."""
 LEFT_OUT = "left_out"

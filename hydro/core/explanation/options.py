@@ -13,6 +13,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import STATED, tables
+from hydro.core.diagnosis.settings import LIKELY_STEP
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.with_hull import FLOOR
@@ -21,8 +22,6 @@ Table = Mapping[str, Any]
 
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of existing effects are added with it."""
-LIKELY = 0.2
-"""Confidence from which suspects are tried where nothing is stated; held-out data decide what stays."""
 SUSPECTED, FAR = "suspect", "far_from_noise"
 """Verdict on an uncertain name, and verdict on a recording whose noise no model reaches."""
 
@@ -99,7 +98,7 @@ def _suspected(step: Step) -> pl.DataFrame:
 def _likely(step: Step) -> list[str]:
     """Return the names of these suspects, if at least one of them is likely."""
     suspected = _suspected(step)
-    likely = suspected.filter(pl.col("confidence") >= LIKELY)
+    likely = suspected.filter(pl.col("confidence") >= LIKELY_STEP)
     return [] if likely.is_empty() else suspected["effect"].to_list()
 
 

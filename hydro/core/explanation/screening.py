@@ -16,7 +16,8 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
 from hydro.core.diagnosis.model import begun, screened, unfitted
-from hydro.core.diagnosis.transfer import CORRELATED, SUSPECT, sessions_of
+from hydro.core.diagnosis.settings import CORRELATED, SUSPECT_SPREAD
+from hydro.core.diagnosis.transfer import sessions_of
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
@@ -39,7 +40,7 @@ def promising(
     model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
     screening = screened(model, suspects(vehicle, without=own, reach=reach), len(problem.shots.starts))
     fold, there = sessions_of(problem.shots), list(screening.own)
-    weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT**-2
+    weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT_SPREAD**-2
 
     def left(normal: Normal) -> Array:
         count = len(normal.gram[0]) - 1

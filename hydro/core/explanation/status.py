@@ -10,7 +10,8 @@ from typing import Any
 import polars as pl
 
 from hydro.core import toml_text
-from hydro.core.diagnosis.findings import STATED, SURE, UNEXPLAINED, Finding, Status
+from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import status
 from hydro.core.effects.sentences import sentence
 from hydro.core.explanation.ladder import Step

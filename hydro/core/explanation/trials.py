@@ -17,13 +17,23 @@ import numpy as np
 import polars as pl
 
 from hydro.core.cleaning.readiness import require_ready
-from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, stable_part, stable_start, weighed_fit
+from hydro.core.diagnosis.baseline import stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
-from hydro.core.diagnosis.findings import FIT, extended
+from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
 from hydro.core.diagnosis.sensor_errors import by_kinematics
+from hydro.core.diagnosis.settings import (
+    CONTENDERS,
+    FEW_SHOTS,
+    FIT,
+    LEAST_SHOTS,
+    MOST_CONTENDERS,
+    QUICK_STEPS,
+    RISE,
+    SHOTS,
+)
 from hydro.core.diagnosis.transfer import (
     Squares,
     left_out_squares,
@@ -52,15 +62,6 @@ from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
-
-PART, FEW, QUICK = 96, 48, 6
-"""Number of shots about which the catalogue is linearised, and number of shots of HORIZON length and
-iterations of the fits that compare candidates."""
-TRIED, SHORTLIST = 8, 4
-"""Number of effects that are fitted so, and number of these that are tested on held-out stretches."""
-LOWER = 0.98
-"""Ratio of held-out errors below which a candidate that is not stated is added, and above which two errors
-count as equal."""
 
 STEADY = with_role(Role.STEADY_LOAD)
 """Steady loads, tried with each effect that changes the thrust which balances them."""
@@ -95,7 +96,7 @@ class Recordings:
     @cached_property
     def problem(self) -> OutputError:
         """Shots about which the catalogue is linearised, a part of a diagnosis' shots."""
-        return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(PART)
+        return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
         """Return at most so many shots of HORIZON length; None if there are too few or they diverge.
@@ -112,7 +113,7 @@ class Recordings:
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots for fits and comparisons of candidates for a vehicle."""
-        return self.ahead(vehicle, FEW) or OutputError.of(self.problem.shots, vehicle)
+        return self.ahead(vehicle, FEW_SHOTS) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """Compare a vehicle with one of the recordings, with rows about the hull if there is a hull model."""
@@ -153,7 +154,7 @@ class Recordings:
         return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
 
     def tried(
-        self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK
+        self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK_STEPS
     ) -> Vehicle:
         """Return the vehicle with effects fitted to some shots, with at most so many iterations.
 
@@ -233,9 +234,12 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
 
     def joins(error: float, one: Quick) -> bool:
         """Return whether the fit may be added."""
-        return error < LOWER * here or (states(last, one.effect) and np.isfinite(error))
+        return RISE * error < here or (states(last, one.effect) and np.isfinite(error))
 
-    errors, listed = list[tuple[float, Quick]](), list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
+    errors, listed = (
+        list[tuple[float, Quick]](),
+        list(dict.fromkeys(one.effect for one in quick))[:CONTENDERS],
+    )
     for one in (one for one in quick if one.effect in listed):
         if errors and one.is_implausible > errors[0][1].is_implausible:
             break
@@ -244,7 +248,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     better = [found for found in errors if joins(*found)]
     if not better:
         return []
-    alike = min(error for error, _ in better) / LOWER
+    alike = RISE * min(error for error, _ in better)
     first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
     for load in [name for name in STEADY if name in first.found and name != first.effect]:
         rest = {name: table for name, table in first.found.items() if name != load}
@@ -262,7 +266,7 @@ def _beside(
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
-    return others[: max(TRIED - len(every), 0)]
+    return others[: max(MOST_CONTENDERS - len(every), 0)]
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
@@ -417,7 +421,7 @@ def _fit_together(
         return min(fit, other, key=lambda one: recordings.error_ahead(one.vehicle))
 
     fit = better(fit, start if tried is None else tried, resolved(problem))
-    ahead = recordings.ahead(fit.vehicle, ENOUGH)
+    ahead = recordings.ahead(fit.vehicle, SHOTS)
     return fit if ahead is None else better(fit, fit.vehicle, ahead)
 
 

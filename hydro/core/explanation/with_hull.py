@@ -17,6 +17,7 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.contenders import Compared
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import unfitted
+from hydro.core.diagnosis.settings import RESAMPLES
 from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.residual.hull import Hull
@@ -30,8 +31,6 @@ BEFORE, AFTER = "before", "after"
 """Recordings in the column `place`."""
 FLOOR = "floor"
 """Axis of all channels together, in units of the floor."""
-ERROR_RESAMPLES = 1000
-"""Number of bootstrap resamples of the errors."""
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
@@ -101,5 +100,5 @@ def _levels(normal: Normal, weight: Array) -> Array:
         """Return these values for recordings with these shares of the shots, (..., S)."""
         return np.asarray(np.sqrt((shares @ squares) / (shares @ free)[..., None] / part))
 
-    drawn = weights(len(squares), ERROR_RESAMPLES, 0) * weight
+    drawn = weights(len(squares), RESAMPLES, 0) * weight
     return np.vstack([root(weight), interval(root(drawn))])

@@ -10,19 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.core.diagnosis.baseline import (
-    ENOUGH,
-    LOUD,
-    MATERIAL,
-    MUCH_OF_IT,
-    PLAIN,
-    VISIBLE,
-    Baseline,
-    Outcome,
-)
+from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.diagnose import searched
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE, FURTHER, MATERIAL, SHOTS, VISIBLE
 from hydro.core.progress import silent
 from hydro.core.recording.shots import kept_evenly
 
@@ -53,13 +45,13 @@ def test_what_explains_more_matters_no_less(first: float, left: float, part: flo
 def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_what_is_left():
     """A third effect is not passed over because the first one was a thousand times the noise."""
     baseline, before = begun_from(1000 * RESIDUALS), leaving(0.13 * RESIDUALS)
-    plain = max(MUCH_OF_IT * before.excess, PLAIN * RESIDUALS)
+    plain = FURTHER * before.excess
     assert plain < MATERIAL * baseline.refitted.excess
     assert baseline.material(1.01 * plain, before)
     assert not baseline.material(0.9 * plain, before)
 
 
-@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, ENOUGH), (2e3, 148, 148), (50.0, 300, 300)])
+@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, SHOTS), (2e3, 148, 148), (50.0, 300, 300)])
 def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: int, left: int):
     """Both models and the problem keep the same of them; a recording near the noise keeps all."""
     costs = np.arange(shots, dtype=float)
@@ -86,8 +78,8 @@ FIRST, RESUMED, FILED = "first", "resumed", "filed"
     [
         (1.0, 1.0, [FIRST], FIRST),  # it fits
         (50.0, 1.0, [FIRST, FILED], FILED),  # it does not, and the other does
-        (2 * LOUD, 1.0, [FIRST, FILED], FILED),
-        (2 * LOUD, 50.0, [FIRST, FILED, RESUMED], RESUMED),  # it had waited
+        (2 * FAR_FROM_NOISE, 1.0, [FIRST, FILED], FILED),
+        (2 * FAR_FROM_NOISE, 50.0, [FIRST, FILED, RESUMED], RESUMED),  # it had waited
         (50.0, 50.0, [FIRST, FILED], FIRST),  # it had not
     ],
 )
@@ -98,8 +90,8 @@ def test_the_files_values_are_tried_before_a_second_effect_joins_far_from_the_no
 
     def grow(search: Search, progress: object, start: Any = None, other: Any = None, far: float = np.inf):
         asked.append(FILED if search.from_file else RESUMED if start else FIRST)
-        assert far == (LOUD if asked[-1] == FIRST else np.inf)
-        model = leaving(1.0 - MUCH_OF_IT)
+        assert far == (FAR_FROM_NOISE if asked[-1] == FIRST else np.inf)
+        model = leaving(1.0 - FURTHER)
         model.normal.chi2 = filed if asked[-1] == FILED else left
         return SimpleNamespace(model=model, found=("payload",), said=asked[-1])
 

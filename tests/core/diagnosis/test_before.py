@@ -17,8 +17,8 @@ from hydro.core.diagnosis import contenders
 from hydro.core.diagnosis.before import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
-from hydro.core.diagnosis.findings import SURE
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.settings import CLOSEST, LONG_STEPS, MOST_CONTENDERS, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import told_apart
 
@@ -125,7 +125,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
     def counted(vehicle, tables, problem, reach, iterations):
         name = str(tables[0]["name"])
         first_change.extend(vehicle.effects("buoyancy_offset"))
-        if iterations == contenders.LONG:
+        if iterations == LONG_STEPS:
             long.append(name)
         else:
             quick.add(name)
@@ -136,8 +136,8 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
     found = diagnosed(damped(), flown(OFFSET, seed=40).filter(session="s0"), hull)
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"
-    assert len(set(long[: contenders.CLOSEST])) == contenders.CLOSEST
-    assert len(quick) > 2 * contenders.MOST_CONTENDERS
+    assert len(set(long[:CLOSEST])) == CLOSEST
+    assert len(quick) > 2 * MOST_CONTENDERS
 
 
 def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):
@@ -145,7 +145,7 @@ def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):
     found = diagnosed(damped(), flown(OFFSET, seed=40), hull)
     assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
     assert found.findings[0].confidence >= SURE
-    assert found.chi2[2] < contenders.RIGHT, "no more is left than the law of the hull leaves"
+    assert found.chi2[2] < RIGHT, "no more is left than the law of the hull leaves"
 
 
 def test_of_two_fins_the_one_that_was_turned_is_named():

@@ -14,6 +14,7 @@ from recordings import damped, moved, noisy
 from hydro.core.diagnosis import closed_loop
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import fit_model
+from hydro.core.diagnosis.settings import NEARLY_EQUAL
 from hydro.core.diagnosis.unexplained import WRENCH
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.identification.prior import in_file
@@ -44,7 +45,7 @@ def steady(push: float) -> list[dict]:
 
 def test_damping_that_is_there_stays_and_damping_that_stands_for_a_force_goes():
     assert told(0.0, 2.0) > 0.9
-    assert told(40.0, 1.0) < closed_loop.OWN
+    assert told(40.0, 1.0) < NEARLY_EQUAL
 
 
 @pytest.mark.parametrize(
@@ -74,7 +75,7 @@ def test_what_a_disturbance_takes_is_suspected_only(own, verdict):
     found = Finding("missing", "added_mass", ("added_mass",), 0.5, confidence=1.0, advice="add it")
     judged = closed_loop._judged(found, {"added_mass": own})
     assert judged.verdict == verdict
-    assert judged.confidence == (1.0 if own > closed_loop.OWN else pytest.approx(0.3))
+    assert judged.confidence == (1.0 if own > NEARLY_EQUAL else pytest.approx(0.3))
 
 
 def test_a_refit_that_a_disturbance_takes_has_no_values_to_add():

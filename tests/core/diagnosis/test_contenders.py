@@ -16,8 +16,8 @@ from recordings import damped
 from hydro.core.diagnosis import contenders
 from hydro.core.diagnosis.before import Change
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.findings import SURE
 from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.effects import CATALOGUE
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.parameters import free

@@ -13,17 +13,7 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import diagnose as module
-from hydro.core.diagnosis.baseline import (
-    MATERIAL,
-    VISIBLE,
-    Baseline,
-    Found,
-    Outcome,
-    refit,
-    stable_shots,
-    stable_start,
-)
-from hydro.core.diagnosis.confidence import RIGHT
+from hydro.core.diagnosis.baseline import Baseline, Found, Outcome, refit, stable_shots, stable_start
 from hydro.core.diagnosis.diagnose import (
     _retuned,
     diagnose,
@@ -34,7 +24,8 @@ from hydro.core.diagnosis.diagnose import (
 from hydro.core.diagnosis.findings import Diagnosis, tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
-from hydro.core.diagnosis.search import FEW, Search, leader, same_way
+from hydro.core.diagnosis.search import Search, leader, same_way
+from hydro.core.diagnosis.settings import FEW_SHOTS, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.transfer import left_out_squares
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
@@ -418,12 +409,12 @@ def test_a_tie_comes_with_the_motion_that_ends_it():
 
 def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all(known):
     """Suspects are ranked alike on a part of the shots; the models compared at last are of all of them."""
-    raw = recorded(hiding(known, CURRENT), rows=2 * FEW * 100 + 200)
+    raw = recorded(hiding(known, CURRENT), rows=2 * FEW_SHOTS * 100 + 200)
     search = searching(known, raw, {})
     first = search.baseline.refitted
     few = search.screen(search.fewer(first), [])
     whole = search.screen(first, [])
-    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [FEW, True]
+    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [FEW_SHOTS, True]
     assert next(iter(few.ranked)) == next(iter(whole.ranked)) == "ocean_current"
     assert few.gains["ocean_current"] == pytest.approx(whole.gains["ocean_current"], rel=0.3)
     fits = search.contend(first, [], few, silent)
@@ -432,7 +423,7 @@ def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all
 
 
 def test_near_the_noise_all_shots_are_asked(known):
-    search = searching(known, recorded(known, rows=2 * FEW * 100 + 200), {})
+    search = searching(known, recorded(known, rows=2 * FEW_SHOTS * 100 + 200), {})
     assert search.fewer(search.baseline.refitted) is search.baseline.refitted
 
 
@@ -489,9 +480,9 @@ def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(kn
     said = Diagnosis((), known, (9.0, 9.0, 9.0))
     monkeypatch.setattr(module, "searched", lambda *_: pytest.fail("searched"))
     monkeypatch.setattr(module, "named_by_transfer", lambda baseline, outcome, _: said)
-    monkeypatch.setattr(module, "LOUD", 1.0)
+    monkeypatch.setattr(module, "FAR_FROM_NOISE", 1.0)
     assert diagnose_log(known, log, in_vain=True, file=known) == said
-    monkeypatch.setattr(module, "LOUD", 1e6)
+    monkeypatch.setattr(module, "FAR_FROM_NOISE", 1e6)
     with pytest.raises(pytest.fail.Exception, match="searched"):
         diagnose_log(known, log, in_vain=True)
 

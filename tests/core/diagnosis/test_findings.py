@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.findings import FANCIFUL, Diagnosis, Finding, extended, limited_confidence, tables
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence, tables
+from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
@@ -57,7 +58,7 @@ def test_a_suspect_is_added_by_its_name_alone():
 def test_a_name_with_impossible_values_is_not_sure(datasets):
     vehicle = files.read(datasets / "vehicles" / "bluerov2_heavy.toml")[0]
     beyond = msgspec.structs.replace(vehicle, effect=({"name": "ocean_current", "v_N": -40.0},))
-    assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 0.1}) == FANCIFUL
+    assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 0.1}) == DOUBTFUL
     assert limited_confidence(0.2, beyond, "ocean_current", {"v_N": 0.1}) == 0.2
     assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 30.0}) == 1.0
 

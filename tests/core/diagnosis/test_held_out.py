@@ -66,7 +66,7 @@ def test_nothing_stated_changes_nothing(heavy):
 
 
 def test_a_session_too_short_for_a_prediction_has_no_error(heavy):
-    assert checked(heavy.head(1500)).prediction is None
+    assert checked(heavy.head(1400)).prediction is None
 
 
 def test_an_error_falls_only_by_more_than_its_standard_error():

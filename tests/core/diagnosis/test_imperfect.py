@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from hydro.core.diagnosis import imperfect
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
-from hydro.core.diagnosis.findings import SURE, Finding, extended
+from hydro.core.diagnosis.findings import Finding, extended
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.transfer import Rival, Survey
 from hydro.core.identification.outcome import Fit
 from hydro.io import vehicle as files

@@ -9,8 +9,9 @@ import pytest
 from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.findings import FANCIFUL, Finding
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.relative_thrust import doubted_gain
+from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.recording.arrays import recording
 
 GAIN = Finding("missing", "thruster_gain", ("thruster_gain",), 0.7, confidence=0.95)
@@ -32,7 +33,7 @@ def test_a_gain_is_stated_where_a_sensor_shows_force_beside_moment(sampled, verd
     seen = np.tile(np.isin(POSE + VELOCITY, sampled.split()), (record.rows, 1))
     found = doubted_gain(GAIN, replace(record, seen=seen))
     assert found.verdict == verdict
-    assert found.confidence == (FANCIFUL if verdict == "suspect" else 0.95)
+    assert found.confidence == (DOUBTFUL if verdict == "suspect" else 0.95)
     other = replace(GAIN, effect="ocean_current")
     assert doubted_gain(other, replace(record, seen=seen)) == other
     assert doubted_gain(GAIN, record) == GAIN

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recordings import damped
 
-from hydro.core.diagnosis.findings import SURE, Finding, Prediction
+from hydro.core.diagnosis.findings import Finding, Prediction
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import in_words, status
 
 STATED = {

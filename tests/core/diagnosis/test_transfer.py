@@ -14,10 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.settings import LEAST_EVIDENCE, LEAST_INFORMATION
 from hydro.core.diagnosis.transfer import (
     DRAG,
-    GAPS,
-    KEPT,
     Rival,
     Survey,
     has_drag,
@@ -108,7 +107,7 @@ def test_a_fold_that_has_most_of_the_information_does_not_count():
     prior = Prior(np.zeros(COLUMNS), np.full(COLUMNS, 1e-3))
     fitted = model(columns, error, prior, np.ones(COLUMNS))
     shown = (columns[..., 0] ** 2).sum(axis=1)
-    assert shown[FOLD != 2].sum() < KEPT * shown.sum()
+    assert shown[FOLD != 2].sum() < LEAST_INFORMATION * shown.sum()
     found = left_out(fitted, lambda unknown: prior, FOLD, new=[0])
     assert np.isnan(found[FOLD == 2]).all()
     assert np.isfinite(found[FOLD != 2]).all()
@@ -138,7 +137,7 @@ def test_laws_of_the_hull_need_more_evidence_for_a_lead():
         return Rival(name, False, None, 0.5, 0.5, evidence=50.0).lead
 
     assert lead("ocean_current") == lead("thruster_lag") == lead("payload") == 50.0
-    assert lead("linear_damping") == lead("body_lift") == lead("added_mass") == 50.0 - GAPS
+    assert lead("linear_damping") == lead("body_lift") == lead("added_mass") == 50.0 - LEAST_EVIDENCE
 
 
 def test_the_best_by_evidence_has_a_worth_of_one_and_others_their_share():

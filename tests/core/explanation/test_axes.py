@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from hydro.core.columns import VELOCITY
+from hydro.core.diagnosis.settings import AXIS_LEVEL
 from hydro.core.diagnosis.transfer import Squares
-from hydro.core.explanation.axes import LEVEL, worse_axes
+from hydro.core.explanation.axes import worse_axes
 
 SHOTS, ROWS = 120, 250
 
@@ -40,7 +41,7 @@ def test_equal_predictions_are_called_worse_as_seldom_as_the_level_says():
         sizes = np.full(6, 0.1) * np.exp(0.5 * rng.standard_normal((SHOTS, 1)))
         before, after = squares(rng, sizes), squares(rng, sizes)
         wrong += bool(worse_axes(before, after))
-    assert wrong <= 300 * LEVEL
+    assert wrong <= 300 * AXIS_LEVEL
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -13,12 +13,13 @@ from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.baseline import LOUD, Outcome, refit, stable_shots, weighed_fit
+from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_fit
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.diagnose import refine
-from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import unfitted
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE, FIT
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
 from hydro.core.explanation import screening, trials
@@ -245,7 +246,7 @@ def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
 
 def test_a_search_that_came_nowhere_near_the_noise_is_not_made_again(staged):
     missing = [[finding("missing", name, w=1.0)] for name in ("payload", "net_buoyancy")]
-    steps, _ = staged([*missing, []], [3.0, 2.0, 1.0], chi2=[2 * LOUD, 0.5 * LOUD, 1.0])
+    steps, _ = staged([*missing, []], [3.0, 2.0, 1.0], chi2=[2 * FAR_FROM_NOISE, 0.5 * FAR_FROM_NOISE, 1.0])
     assert len(steps) == 3
     assert staged.in_vain == [False, True, False]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from recordings import DT, damped, moved
 
-from hydro.core.diagnosis.baseline import LEAST_SHOTS
+from hydro.core.diagnosis.settings import LEAST_SHOTS
 from hydro.core.explanation.ladder import HORIZON
 from hydro.core.explanation.trials import Recordings
 from hydro.core.prediction.output_error import OutputError
