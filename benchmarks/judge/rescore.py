@@ -36,6 +36,7 @@ CONSTANTS = (
     "settings.EVIDENCE_EVEN",
     "settings.LEAST_LEAD",
     "settings.ENTRY_PENALTY",
+    "settings.LEAST_ENTRY",
     "settings.ABSORPTION_PENALTY",
     "settings.RIGHT",
     "settings.FIT",

@@ -28,6 +28,7 @@ from hydro.core.diagnosis.settings import (
     ENTRY_PENALTY,
     FIT,
     HOPELESS,
+    LEAST_ENTRY,
     LONG_STEPS,
     MOST_CONTENDERS,
     QUICK_STEPS,
@@ -309,7 +310,7 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         at += len(columns)
         own = normal.of(columns)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - ENTRY_PENALTY * len(columns)
+        score = 1.0 - float(left.sum()) / whole - LEAST_ENTRY * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
             known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
             step = np.linalg.solve(known, own.score.sum(axis=0))
@@ -374,7 +375,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
         fewer = [[one for one in kept if one != out] for out in kept]
         costs = [float(compared.left_out(normal.of(columns)).sum()) for columns in fewer]
         best = int(np.argmin(costs))
-        if costs[best] > left + ENTRY_PENALTY * nothing:
+        if costs[best] > left + LEAST_ENTRY * nothing:
             break
         kept, left = fewer[best], costs[best]
     if len(kept) == count:
@@ -385,7 +386,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))
-    return leaner if leaner.left < whole.left + ENTRY_PENALTY * nothing * (count - len(kept)) else whole
+    return leaner if leaner.left < whole.left + LEAST_ENTRY * nothing * (count - len(kept)) else whole
 
 
 def fitted_together(

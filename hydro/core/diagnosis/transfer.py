@@ -32,9 +32,9 @@ from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import (
     CORRELATED,
-    ENTRY_PENALTY,
     FEW_SHOTS,
     FOLDS,
+    LEAST_ENTRY,
     LEAST_EVIDENCE,
     LEAST_INFORMATION,
     NEARLY_EQUAL,
@@ -252,7 +252,7 @@ def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tu
 
     The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
-    order = sorted(rivals, key=lambda one: ENTRY_PENALTY * one.entries - one.score)
+    order = sorted(rivals, key=lambda one: LEAST_ENTRY * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
         if one.effect in first and one.score >= NEARLY_EQUAL * best > 0.0:
