@@ -43,9 +43,11 @@ FACTORS = (0.2, 5.0)
 REVERSED, EXCHANGED = 0.1, 0.1
 """Prior probabilities that a thruster is reversed, and that another pair of columns is exchanged."""
 COUPLED = 0.1
-"""Prior probability that a command accelerates an axis on which its thruster does not push in the file."""
+"""Prior probability that a command accelerates an axis on which its thruster does not push in the file.
+Half or twice this changes none of 60 audits (20 sound files, 40 with a fault)."""
 ALIKE = 0.9
-"""Minimum absolute correlation of two commands at which their thrusters are treated as one."""
+"""Minimum absolute correlation of two commands at which their thrusters are treated as one.  Neither 0.8 nor
+0.95 changes one of these audits."""
 ENUMERATED = 10
 """Maximum number of thrusters for which all combinations of signs are evaluated: 1,024 combinations."""
 ROUNDS = 30
