@@ -120,10 +120,9 @@ def _group_title(step: int, last: int, taken: list[str]) -> str:
 
 def _shares(shown: pl.DataFrame, step: int) -> str:
     """Return the note on the shares of the cards of one diagnosis; empty if they need none."""
-    rows = shown.to_dicts()
-    reference = f"Shares are of the error that remained after step {step}."
-    explained = any(diagnosis.facts(row) for row in rows)
-    return " ".join([reference] * (step > 0 and explained) + [SHARES] * has_shares(rows))
+    if not has_shares(shown.to_dicts()):
+        return ""
+    return f"Shares are of the error that remained after step {step}. {SHARES}" if step else SHARES
 
 
 def _unseen(rows: pl.DataFrame) -> str:
