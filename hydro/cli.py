@@ -172,7 +172,9 @@ def _main(arguments: list[str] | None) -> int:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
     try:
-        _require_threads()
+        from hydro.core.threads import require_numbers
+
+        require_numbers()  # numba raises on its import otherwise
         code = _run(arguments)
         sys.stdout.flush()
         return code
@@ -182,13 +184,6 @@ def _main(arguments: list[str] | None) -> int:
 
             traceback.print_exc()
         return _exit_code(error)
-
-
-def _require_threads() -> None:
-    """Refuse numbers of threads in the environment that are none, before a library reads them."""
-    from hydro.core.threads import require_numbers
-
-    require_numbers()
 
 
 @functools.cache
