@@ -41,7 +41,6 @@ def demo(
     typer.echo("The first run after an installation also compiles the physics, a minute or two.")
     typer.echo("\nWhat is missing in a vehicle file?\n")
     report, *missing = _missing(root, folder)
-    typer.echo("\nHow well do residual networks predict the water forces, and how well do they replay?\n")
     learnt = _learnt(root, folder, epochs)
     typer.echo("Written:")
     for path in [*missing, *learnt]:
@@ -63,7 +62,18 @@ def _missing(root: Any, folder: Path) -> list[Path]:
 
 
 def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:
-    """Train networks on the bundled sample and replay them; return the written files."""
+    """Train networks on the bundled sample and replay them; return the written files.
+
+    Without torch, say what is missing and return none.
+    """
+    from hydro.core import extras
+
+    try:
+        extras.require("torch")
+    except extras.MissingExtraError as error:
+        typer.echo(f"\nThe second part trains networks: {error}\n")
+        return []
+    typer.echo("\nHow well do residual networks predict the water forces, and how well do they replay?\n")
     data, out = _bundled("stonefish"), {name: str(folder / f"{name}.parquet") for name in _ARTEFACTS}
     steps = [
         ["labels", str(data / "sample.parquet"), "-o", out["labels"]],

@@ -55,10 +55,12 @@ def partition(output: Folder, table: Table = STREAM) -> None:
                 f"{output}: has another session {shown(session)} already: name another folder, or call it "
                 "otherwise"
             )
-    for session, part in named.items():
-        target = partitions.place(output, session)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        tables.write(tables.make(source.kind, part, stage="partition", inputs=[source]), target)
+    new = {
+        partitions.place(output, session): tables.make(source.kind, part, stage="partition", inputs=[source])
+        for session, part in named.items()
+        if session not in there
+    }
+    tables.write_all(new)
     message(f"hydro: {output}: {len(named)} sessions, {len(partitions.sessions(output))} in all")
 
 

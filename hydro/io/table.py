@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -198,6 +199,29 @@ def write(artefact: Artefact, destination: Source) -> None:
     """
     schema.suited(artefact.kind, artefact.frame).check(artefact.frame, name_of(destination, "stdout"))
     write_bytes(_encode(artefact), destination)
+
+
+def write_all(parts: Mapping[Path, Artefact]) -> None:
+    """Write new files of sessions; if one fails, remove those already written.
+
+    Args:
+        parts: The tables, by the paths that `partitions.place` returned.
+
+    Raises:
+        DataError: The operating system refused.
+    """
+    begun: list[Path] = []
+    try:
+        for path, part in parts.items():
+            begun.append(path)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(part, path)
+    except BaseException:
+        for path in begun:
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+                path.parent.rmdir()
+        raise
 
 
 def _encode(artefact: Artefact) -> memoryview:

@@ -13,7 +13,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
+from hydro.core import extras
+
+extras.require("gymnasium", "torch", "torchrl", "tensordict")
+
+import gymnasium  # noqa: E402
 
 if TYPE_CHECKING:
     from hydro.rl.environment.environments import Encoded
