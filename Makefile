@@ -7,7 +7,7 @@ DEMO ?= demo-out
 WORKERS ?= 2
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 HYDRO_THREADS=1
 
-.PHONY: help install demo quick test mutants fuzz kills browser lint types docs site wheel wheel-test clean
+.PHONY: help install demo quick test mutants fuzz kills browser lint types docs site wheel release wheel-test clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
@@ -70,6 +70,12 @@ site: $(STAMP)        ## build the documentation into site/, to be opened from d
 
 wheel: $(STAMP)       ## build dist/*.whl
 	$(BIN)/python -m build --wheel
+
+# Every file in them has the time of the last commit, so that the same commit gives the same bytes.
+release: $(STAMP)     ## build dist/*.whl and dist/*.tar.gz from the committed files, and check them
+	rm -rf dist
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build
+	$(BIN)/python -m twine check --strict dist/*
 
 wheel-test: $(STAMP)  ## install the wheel alone, outside the checkout, and run it
 	$(BIN)/python -m pytest tests/test_wheel.py

@@ -42,6 +42,7 @@ from hydro.commands import (
     streams,
     study,
     vehicle,
+    warm,
 )
 from hydro.commands import help as help_
 
@@ -54,7 +55,7 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 """
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
-    "Start": (start, demo),
+    "Start": (start, demo, warm),
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
     "Data": (imports, files, partition, collect),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),

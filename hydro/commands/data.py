@@ -173,7 +173,9 @@ def _labels_of_sessions(
 
 def split(
     labels: Labels = STREAM,
-    block: Annotated[int, typer.Option(min=1, max=MOST_ROWS, help="Rows of a block; a session's last has more.")] = 150,
+    block: Annotated[
+        int, typer.Option(min=1, max=MOST_ROWS, help="Rows of a block; a session's last has more.")
+    ] = 150,
     test: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of blocks that are test data.")] = 0.2,
     salt: Annotated[str, typer.Option(help="Text mixed into the hashes: another salt, another split.")] = "",
     blocks: Annotated[

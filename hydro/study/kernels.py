@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor
@@ -16,6 +17,7 @@ from hydro.core.distillation.labels_of_samples import labels_of_samples
 from hydro.core.distillation.split import split
 from hydro.core.errors import HydroNotice
 from hydro.core.evaluation.compare import compare
+from hydro.core.extras import MissingExtraError
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import table, vehicle
@@ -35,14 +37,20 @@ def compile_diagnosis(seconds: float = SECONDS) -> None:
 
 
 def compile_network(seconds: float = SECONDS) -> None:
-    """Label a bundled recording, by its samples too, train a network and fly it in MuJoCo."""
-    from hydro.learn.train import train
+    """Label a bundled recording, by its samples too, train a network and simulate it in MuJoCo.
+
+    Without torch no network is trained, and the vehicle is simulated without one.
+    """
     from hydro.sim.replay import replay, variants
 
     known, head = _recorded(seconds)
     labels_of_samples(known, head)
-    model = train(split(labels(known, head))[0], model="physfeat", epochs=1)
-    replay(known, head, variants([model]))
+    models = []
+    with contextlib.suppress(MissingExtraError):
+        from hydro.learn.train import train
+
+        models.append(train(split(labels(known, head))[0], model="physfeat", epochs=1))
+    replay(known, head, variants(models))
     labels(known, head, subtract="effects")
 
 
