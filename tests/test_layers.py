@@ -52,7 +52,7 @@ LEVELS = {
         ("toml_text", "seeds"),
         ("threads",),
         ("compiled",),
-        ("kernel_cache",),
+        ("extras", "kernel_cache"),
         ("errors", "nesting", "progress"),
     ),
     "hydro.sim": (
