@@ -106,3 +106,14 @@ def test_devices_take_everything(folder: Path) -> None:
     command = next(one for one in COMMANDS if one.__name__ == "split")
     assert FILE in get_args(get_type_hints(command, include_extras=True)["output"])
     refuse(command, given)
+
+
+def test_a_folder_with_other_results_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    results = folder / "results"
+    results.mkdir()
+    (results / "run.parquet").touch()
+    message = refused(capsys, "explain", "vehicle.toml", "raw.parquet", "-o", str(results))
+    assert message == f"hydro: {results}: holds a training (run.parquet): name another folder\n"
+    (results / "run.parquet").rename(results / "ladder.parquet")
+    message = refused(capsys, "partition", "raw.parquet", "-o", str(results))
+    assert message == f"hydro: {results}: holds a study (ladder.parquet): name another folder\n"

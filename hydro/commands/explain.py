@@ -11,7 +11,7 @@ from hydro.commands.answers import AsText, Details, Printing, print_lines
 from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.diagnose import CorrectThrusters, print_findings
-from hydro.commands.places import FOLDER
+from hydro.commands.places import STUDY
 from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
     Known,
@@ -48,7 +48,7 @@ def explain(
     folder: Annotated[
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."),
-        FOLDER,
+        STUDY,
     ],
     measured: Measured = None,
     holdout: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hydro.commands.places import FOLDER
+from hydro.commands.places import SESSIONS
 from hydro.commands.shell import STREAM, message, read
 
 KINDS = ("raw", "labels", "split")
@@ -24,7 +24,7 @@ Table = Annotated[
 Folder = Annotated[
     Path,
     typer.Option("--output", "-o", metavar="DIR", show_default=False, help="Folder of sessions."),
-    FOLDER,
+    SESSIONS,
 ]
 
 

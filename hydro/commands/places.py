@@ -28,11 +28,13 @@ class Writes:
 
     Attributes:
         folder: Whether it is a folder, which is made if it is missing; else one file in an existing folder.
+        holds: What the folder holds, a key of `MARKS`; a folder with something else of them is refused.
         like: Name of an argument: if it is a folder of sessions, the command writes such a folder too.
         where: Name of an option: `like` applies only if this option is given; always by default.
     """
 
     folder: bool = False
+    holds: str = ""
     like: str = ""
     where: str = ""
 
@@ -43,7 +45,11 @@ class Writes:
         return any(_is_dataset(one) for one in _each(given[self.like]))
 
 
+MARKS = {"a study": "ladder.parquet", "a training": "run.parquet", "sessions": "session=*"}
+"""Contents of folders, and the file or folder by which each is recognised."""
+
 FILE, FOLDER = Writes(), Writes(folder=True)
+STUDY, TRAINING, SESSIONS = (Writes(folder=True, holds=what) for what in MARKS)
 Output = Annotated[
     str,
     typer.Option("--output", "-o", metavar="FILE", show_default=False, help="Output file; - is stdout."),
@@ -107,6 +113,8 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
     folders = {name for name, mark in marks.items() if mark.to_folder(given)}
     for name, place in outputs.items():
         (check_folder if name in folders else check_file)(place)
+        if name in folders:
+            _refuse_other_contents(place, marks[name].holds)
         if name in folders and any(_is_dataset(one) and same(one, place) for one in _inputs(given, outputs)):
             raise UsageError(f"{place}: this is the input, and would be lost: name another folder")
     files = {name: os.path.realpath(place) for name, place in outputs.items() if name not in folders}
@@ -117,6 +125,18 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
             raise UsageError(f"{outputs[name]}: two results are to go there: name a file for each")
         if path in {os.path.realpath(one) for one in _inputs(given, outputs)}:
             raise UsageError(f"{outputs[name]}: this is an input, and would be lost: name another file")
+
+
+def _refuse_other_contents(folder: str | Path, holds: str) -> None:
+    """Refuse a folder in which another kind of command keeps its results.
+
+    Args:
+        folder: Folder of results; it may be missing.
+        holds: What the command keeps there, a key of `MARKS`; "" allows any folder.
+    """
+    for what, mark in MARKS.items():
+        if holds and what != holds and (found := next(Path(folder).glob(mark), None)):
+            raise UsageError(f"{folder}: holds {what} ({found.name}): name another folder")
 
 
 def _folders(command: Callable[..., None], given: Mapping[str, Any]) -> list[str]:

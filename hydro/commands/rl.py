@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.places import FILE, FOLDER
+from hydro.commands.places import FILE, TRAINING
 from hydro.commands.recordings import MaxExpanded
 from hydro.commands.rl_flights import builder_of, eval_, watch
 from hydro.commands.rl_study import study
@@ -28,7 +28,7 @@ PILOTS, PILOT_SEED = 20, 600_000  # vehicles that a pilot by hand flies before a
 HELP = "Train policies that steer a vehicle, and test them in simulators."
 
 TrainingFolder = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), FOLDER
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), TRAINING
 ]
 ConditionName = Annotated[
     str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured, R_effects, R_identified.")
