@@ -1,4 +1,4 @@
-"""From recordings to residual networks, and their flights in MuJoCo."""
+"""From recordings to residual networks, and their replays in MuJoCo."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def replay(
         vehicle: the vehicle that the data were recorded with.
         raw: raw table.
         models: trained models, one variant each, in addition to MJ0 and MJ0+M_A.
-        variants: names of the variants to fly; all by default.
+        variants: names of the variants to simulate; all by default.
         conditioning: what is done to a learned wrench: nothing, as the paper does, or one piece of that; see
             `hydro replay --help`.
         piece: also measure every piece of so many seconds, such as the 10 s segments of the replay sequence.

@@ -68,7 +68,7 @@ def student(
 
     Returns:
         MuJoCo's model, and its data with the vehicle at rest at the origin. On a GPU a
-        `hydro.sim.gpu.plant.GpuPlant`: `reset(mask, pose, velocity)` begins, `step(commands)` flies on.
+        `hydro.sim.gpu.plant.GpuPlant`: `reset(mask, pose, velocity)` begins, `step(commands)` continues.
 
     Raises:
         hydro.core.errors.DataError: the vehicle cannot be simulated.

@@ -1,4 +1,4 @@
-"""Diagnoses in a report: a card for each finding, effects that can be confused, and the next flight."""
+"""Diagnoses in a report: a card for each finding, effects that can be confused, and the next run."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
     return list(rows.values())
 
 
-def to_fly(sources: Sources) -> list[dict[str, str]] | None:
-    """Return the advice for the next flight, from the diagnosis of the chosen step; None without one."""
+def to_record(sources: Sources) -> list[dict[str, str]] | None:
+    """Return the advice for the next run, from the diagnosis of the chosen step; None without one."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None

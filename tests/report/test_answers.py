@@ -119,13 +119,13 @@ def test_shares_of_several_findings_need_not_sum_to_one():
     assert "need not sum" not in answer([])
 
 
-def test_each_sentence_stands_once():
+def test_each_value_with_its_error_is_printed_once():
     stated, suspected = (
         missing("thruster_gain", standard_errors={"g": [0.01] * 8}),
         replace(missing("net_buoyancy"), verdict="suspect", confidence=0.4),
     )
     text = " ".join(answer([stated, suspected]).split())
-    for words in ("of its modelled thrust", "heavier than modelled"):
+    for words in ("(±1) of its modelled thrust", "heavier than modelled"):
         assert text.count(words) == 1, text
     assert "Net buoyancy, unconfirmed: possible, 40 %." in text
 

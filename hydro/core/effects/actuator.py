@@ -14,7 +14,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects.case import Case
 from hydro.core.effects.gains import gains_sentence
-from hydro.core.effects.phrases import Sentence, beyond, shortened, smaller, undetermined
+from hydro.core.effects.phrases import Sentence, beyond, more, shortened, undetermined
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -254,7 +254,7 @@ def torque_sentence(case: Case) -> str:
             for i, one in clear[:count]
         ]
         verb = "changes" if case.in_file else "is missing"
-        told = listed([*named, *smaller(len(clear) - count)])
+        told = listed([*named, *more(len(clear) - count)])
         return f"Reaction torque of the propellers on the hull, seen along their thrust, {verb}: {told}."
 
     return shortened(render)

@@ -313,7 +313,7 @@ def fin_sentence(case: Case) -> str:
         ]
         entries += [Entry("the fin's stall angle", "", stall, "°")]
         entries += [Entry(f"the fin's deflection at full {name}", "", one, "°") for name, one in turned]
-        return changed("the fin", entries)
+        return changed("the fin", entries, case.brief)
     if not area.clear:
         return undetermined(case, "the area of a fin", area.text("m^2"))
     where = place([one.value for one in point], [one.error for one in point])

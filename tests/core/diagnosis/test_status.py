@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recordings import damped
 
 from hydro.core.diagnosis.findings import Finding, Prediction
-from hydro.core.diagnosis.settings import SURE
+from hydro.core.diagnosis.settings import LIKELY, SURE
 from hydro.core.diagnosis.status import in_words, status
 
 STATED = {
@@ -95,9 +95,11 @@ def test_the_headline_says_that_findings_do_not_lower_the_error(added):
 
 
 def test_confidence_in_words():
+    assert in_words(1.0) == "certain, more than 98 %"
     assert in_words(0.97) == "certain, 97 %"
     assert in_words(SURE - 0.01) == "likely, 89 %"
-    assert in_words(0.3) == "possible, 30 %"
+    assert in_words(LIKELY - 0.01) == "possible, 59 %"
+    assert in_words(0.0) == "possible, less than 1 %"
     assert in_words(math.nan) == "possible"
 
 
