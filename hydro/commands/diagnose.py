@@ -182,9 +182,9 @@ def diagnose(
 
     With --next-run the manoeuvres that separate close rivals, or show effects that this recording cannot
     show, are written as commands for hydro simulate or an autopilot. Every predicted position of every rival
-    stays within --depth and --space. The answer then has the expected separation of rivals in standard deviations
-    of the noise, and the expected standard errors. Diagnose the new recording and this one as sessions of one
-    raw table.
+    stays within --depth and --space. The answer then has the expected separation of rivals in standard
+    deviations of the noise, and the expected standard errors. Diagnose the new recording and this one as
+    sessions of one raw table.
 
         hydro diagnose vehicle.toml raw.parquet --next-run next.parquet \
           --depth 2 8 --space 10 --thrust 0.6

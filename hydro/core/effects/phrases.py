@@ -122,7 +122,7 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State entries missing in the file, as in "Quadratic damping of 284 N s²/m² (±6) in heave is missing"."""
+    """State the entries that the file lacks: "Quadratic damping of 284 N s²/m² (±6) in heave is missing"."""
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
