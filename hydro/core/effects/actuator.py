@@ -152,7 +152,17 @@ def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str, source: str) -> Plausible:
-    """Return the plausible range of a thruster's number, given the value in the file."""
+    """Return the plausible range of a change of a thruster's number.
+
+    The sum of the file's value and the change must lie between `low` and `high`.
+
+    Args:
+        low: Minimum of the sum.
+        high: Maximum of the sum.
+        of: Function that returns the file's value of a thruster.
+        words: Description of the range.
+        source: Source of the range.
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         given = [of(thruster) for thruster in thrusters(vehicle)] or [0.0]
@@ -162,7 +172,7 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 
 
 def within(room: Room) -> Limits:
-    """Return the bounds of a fit."""
+    """Return the bounds of a fit, from a function of the vehicle that returns them."""
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return room(rest.vehicle)

@@ -165,7 +165,10 @@ def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range up to a fifth of the vehicle's mass, moved from the middle of the hull to its end."""
+    """Return the range of a sliding ballast [kg m].
+
+    The maximum is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
+    """
     hull = vehicle.hull
     return 0.0, 0.1 * vehicle.rigid_body.mass * (hull.length, hull.width)[index[-1]]
 

@@ -50,7 +50,7 @@ class Mixing:
         table: Thruster table (n, columns) of `vehicle.thrusters`.
         gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading [N/m, N s/m; N
             m/rad, N m s/rad].
-        righting: Total stiffness (2,) in roll and in pitch [N m/rad]: of the hold plus of weight and buoyancy.
+        righting: Total stiffness (2,) in roll and in pitch [N m/rad], of the hold and of weight and buoyancy.
     """
 
     authority: Array
