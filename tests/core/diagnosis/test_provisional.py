@@ -10,7 +10,7 @@ from hydro.core.diagnosis.log_faults import preprocess
 HEAVY = {"name": "net_buoyancy", "dB": -8.0}
 
 
-def test_the_best_candidate_is_told_once_and_early():
+def test_the_best_candidate_is_reported_once_and_early():
     raw = noisy(moved(damped(HEAVY), rows=1500), 1)
     told, shares = [], []
     found = diagnose_log(

@@ -68,7 +68,7 @@ def test_a_headline_contradicts_no_finding(found, left):
         assert not verdicts & {"missing", "retune", "suspect"}
 
 
-def test_effects_are_counted_and_each_has_its_sentence():
+def test_the_headline_counts_the_effects_and_has_a_sentence_for_each():
     found = [
         Finding(
             "missing",
@@ -103,7 +103,7 @@ def test_confidence_in_words():
     assert in_words(math.nan) == "possible"
 
 
-def test_values_that_are_not_clear_do_not_deny_what_is_stated():
+def test_the_headline_of_a_stated_effect_with_unclear_values_says_that_it_explains_error():
     found = Finding(
         "missing", "net_buoyancy", ("net_buoyancy",), parameters={"dB": 3.0}, standard_errors={"dB": 2.0}
     )
@@ -111,13 +111,13 @@ def test_values_that_are_not_clear_do_not_deny_what_is_stated():
     assert text.startswith("1 effect has changed: Net buoyancy explains a part of the error. ")
 
 
-def test_gains_that_are_not_determined_do_not_deny_what_is_stated():
+def test_the_headline_of_undetermined_gains_says_that_they_explain_error():
     found = Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"])
     text = status([found], damped(), 0.02).headline
     assert "Thruster gain explains a part of the error. Thrusters 1 to 8 are not determined" in text
 
 
-def test_a_formula_comes_before_the_force_that_it_replaces():
+def test_the_headline_shows_a_formula_instead_of_the_weight_that_it_replaces():
     formula = Finding("suspect", "formula", ("formula",), parameters={"forces": ["X u^3"], "force": [-300.0]})
     weight = Finding("suspect", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -30.0}, confidence=0.02)
     text = status([formula, weight, Finding("none_of_the_known")], damped(), 0.02).headline
