@@ -194,7 +194,7 @@ def test_the_cause_of_an_error_far_below_the_noise_is_named(known):
 
 
 def test_an_effect_is_named_after_the_faults_of_the_log(known):
-    """Two command columns exchanged, a frozen velocity log and spikes of a gyro: the thrusters come first."""
+    """Two command columns exchanged, a frozen DVL and spikes of a gyro: the thrusters come first."""
     raw = recorded(hiding(known, CURRENT))
     wrong = {name: raw[name].to_numpy().copy() for name in "uvwp"}
     wrong["p"][100::500] += 1.0

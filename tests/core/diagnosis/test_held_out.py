@@ -46,7 +46,7 @@ def test_the_right_effect_lowers_the_held_out_error_to_the_noise(heavy):
 
 
 def test_the_noise_floor_does_not_depend_on_the_sampling_rate(heavy):
-    """A velocity log of every fourth row leaves the same noise in each of its samples."""
+    """A DVL of every fourth row leaves the same noise in each of its samples."""
     rare = (pl.int_range(pl.len()) % 4) == 0
     sparse = heavy.with_columns(pl.when(rare).then(pl.col(name)).alias(name) for name in ("u", "v", "w"))
     full, few = (checked(raw, FOUND).prediction for raw in (heavy, sparse))

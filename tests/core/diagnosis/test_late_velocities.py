@@ -1,4 +1,4 @@
-"""A velocity log that is late: what it shows at the beginning of a shot was so before it."""
+"""A DVL that is late: what it shows at the beginning of a shot was so before it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of a velocity log that are new in a recording."""
+"""Errors of a DVL that are new in a recording."""
 
 from __future__ import annotations
 
