@@ -56,7 +56,7 @@ def row(what: str, found: tuple[Array, str]) -> Row:
         ", ".join(f"{one:.1e}" for one in furthest[part]) for part in (slice(6, 9), slice(9, 12))
     )
     return {
-        "90 s flown again": what,
+        "90 s repeated": what,
         "Stonefish": version,
         "u, v, w differ by at most [m/s]": linear,
         "p, q, r [rad/s]": turning,

@@ -351,8 +351,7 @@ def tell_provisional(
         from hydro.report import words
 
         told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)})"
-        of = "error" if of_change else "error above the noise"
-        message(f"hydro: provisional: {told}, removes {words.percent(best.share)} of the {of}")
+        message(f"hydro: provisional: {told}, removes {words.percent(best.share)} of the error")
 
     return tell
 

@@ -164,13 +164,18 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
             return f"{capital(noun)} is as in the file."
         return f"{capital(against_file(order[0], first=True))}, within its uncertainty."
 
+    if brief:
+        count = len(clear) - 1
+        others = f"; {count} more value{'s' * (count > 1)} change{'s' * (count == 1)}" if count else ""
+        return f"{capital(against_file(clear[0], first=True))}{others}."
+
     def render(count: int, whole: bool) -> str:
         named = [against_file(one, first=not place) for place, one in enumerate(clear[:count])]
         rest = [against_file(one, first=False) for one in clear[count:]] if whole else []
         rest = [*map(without_uncertainty, rest)] or more(len(clear) - count, "change")
         return capital(listed([*named, *rest])) + "."
 
-    return listing(clear, brief, render)
+    return listing(clear, False, render)
 
 
 def more(left: int, noun: str = "") -> list[str]:
