@@ -122,7 +122,9 @@ def _shares(shown: pl.DataFrame, step: int) -> str:
     """Return the note on the shares of the cards of one diagnosis; empty if they need none."""
     if not has_shares(shown.to_dicts()):
         return ""
-    return f"Shares are of the error that remained after step {step}. {SHARES}" if step else SHARES
+    if not step:
+        return SHARES
+    return f"Shares are of the squared error above the noise after step {step}, and need not sum to 100 %."
 
 
 def _unseen(rows: pl.DataFrame) -> str:
