@@ -114,10 +114,10 @@ class Parameter:
 class Role(Enum):
     """Role of an effect for other parts of the program, in addition to its equation."""
 
-    HULL_WATER = "force of the water on the hull, which the teacher's panels and ellipsoid stand in for"
+    HULL_WATER = "force of the water on the hull, which the simulator's panels and ellipsoid replace"
     COMMANDED = "its force may depend on the commands, which jump at a row"
-    DRAG = "drag that grows faster than speed: every hull has it, whether its file says so or not"
-    COUPLING = "couples axes: drawn back first where a passive hull cannot have what was fitted"
+    DRAG = "drag that grows faster than speed: every hull has it, even if its file does not"
+    COUPLING = "coupling of axes: reduced first if the fitted values are impossible for a passive hull"
     STEADY_LOAD = "a steady force or moment, which the mean thrust of a hovering vehicle balances"
 
 
