@@ -70,7 +70,7 @@ def undetermined(case: Case, subject: str, value: str) -> str:
     """
     if case.in_file:
         return f"{capital(subject)} {UNCLEAR[1]}"
-    said = f", {value}," if case.finite else ""
+    said = f", {value}," if case.finite and not case.brief else ""
     return f"{capital(subject)}{said} is {UNCLEAR[0]}"
 
 
