@@ -44,7 +44,7 @@ def test_its_examples_can_be_pasted(path, monkeypatch, capsys) -> None:
 
 def test_every_option_stands_in_one_group(monkeypatch, capsys) -> None:
     text = help_of(("diagnose",), monkeypatch, capsys)
-    titles = ["Arguments:", "Options:", "Advanced:", "Flight design:", "Cluster:"]
+    titles = ["Arguments:", "Options:", "Advanced:", "Next run:", "Cluster:"]
     places = [text.index(f"\n{title}\n") for title in titles]
     assert places == sorted(places)
     for option in (
