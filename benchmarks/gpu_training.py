@@ -4,11 +4,11 @@ Soft actor-critic of `hydro.rl.gpu` trains until 97 % of new episodes succeed wi
 per vehicle.  Seeds run one after another in one process, so only the first includes compilation.  With
 `--device cpu` the same learner trains with MuJoCo on the processor, as a baseline.
 
+Each seed creates a folder with a policy, which `hydro rl eval` tests in the MuJoCo model and in the reference
+simulator.
+
     python benchmarks/gpu_training.py -o trained
     python benchmarks/gpu_training.py --device cpu --vehicles 128 --updates 4 --batch 512 -o trained_cpu
-
-Each seed creates a folder with a policy, which `hydro rl eval` flies in the MuJoCo model and in the reference
-simulator.
 """
 
 from __future__ import annotations

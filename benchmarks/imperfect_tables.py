@@ -1,11 +1,11 @@
 """Kept tables of the benchmarks without an exact model: the diagnosis compared with its rivals.
 
-    python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet --commit 1234567
-    python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet --commit 1234567
-
 The results come from `benchmarks.judge`, lists `panel-...` and `unchanged-...`, or `logs...`.  The
 tables are benchmarks/results/imperfect_base.csv and imperfect_logs.csv.  Every name of a rival counts as a
 statement.  The baseline is the file as given, which names nothing and lowers no error.
+
+    python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet --commit 1234567
+    python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet --commit 1234567
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Time and memory of `hydro import` for a bag, compared with its reader library.
 
 The benchmark writes a ROS 1 bag of a given size: odometry and IMU at 100 Hz, commands at 50 Hz.  Each case
-reads it in its own process, which gives its peak memory.  All cases run in alternation:
+reads it in its own process, which gives its peak memory.  All cases run in alternation.
 
-    library    `rosbags` deserialises every message and keeps none: the lower bound
-    kept       the same, and the numbers of each message are appended to lists, as in a script
-    read       `hydro.io.log.read` with the columns of the map
-    import     `hydro.import_log`: read, resample, check the conventions
+    library    `rosbags` deserialises every message and keeps none: the lower bound.
+    kept       The same, and the numbers of each message are appended to lists, as in a script.
+    read       `hydro.io.log.read` with the columns of the map.
+    import     `hydro.import_log`: read, resample, check the conventions.
 
     python -m benchmarks.import_speed --megabytes 1000 --rounds 1
 """

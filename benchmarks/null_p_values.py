@@ -1,17 +1,18 @@
 """Calibration of the screening test in a diagnosis: p-values of recordings without a missing effect.
 
 Each seed draws one vehicle of `hidden_effects` without hidden effects and with a damping error of up to a
-quarter, flown once for each length.  The same flight is recorded with white noise, and with Student-t(3)
+quarter, simulated once for each length.  The same run is recorded with white noise, and with Student-t(3)
 noise of equal variance on every channel.  Each log is screened as in the first round of a diagnosis.  A group
 is an effect of the catalogue in all its shapes, with a p-value of its own.  The overall p-value, used by a
 diagnosis, is over all groups at once.
 
-    python -m benchmarks.null_p_values run --studies 60 --first-seed 90000 -o nulls.parquet
-    python -m benchmarks.null_p_values report nulls.parquet
-    python -m benchmarks.null_p_values write nulls.parquet --commit 1234567
-
 A results file grows by the rows of one log at a time; the same command continues an earlier run. Seeds below
 10,000 are for development.  `write` makes benchmarks/results/null_p_values.csv.
+
+    python -m benchmarks.null_p_values run --studies 60 --first-seed 90000 -o nulls.parquet
+    # Report, and keep the table.
+    python -m benchmarks.null_p_values report nulls.parquet
+    python -m benchmarks.null_p_values write nulls.parquet --commit 1234567
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ SCHEMA: dict[str, Any] = {
 }
 """Columns of a results file, a row per log and group.
 
-`columns` are those of one shape of the group, `shots` the pieces of the problem, `chi2` the reduced
+`columns` are those of one shape of the group, and `shots` the pieces of the problem.  `chi2` is the reduced
 chi-square with the file's effects, and `cpu` the processor time of the log [s].  A log that could not be
 screened has one row with its `failure` and no group.
 """

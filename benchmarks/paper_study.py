@@ -1,11 +1,13 @@
 """Result tables of `hydro rl study`: training of every condition, and performance of its policies.
 
+The cells of the tests are those of `benchmarks.policies`: the median training, with the range of all.  Expert
+pilots are included, in the MuJoCo model of each condition and once in the reference simulator.
+
+    # Train every condition and test the policies.
     hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet
         --model structured.parquet --identified identified.toml --recipe demos -o study
+    # Write the tables.
     python -m benchmarks.paper_study study --commit COMMIT
-
-Flight cells are those of `benchmarks.policies`: the median training, with the range of all.  Expert
-pilots are included, in the MuJoCo model of each condition and once in the reference simulator.
 """
 
 from __future__ import annotations

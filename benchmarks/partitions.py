@@ -1,9 +1,5 @@
 """Memory for a folder of one and of many sessions, and labelling speed on two cluster nodes.
 
-    python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
-    python -m benchmarks.partitions memory FOLDER
-    python -m benchmarks.partitions speed FOLDER
-
 `make` writes sessions from the bundled recording, repeated with a little noise.  Their content is irrelevant,
 only the number of rows matters.
 
@@ -13,6 +9,10 @@ in its own process, and the peak resident memory is reported.
 `speed` labels all of them in this process, on a cluster of one node, and on one of two, each with one warm
 thread.  Rounds alternate.  Medians are reported for the time from the first task to the last result, and for
 the tasks' processor time.
+
+    python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
+    python -m benchmarks.partitions memory FOLDER
+    python -m benchmarks.partitions speed FOLDER
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
 A vehicle follows a figure of eight that rises and falls, with a target point of constant speed.  The plant is
 the reference simulator, whose hull consists of panels.  A controller knows only a vehicle file, without its
-dead bands, through the CasADi functions of `hydro export --to casadi`:
+dead bands, through the CasADi functions of `hydro export --to casadi`.
 
-    pilot               the proportional law of `rl.environment.helmsman`, to a point ahead on the path; best
-                        of several look-ahead times
-    MPC, file as given  the vehicle file with its plausible numbers
-    MPC, fitted         the file after a fit of drag and added mass to five minutes of the reference simulator
+    pilot               The proportional law of `rl.environment.helmsman`, to a point ahead on the path.  The
+                        best of several look-ahead times counts.
+    MPC, file as given  The vehicle file with its plausible numbers.
+    MPC, fitted         The file after a fit of drag and added mass to five minutes of that simulator.
 
 All controllers know the true state and give a command every 0.1 s.  The cross-track error is the distance to
 the nearest point of the path.  The first ten seconds do not count.

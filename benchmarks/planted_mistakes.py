@@ -1,10 +1,10 @@
 """Detection of planted mistakes in maps, mountings and clocks by `hydro import`.
 
-    python -m benchmarks.planted_mistakes
-
 Thirteen mistakes are planted one at a time in logs of three bundled vehicles in the reference simulator
 with the noise of an ordinary navigation suite.  A mistake counts as named if a line of the import, or its
 error, states the correction.  `clean` counts the warnings without a mistake.
+
+    python -m benchmarks.planted_mistakes
 """
 
 from __future__ import annotations

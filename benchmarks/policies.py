@@ -1,14 +1,16 @@
 """Result tables of `hydro rl eval`, by task and by setting.
 
-    hydro rl eval datasets/vehicles/auv151.toml --task slalom --in teacher -o slalom-teacher.parquet
-    python -m benchmarks.policies tasks *.parquet --commit COMMIT --command "hydro rl eval ..."
-    /usr/bin/time -f "%U %S" -o run-0.time hydro rl train datasets/vehicles/auv151.toml --seed 0 -o run-0
-    python -m benchmarks.policies trainings run-* --commit COMMIT --command "hydro rl train ..."
-
 Cells contain the success rate with Wilson's 95 % interval, median time to goal, and root mean square distance
 from the reference path.  They also contain the energy in seconds of all thrusters at full thrust, and the
 collision rate.  With several trainings they are those of the median training by success, with the range of
 success rates.
+
+    # Test policies, and keep the results.
+    hydro rl eval datasets/vehicles/auv151.toml --task slalom --in teacher -o slalom-teacher.parquet
+    python -m benchmarks.policies tasks *.parquet --commit COMMIT --command "hydro rl eval ..."
+    # Measure trainings, and keep the results.
+    /usr/bin/time -f "%U %S" -o run-0.time hydro rl train datasets/vehicles/auv151.toml --seed 0 -o run-0
+    python -m benchmarks.policies trainings run-* --commit COMMIT --command "hydro rl train ..."
 """
 
 from __future__ import annotations

@@ -1,14 +1,16 @@
 """Effect of posterior randomisation on the robustness of policies in other vehicles.
 
 All policies use `--recipe demos`.  They are trained either on the values of a vehicle file, or with each
-episode's vehicle drawn from the covariance of the fit (`--randomise posterior`).  They fly through the forest
-in vehicles drawn from that covariance.  They also fly in the reference simulator to which the file was
-fitted.  The latter is also changed: a current, a payload, a dead thruster.  Expert pilots with and without a
-map fly all settings too.
+episode's vehicle drawn from the covariance of the fit (`--randomise posterior`).  The test is the forest,
+in vehicles drawn from that covariance.  A second test is the reference simulator to which the file was
+fitted, as it is and with a current, a payload or a dead thruster.  Expert pilots with and without a map run
+all tests too.
 
+    # Fit a vehicle file with its covariance to one minute.
     hydro collect --vehicle datasets/vehicles/auv151.toml --rows 3000 --seed 44 --noise dvl -o minute.parquet
     hydro fit datasets/vehicles/auv151.toml minute.parquet --effect added_mass --effect linear_damping
         --effect quadratic_damping -o fitted.toml
+    # Train, test, and keep the results.
     python -m benchmarks.posterior run fitted.toml -o posterior
     python -m benchmarks.posterior keep posterior --commit COMMIT
 """

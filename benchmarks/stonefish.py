@@ -1,11 +1,11 @@
 """Regression of the residual wrench on the Stonefish recordings, and excerpts of them for `hydro explain`.
 
-    hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
-    python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
-
 RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets four
 excerpts: four minutes of `nominal`, ten minutes before a change (before.parquet), four minutes of its other
 sessions (held_out.parquet), and four minutes of each changed vehicle.
+
+    hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
+    python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
 """
 
 from __future__ import annotations

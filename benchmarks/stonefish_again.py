@@ -1,11 +1,11 @@
-"""Difference of recordings made by Stonefish and a repeated flight in Stonefish with their commands.
+"""Difference between recordings made by Stonefish and repeated runs in Stonefish with their commands.
+
+The bundled replay of 90 s is repeated with the bundled vehicle, and with one whose rotors have an exact lag
+in place of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
+thruster, which are repeated with the hidden change.  The program is found as by `hydro collect --teacher
+stonefish`.
 
     python -m benchmarks.stonefish_again [RECORDINGS] --keep COMMIT
-
-The bundled replay of 90 s is flown with the bundled vehicle, and with one whose rotors have an exact lag in
-place of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
-thruster, which are flown with the hidden change.  The program is found as by `hydro collect --teacher
-stonefish`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def row(what: str, found: tuple[Array, str]) -> Row:
         ", ".join(f"{one:.1e}" for one in furthest[part]) for part in (slice(6, 9), slice(9, 12))
     )
     return {
-        "90 s flown again": what,
+        "90 s repeated": what,
         "Stonefish": version,
         "u, v, w differ by at most [m/s]": linear,
         "p, q, r [rad/s]": turning,

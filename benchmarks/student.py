@@ -1,11 +1,11 @@
 """Speed of the MuJoCo model, compared with MuJoCo without water.
 
-The same vehicle is stepped by `mujoco.batch.Batch`, with a new command for every vehicle and control step:
+The same vehicle is stepped by `mujoco.batch.Batch`, with a new command for every vehicle and control step.
 
-    bare       MuJoCo alone: body, weight, buoyancy and the same number of thrusters with first-order lag
-    effects    all effects of the vehicle file with exact added mass, and thrusters with dead band
-    network    M_A and PhysicsFeature-MLP at every control step, no effects
-    both       all effects and the network
+    bare       MuJoCo alone: body, weight, buoyancy and the same number of thrusters with first-order lag.
+    effects    all effects of the vehicle file with exact added mass, and thrusters with dead band.
+    network    M_A and PhysicsFeature-MLP at every control step, no effects.
+    both       all effects and the network.
 
 A round times every case once, in alternating order.  Results are medians over rounds, of steps per second and
 of each round's ratio to bare MuJoCo, so that other load slows all cases of a round equally.  Callbacks

@@ -58,7 +58,7 @@ def _section(command: Callable[..., Any], example: str) -> str:
     rows = [
         _row(name, hints[name], parameter.default)
         for name, parameter in signature.parameters.items()
-        if get_args(hints[name])
+        if get_args(hints[name]) and not getattr(get_args(hints[name])[1], "hidden", False)
     ]
     text = "\n\n".join(_text(command))
     table = "\n".join(["| argument or option | meaning |", "|---|---|", *rows])

@@ -101,7 +101,7 @@ def test_explain_stops_where_directions_are_wrong(folder, capsys) -> None:
     assert "--correct-thrusters" in told
 
 
-def test_diagnose_goes_on_where_the_user_says_so() -> None:
+def test_diagnose_continues_with_correct_thrusters() -> None:
     assert run("diagnose", "vehicle.toml", "turned.parquet", "--correct-thrusters", "-o", "on.parquet") == 0
     found = hydro.read("on.parquet")
     assert found["verdict"].to_list() == ["log_fault", "nothing_missing"]
@@ -136,14 +136,14 @@ def test_flip_works_in_a_pipe(capsys, monkeypatch) -> None:
         ([], "--thruster: give the numbers"),
     ],
 )
-def test_a_thruster_that_cannot_be_flipped_is_one_line(arguments, words, capsys) -> None:
+def test_a_thruster_that_cannot_be_flipped_gives_a_one_line_error(arguments, words, capsys) -> None:
     assert run("vehicle", "flip", "vehicle.toml", *arguments) != 0
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
 
 
 @pytest.mark.parametrize("layout", ["bluerov2", "bluerov2_heavy"])
-def test_a_preset_with_the_curve_of_the_t200(layout, tmp_path) -> None:
+def test_a_new_vehicle_can_have_the_curve_of_the_t200(layout, tmp_path) -> None:
     place = tmp_path / "rov.toml"
     size = ["--mass", 11.5, "--length", 0.46, "--width", 0.34, "--height", 0.25]
     assert (

@@ -48,7 +48,7 @@ def times(comparison: pl.DataFrame) -> dict[str, float]:
     return dict(change.errors(comparison).select("axis", "times").iter_rows())
 
 
-def test_errors_stand_beside_the_floor_axis_by_axis(capsys) -> None:
+def test_compare_prints_errors_and_floor_axis_by_axis(capsys) -> None:
     found = {}
     for name in ("after", "same"):
         line = ["compare", "vehicle.toml", f"{name}.parquet", "--before", "earlier.parquet"]
@@ -74,7 +74,7 @@ def test_errors_stand_beside_the_floor_axis_by_axis(capsys) -> None:
     assert python.equals(found["same"].frame)
 
 
-def test_a_changed_vehicle_fits_one_screen() -> None:
+def test_the_answer_for_a_changed_vehicle_fits_one_screen() -> None:
     line = ["compare", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
     code, printed = on_terminal(*line, columns=80)
     assert code == 0
@@ -87,7 +87,7 @@ def test_a_changed_vehicle_fits_one_screen() -> None:
     )
 
 
-def test_exchanged_commands_are_said_where_errors_are_compared(capsys) -> None:
+def test_compare_reports_exchanged_command_columns(capsys) -> None:
     exchanged = hydro.read("same.parquet").with_columns(cmd_1="cmd_2", cmd_2="cmd_1")
     hydro.write(exchanged, "exchanged.parquet", "raw")
     assert (
@@ -139,7 +139,7 @@ def test_held_out_data_too_short_for_a_floor_are_refused_by_name(capsys) -> None
     assert not Path("never").exists()
 
 
-def test_nothing_changed_is_one_step_from_python() -> None:
+def test_explain_in_python_makes_one_step_if_nothing_changed() -> None:
     vehicle, before = hydro.vehicle("vehicle.toml"), hydro.read("earlier.parquet")
     study = hydro.explain(vehicle, hydro.read("same.parquet"), before=before)
     (step,) = study
@@ -168,7 +168,7 @@ def network(work: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_network_in_the_place_of_the_regression_names_the_change(network: Path, capsys) -> None:
+def test_a_network_instead_of_the_regression_names_the_change(network: Path, capsys) -> None:
     line = ["diagnose", "vehicle.toml", "after.parquet", "--before", "same.parquet"]
     line += ["--model", "net.parquet"]
     assert run(*line, "-o", "diagnosis.parquet") == 0
@@ -184,7 +184,7 @@ def test_a_network_in_the_place_of_the_regression_names_the_change(network: Path
     assert hydro.diagnose(known, after, before=earlier, model=model).equals(made.frame)
 
 
-def test_a_network_that_has_learnt_from_the_recording_before_is_told(network: Path, capsys) -> None:
+def test_a_network_trained_on_the_earlier_recording_gives_a_warning(network: Path, capsys) -> None:
     line = ["compare", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
     assert run(*line, "--model", "net.parquet", "-o", "compared.parquet") == 0
     told = capsys.readouterr().err
@@ -216,7 +216,7 @@ def test_a_network_of_another_vehicle_is_refused_in_one_line(command: str, netwo
         (["--before", "earlier.parquet", "--model", "earlier.parquet"], 1, "but this needs model"),
     ],
 )
-def test_bad_input_is_told_in_one_line(command, more, code, words, capsys) -> None:
+def test_bad_input_gives_a_one_line_error(command, more, code, words, capsys) -> None:
     assert run(command, "vehicle.toml", "after.parquet", *more, "-o", "never") == code
     told = capsys.readouterr().err
     assert told.count("\n") == 1
@@ -224,7 +224,7 @@ def test_bad_input_is_told_in_one_line(command, more, code, words, capsys) -> No
     assert not Path("never").exists()
 
 
-def test_a_model_alone_is_refused_in_python_too() -> None:
+def test_a_model_without_before_is_refused_in_python() -> None:
     known, raw = hydro.vehicle("vehicle.toml"), hydro.read("after.parquet")
     for call in (hydro.compare, hydro.diagnose):
         with pytest.raises(UsageError, match="model needs before"):

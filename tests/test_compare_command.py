@@ -43,7 +43,7 @@ def run(*arguments: object) -> tuple[int, str, str]:
     return code, out.getvalue(), error.getvalue()
 
 
-def test_the_artefact_is_sound_and_knows_where_it_comes_from(work: Path) -> None:
+def test_the_artefact_passes_its_schema_and_records_its_inputs(work: Path) -> None:
     made = table.read(work / "before.parquet", "comparison")
     assert run("check", work / "before.parquet")[0] == 0
     assert made.provenance.stage == "compare"
@@ -51,14 +51,14 @@ def test_the_artefact_is_sound_and_knows_where_it_comes_from(work: Path) -> None
     assert [one.kind for one in made.provenance.inputs if one.kind != "vehicle"] == ["raw"]
 
 
-def test_a_pipe_gives_the_bytes_of_files(work: Path) -> None:
+def test_a_pipe_gives_the_same_bytes_as_a_file(work: Path) -> None:
     done = piped("compare", VEHICLE, stdin=(work / "raw.parquet").read_bytes())
     (told,) = done.stderr.decode().splitlines()  # the headline, beside the pipe
     assert re.fullmatch(r"5 s ahead the error of the model is \S+ m/s; the noise floor is \S+ m/s\.", told)
     assert done.stdout == (work / "before.parquet").read_bytes()
 
 
-def test_an_earlier_comparison_stands_beside(work: Path) -> None:
+def test_against_adds_a_column_with_the_earlier_errors(work: Path) -> None:
     line = ["compare", work / "damped.toml", work / "raw.parquet", "--against", work / "before.parquet"]
     assert run(*line, "-o", work / "after.parquet")[:2] == (0, "")
     made = table.read(work / "after.parquet", "comparison")
@@ -70,7 +70,7 @@ def test_an_earlier_comparison_stands_beside(work: Path) -> None:
     assert (after.filter(axis="all")["rmse"] < after.filter(axis="all")["before"]).all()
 
 
-def test_a_terminal_gets_one_screen_and_no_file(work: Path) -> None:
+def test_a_terminal_gets_one_screen_and_no_table(work: Path) -> None:
     """Headline, seven rows of errors, three regimes and the next command; all else with --details."""
     code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet", columns=80)
     assert code == 0
@@ -103,7 +103,7 @@ def test_details_have_every_horizon_and_the_forces(work: Path) -> None:
     assert re.search(r"^Error 5 s ahead +before +error", printed, re.MULTILINE)
 
 
-def test_text_goes_to_a_pipe_in_the_place_of_the_table(work: Path) -> None:
+def test_text_replaces_the_table_in_a_pipe(work: Path) -> None:
     done = piped("compare", VEHICLE, work / "raw.parquet", "--text")
     assert done.stdout.decode().startswith("5 s ahead the error of the model is")
     assert b"hydro diagnose" in done.stdout
@@ -134,7 +134,7 @@ def test_text_goes_to_a_pipe_in_the_place_of_the_table(work: Path) -> None:
         ([], 2, r"missing argument"),
     ],
 )
-def test_bad_input_is_told_in_one_line(arguments: list[str], code: int, message: str, work: Path) -> None:
+def test_bad_input_gives_a_one_line_error(arguments: list[str], code: int, message: str, work: Path) -> None:
     short = table.read(work / "raw.parquet").frame[:4]
     table.write(table.make("raw", short, stage="import"), work / "short.parquet")
     line = [one.format(vehicle=VEHICLE, work=work, root=ROOT) for one in arguments]
@@ -144,7 +144,7 @@ def test_bad_input_is_told_in_one_line(arguments: list[str], code: int, message:
     assert not (work / "never.parquet").exists()
 
 
-def test_a_headline_where_nothing_is_left() -> None:
+def test_the_headline_of_an_exact_model_says_within_its_noise() -> None:
     frame = pl.DataFrame(
         {
             "level": ["force"], "by": ["all"], "axis": ["Z"], "place": ["all"], "rows": [10], "rmse": [1.0],
@@ -159,7 +159,7 @@ def test_a_headline_where_nothing_is_left() -> None:
     assert told == "Heave while diving: 42 % of the unexplained error in 10 % of the time."
 
 
-def test_real_recordings_with_a_changed_vehicle(stonefish: Path) -> None:
+def test_regimes_show_a_weak_thruster_and_a_current_in_stonefish_recordings(stonefish: Path) -> None:
     """A weak thruster 3 (front left to right aft pushes yaw) and a current, with the same damping."""
     from hydro.core.evaluation.compare import compare
     from hydro.core.identification.fit import fit

@@ -107,7 +107,7 @@ def contents() -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in Path("study").iterdir()}
 
 
-def test_the_files_of_a_study(counted, capsys):
+def test_a_study_writes_its_files(counted, capsys):
     assert run("--details") == 0
     assert sorted(contents()) == sorted(FILES)
     for name in FILES:
@@ -131,7 +131,7 @@ def test_the_files_of_a_study(counted, capsys):
     assert told.index("held-out") < told.index("It ends here: nothing more is found.")
 
 
-def test_its_answer_is_one_screen(counted, capsys, monkeypatch):
+def test_the_answer_of_explain_fits_one_screen(counted, capsys, monkeypatch):
     """With the headline of a diagnosis, errors before and after, the steps and the next command."""
     text = on_terminal([*LINE], 80, monkeypatch)
     assert fits(text), text
@@ -149,7 +149,7 @@ def test_its_answer_is_one_screen(counted, capsys, monkeypatch):
     assert Path("report.html").exists()
 
 
-def test_text_and_tables_on_request(counted, monkeypatch):
+def test_text_and_details_print_to_a_pipe(counted, monkeypatch):
     done = piped(*LINE, "--text")
     assert done.stdout.decode().startswith("The model needs 1 correction")
     assert b"step 1, ocean current" in done.stderr, "steps are told as they are done"
@@ -199,7 +199,7 @@ def test_a_study_has_the_bands_of_its_best_step(counted):
     assert "95 % of what its parameters leave open" in page
 
 
-def test_what_a_study_keeps_of_the_recordings(counted):
+def test_a_study_stores_sessions_and_unexplained_forces_of_the_recordings(counted):
     assert run() == 0
     listed = table.read("study/sessions.parquet", "sessions").frame
     assert listed.rows() == [("fit", "run-1", 600, 0.02), ("holdout", "run-2", 600, 0.02)]
@@ -211,7 +211,7 @@ def test_what_a_study_keeps_of_the_recordings(counted):
     assert left["step"].unique().to_list() == [0, 1]
 
 
-def test_a_recording_without_forces_says_why(counted, monkeypatch):
+def test_a_recording_without_unexplained_forces_stores_the_reason(counted, monkeypatch):
     def refuse(vehicles, raw, record):
         raise DataError("samples are of u in 10%")
 
@@ -249,7 +249,7 @@ def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):
     )
 
 
-def test_values_beyond_belief_are_told(counted, capsys, monkeypatch):
+def test_explain_reports_implausible_values(counted, capsys, monkeypatch):
     """Of what a study has fitted; a current of 0.2 m/s is nothing to tell."""
     assert cli.main(list(LINE)) == 0
     assert "Not plausible" not in capsys.readouterr().err
@@ -261,7 +261,7 @@ def test_values_beyond_belief_are_told(counted, capsys, monkeypatch):
     assert "Not plausible, so it may stand for something else: ocean_current.v_N = 0.2 m/s is" in told
 
 
-def test_python_says_the_same(counted):
+def test_explain_in_python_gives_the_same_result(counted):
     assert run() == 0
     raw, heldout = (hydro.read(f"{name}.parquet") for name in ("measured", "held"))
     known = hydro.vehicle(VEHICLE)
@@ -277,7 +277,7 @@ def test_python_says_the_same(counted):
         hydro.add(known, found, ["payload"])
 
 
-def test_a_study_that_is_done_is_not_done_again(counted, capsys):
+def test_a_completed_study_is_not_repeated(counted, capsys):
     assert run() == 0
     before = contents()
     counted.clear()
@@ -288,7 +288,7 @@ def test_a_study_that_is_done_is_not_done_again(counted, capsys):
     assert capsys.readouterr().err.count("already done") == 2
 
 
-def test_a_study_that_ended_since_nothing_predicts_better_tries_nothing_again(counted, monkeypatch):
+def test_a_study_that_ended_without_a_better_prediction_is_not_repeated(counted, monkeypatch):
     tried: list[int] = []
     monkeypatch.setattr(loop, "best_trial", lambda last, *_: tried.append(last.number))
     assert run() == 0
@@ -299,7 +299,7 @@ def test_a_study_that_ended_since_nothing_predicts_better_tries_nothing_again(co
     assert contents() == before
 
 
-def test_a_study_that_begins_with_the_file_of_another_resumes(counted):
+def test_a_completed_study_of_a_file_from_another_study_is_not_repeated(counted):
     assert run() == 0
     line = ["explain", "study/vehicle-1.toml", "held.parquet", "-o", "next"]
     assert cli.main(line) == 0
@@ -309,7 +309,7 @@ def test_a_study_that_begins_with_the_file_of_another_resumes(counted):
 
 
 @pytest.mark.parametrize("lost", ["diagnosis-1.parquet", "vehicle-1.toml", "comparison-1.parquet"])
-def test_it_goes_on_where_it_stopped(counted, lost):
+def test_an_interrupted_study_resumes(counted, lost):
     assert run() == 0
     before = contents()
     Path("study", lost).unlink()
@@ -319,7 +319,7 @@ def test_it_goes_on_where_it_stopped(counted, lost):
     assert contents() == before
 
 
-def test_a_vehicle_file_that_was_edited_is_made_again(counted):
+def test_an_edited_vehicle_file_of_a_study_is_written_again(counted):
     assert run() == 0
     before = contents()
     Path("study/vehicle-1.toml").write_text(
@@ -329,7 +329,7 @@ def test_a_vehicle_file_that_was_edited_is_made_again(counted):
     assert contents() == before
 
 
-def test_another_study_takes_its_place(counted, capsys):
+def test_another_study_replaces_the_files_in_the_folder(counted, capsys):
     assert run() == 0
     Path("study/notes.txt").write_text("mine")
     Path("study/vehicle-7.toml").write_text("of an older one")
@@ -341,7 +341,7 @@ def test_another_study_takes_its_place(counted, capsys):
     assert table.read("study/replay.parquet").frame["session"].unique().to_list() == ["run-1"]
 
 
-def test_another_version_of_hydro_begins_anew(counted, monkeypatch):
+def test_another_version_of_hydro_starts_the_study_again(counted, monkeypatch):
     assert run() == 0
     counted.clear()
     monkeypatch.setattr(provenance, "package_version", lambda: "9.9")
@@ -349,7 +349,7 @@ def test_another_version_of_hydro_begins_anew(counted, monkeypatch):
     assert counted.count("diagnose") == 2
 
 
-def test_pipes(counted, monkeypatch):
+def test_explain_reads_a_recording_from_a_pipe(counted, monkeypatch):
     assert run() == 0
     before = contents()
     with open("measured.parquet", "rb") as stream:
@@ -370,7 +370,7 @@ def test_pipes(counted, monkeypatch):
         (["--holdout", str(VEHICLE), "-o", "study"], "this is a vehicle file"),
     ],
 )
-def test_bad_input_is_told_in_one_line(counted, arguments, words, capsys):
+def test_bad_input_gives_a_one_line_error(counted, arguments, words, capsys):
     for name, frame in (("seven", recording(3).drop("cmd_8")), ("short", recording(3, 4.0))):
         table.write(table.make("raw", frame, stage="import"), f"{name}.parquet")
     assert cli.main(["explain", str(VEHICLE), "measured.parquet", *arguments]) == 1
@@ -381,7 +381,7 @@ def test_bad_input_is_told_in_one_line(counted, arguments, words, capsys):
     assert counted == []
 
 
-def test_a_recording_that_is_too_short(counted, capsys):
+def test_a_too_short_recording_gives_a_one_line_error(counted, capsys):
     table.write(table.make("raw", recording(3, 4.0), stage="import"), "short.parquet")
     assert cli.main(["explain", str(VEHICLE), "short.parquet", "-o", "study"]) == 1
     assert "short.parquet: no session lasts 5 s" in capsys.readouterr().err

@@ -32,7 +32,7 @@ def test_open_studies_alone_are_counted_beside_the_random_flight():
     every, rivals, unseen, *families = table(told)
     assert [row["studies"] for row in (every, rivals, unseen)] == [3, 2, 1]
     assert [row["open"] for row in families] == ["one heading", "one speed"]
-    assert every["truth first after the advised flight"].endswith("(2 of 3)")
+    assert every["truth first after the advised run"].endswith("(2 of 3)")
     assert every["truth first after a random one as long"].endswith("(1 of 3)")
     assert every["stated after the advised one"].endswith("(1 of 3)")
     assert every["wrong after it"].endswith("(1 of 3)")

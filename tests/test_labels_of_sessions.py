@@ -20,7 +20,7 @@ VEHICLE = str(bundled("vehicles") / "auv151.toml")
 
 
 def sessions(*names: str, noise: bool, rows: int = 400) -> pl.DataFrame:
-    """Sessions of a simulated vehicle, with the noise of a velocity log or without."""
+    """Sessions of a simulated vehicle, with the noise of a DVL or without."""
     parts = []
     for number, name in enumerate(names):
         frame = recordings.moved(recordings.damped(), seed=number, rows=rows)

@@ -76,7 +76,7 @@ def test_the_page_renders(
     assert (paper == "rgb(19, 22, 26)") is dark
 
 
-def test_a_selector_changes_the_figures(page: browser.Page, report: Path) -> None:
+def test_selectors_in_the_page_change_the_figures(page: browser.Page, report: Path) -> None:
     page.screen(1200, 900)
     page.open(report)
     shown = "document.getElementById('ladder-all').data[1].y"
@@ -88,7 +88,7 @@ def test_a_selector_changes_the_figures(page: browser.Page, report: Path) -> Non
     assert page.run(shown) == pytest.approx([0.4, 0.04])
 
 
-def test_texts_of_files_are_not_html(page: browser.Page, tmp_path: Path) -> None:
+def test_texts_from_files_are_escaped_in_html(page: browser.Page, tmp_path: Path) -> None:
     evil = "</script><script>document.title='evil'</script><img src=x onerror=\"document.title='evil'\">"
     frame = studies.replay(("measured", evil)).with_columns(pl.col("session").replace("run-1", evil))
     table.write(table.make("replay", frame, stage="replay"), tmp_path / "replay.parquet")
@@ -106,7 +106,7 @@ def test_texts_of_files_are_not_html(page: browser.Page, tmp_path: Path) -> None
 # The command.
 
 
-def test_pictures_are_drawn(report: Path) -> None:
+def test_figures_are_written_as_pictures(report: Path) -> None:
     folder = report.parent / "pictures"
     assert {one.stem for one in folder.iterdir()} == {"places", "findings", "ladder", "replay"}
     for one in folder.iterdir():
@@ -133,7 +133,7 @@ def test_a_pipe_gives_the_same_page(study: Path, tmp_path: Path) -> None:
         ("notes.parquet", "not a Parquet file"),
     ],
 )
-def test_bad_input_is_one_line(
+def test_bad_input_gives_a_one_line_error(
     tmp_path: Path, datasets: Path, place: str, told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "empty").mkdir()

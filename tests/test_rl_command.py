@@ -45,7 +45,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_vehicle_that_a_pilot_by_hand_cannot_steer_is_refused(
+def test_training_refuses_a_vehicle_that_the_scripted_pilot_cannot_steer(
     tmp_path: Path, datasets: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """REMUS 100 with its weak tunnel thrusters reaches about half of the goals of open water in time."""
@@ -65,7 +65,7 @@ def test_help_has_a_paragraph_and_an_example(name: str, capsys: pytest.CaptureFi
     assert EXAMPLES[name] in " ".join(text.replace("\\\n", " ").split())
 
 
-def test_training_tells_its_choices_and_how_it_goes(
+def test_training_prints_its_settings_and_progress(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert rl("train", VEHICLE, "--steps", 80, *SMALL, "-o", tmp_path / "run") == 0
@@ -83,9 +83,7 @@ def test_training_tells_its_choices_and_how_it_goes(
     assert steps.to_list() == [40, 80, 120, 160]
 
 
-def test_a_choice_under_its_name_of_before_is_taken_with_a_warning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_old_option_value_works_with_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = ["train", VEHICLE, "--steps", 80, *SMALL, "-o", tmp_path / "run"]
     assert rl(*line, "--set", "ladder.ready=0.8") == 0
     told = capsys.readouterr().err
@@ -93,7 +91,9 @@ def test_a_choice_under_its_name_of_before_is_taken_with_a_warning(
     assert re.search(r"curriculum\.ready +0\.8", told)
 
 
-def test_every_table_is_sound_and_knows_its_origin(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_table_passes_its_schema_and_records_its_inputs(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for path in sorted(run.glob("*.parquet")):
         assert cli.main(["check", str(path)]) == 0
     capsys.readouterr()
@@ -101,7 +101,7 @@ def test_every_table_is_sound_and_knows_its_origin(run: Path, capsys: pytest.Cap
     assert "vehicle" in capsys.readouterr().out
 
 
-def test_a_training_may_start_from_another_and_says_so(run: Path, tmp_path: Path) -> None:
+def test_a_training_can_start_from_another_and_records_it(run: Path, tmp_path: Path) -> None:
     line = ["train", VEHICLE, "--condition", "R_0", "--start", run, *SMALL, "-o", tmp_path / "on"]
     assert rl(*line, "--steps", 80) == 0
     origin = table.read(run / "policy.parquet", "policy").provenance.content
@@ -111,7 +111,7 @@ def test_a_training_may_start_from_another_and_says_so(run: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize("simulator", ["student", "teacher"])
-def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simulator: str) -> None:
+def test_a_policy_is_tested_in_both_simulators(run: Path, tmp_path: Path, simulator: str) -> None:
     out, details = tmp_path / "result.parquet", tmp_path / "episodes.parquet"
     assert rl("eval", run, "--in", simulator, "--episodes", 5, "--details", details, "-o", out) == 0
     result, episodes = table.read(out, "evaluations").frame, table.read(details, "episodes").frame
@@ -126,7 +126,7 @@ def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simula
     assert again.read_bytes() == out.read_bytes()
 
 
-def test_a_pilot_by_hand_flies_a_vehicle_file_without_any_training(tmp_path: Path) -> None:
+def test_eval_of_a_vehicle_file_tests_the_scripted_pilot(tmp_path: Path) -> None:
     out = tmp_path / "pilot.parquet"
     assert rl("eval", VEHICLE, "--stage", 3, "--level", 8, "--episodes", 3, "-o", out) == 0
     blind, row = table.read(out, "evaluations").frame.rows(named=True)
@@ -136,7 +136,7 @@ def test_a_pilot_by_hand_flies_a_vehicle_file_without_any_training(tmp_path: Pat
     assert 0.0 < row["tracking_error"] < 0.5
 
 
-def test_settings_are_flown_beside_the_pilot(run: Path, tmp_path: Path) -> None:
+def test_settings_are_tested_with_the_pilot(run: Path, tmp_path: Path) -> None:
     """Without a covariance there is no posterior, and in open water no plan to leave out."""
     out = tmp_path / "settings.parquet"
     assert rl("eval", run, "--setting", "all", "--episodes", 3, "-o", out) == 0
@@ -147,7 +147,7 @@ def test_settings_are_flown_beside_the_pilot(run: Path, tmp_path: Path) -> None:
     assert result.filter(flown_by="helmsman")["reward"].n_unique() == len(settings)
 
 
-def test_a_plan_may_be_left_out_and_the_map_with_it(tmp_path: Path) -> None:
+def test_the_setting_no_plan_leaves_out_plan_and_map(tmp_path: Path) -> None:
     out = tmp_path / "planless.parquet"
     line = ["eval", VEHICLE, "--task", "forest", "--level", 8, "--setting", "no_plan", "--episodes", 3]
     assert rl(*line, "-o", out) == 0
@@ -155,7 +155,7 @@ def test_a_plan_may_be_left_out_and_the_map_with_it(tmp_path: Path) -> None:
     assert (row["flown_by"], row["setting"], row["success"]) == ("helmsman", "no_plan", 0.0)
 
 
-def test_another_vehicle_may_be_the_truth(tmp_path: Path, datasets: Path) -> None:
+def test_truth_tests_the_policy_in_another_vehicle(tmp_path: Path, datasets: Path) -> None:
     """A vehicle with three times the drag arrives later than the file says."""
     slow = tmp_path / "slow.toml"
     slow.write_text(Path(VEHICLE).read_text().replace("diagonal = [95.0,", "diagonal = [300.0,"))
@@ -169,7 +169,7 @@ def test_another_vehicle_may_be_the_truth(tmp_path: Path, datasets: Path) -> Non
     assert rl("eval", VEHICLE, "--truth", five, "--episodes", 1, "-o", tmp_path / "x") == 2
 
 
-def test_a_vehicle_with_a_covariance_is_drawn_from_it(tmp_path: Path) -> None:
+def test_posterior_draws_vehicles_from_the_covariance(tmp_path: Path) -> None:
     """The run keeps a copy, from which its policy is tested."""
     from hydro.core.simulation.estimates import Estimate, Estimates
     from hydro.io import covariance
@@ -193,27 +193,27 @@ def test_a_vehicle_with_a_covariance_is_drawn_from_it(tmp_path: Path) -> None:
     assert table.read(out, "evaluations").frame["setting"].to_list() == ["posterior"]
 
 
-def test_a_task_is_trained_alone(tmp_path: Path) -> None:
+def test_a_single_task_can_be_trained(tmp_path: Path) -> None:
     line = ["train", VEHICLE, "--task", "station-keeping", "--steps", 80, *SMALL, "-o", tmp_path / "run"]
     assert rl(*line) == 0
     found = table.read(tmp_path / "run" / "evaluations.parquet", "evaluations").frame
     assert set(found["task"]) == {"station_keeping"}
 
 
-def test_a_policy_may_fly_without_the_pilot(run: Path, tmp_path: Path) -> None:
+def test_no_pilot_tests_the_policy_alone(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "alone.parquet"
     assert rl("eval", run, "--no-pilot", "--episodes", 3, "-o", out) == 0
     assert table.read(out, "evaluations").frame["flown_by"].to_list() == ["policy"]
 
 
-def test_what_was_flown_is_a_table_that_fits_a_terminal(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_result_of_eval_fits_a_terminal(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(run.parent)
     text = on_terminal(["rl", "eval", run.name, "--episodes", "3"], 80, monkeypatch)
     assert "success" in text
     assert fits(text), text
 
 
-def test_pictures_of_a_flight_and_of_curves(run: Path, tmp_path: Path) -> None:
+def test_watch_and_curves_write_pictures(run: Path, tmp_path: Path) -> None:
     assert rl("watch", run, "--stage", 3, "--level", 8, "-o", tmp_path / "flight.png") == 0
     assert rl("curves", run, run, "-o", tmp_path / "curves.png") == 0
     for name in ("flight.png", "curves.png"):
@@ -224,12 +224,12 @@ def test_pictures_of_a_flight_and_of_curves(run: Path, tmp_path: Path) -> None:
     "MUJOCO_GL" not in os.environ or importlib.util.find_spec("imageio_ffmpeg") is None,
     reason="films need MUJOCO_GL and imageio-ffmpeg",
 )
-def test_a_film_of_a_flight(run: Path, tmp_path: Path) -> None:
+def test_watch_writes_a_film(run: Path, tmp_path: Path) -> None:
     assert rl("watch", run, "-o", tmp_path / "flight.mp4") == 0
     assert b"ftyp" in (tmp_path / "flight.mp4").read_bytes()[:32]
 
 
-def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
+def test_a_study_runs_possible_conditions_and_names_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = ["study", VEHICLE, "--seeds", 1, "--stages", 1, "--steps", 80, "--episodes", 3, *SMALL]
@@ -248,7 +248,7 @@ def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
     assert "0 of 4 steps run" in capsys.readouterr().err
 
 
-def test_a_study_trains_in_what_was_identified_and_flies_it_in_the_teacher_of_its_vehicle(
+def test_a_study_trains_with_the_identified_file_and_tests_in_the_simulator_of_its_vehicle(
     tmp_path: Path,
 ) -> None:
     identified = tmp_path / "identified.toml"
@@ -309,7 +309,7 @@ def test_a_study_trains_in_what_was_identified_and_flies_it_in_the_teacher_of_it
         (("study", VEHICLE, "--condition", "R_1", "-o", "x"), "no condition is called 'R_1'", 2),
     ],
 )
-def test_mistakes_are_told_in_one_line(
+def test_mistakes_give_one_line_errors(
     line: tuple[str, ...],
     told: str,
     code: int,

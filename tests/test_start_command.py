@@ -123,7 +123,7 @@ def test_the_script_repeats_the_commands(done: tuple[Path, str, str]) -> None:
     assert page.read_bytes() == before
 
 
-def test_what_is_done_is_not_done_again(done: tuple[Path, str, str]) -> None:
+def test_completed_steps_are_not_repeated(done: tuple[Path, str, str]) -> None:
     folder, _, _ = done
     before = {path: path.stat().st_mtime_ns for path in (folder / "out").rglob("*.*") if path.is_file()}
     code, _, err = piped("start", "dive.csv", "--vehicle", "rov.toml", "-o", "out", cwd=folder)
@@ -137,7 +137,7 @@ def test_what_is_done_is_not_done_again(done: tuple[Path, str, str]) -> None:
 # Questions.
 
 
-def test_answers_on_a_terminal(here: Path) -> None:
+def test_answers_on_a_terminal_correct_the_map_and_make_a_vehicle(here: Path) -> None:
     """One line is corrected, and a vehicle is made of mass and box."""
     code, told = on_terminal(
         "start",
@@ -183,7 +183,7 @@ def test_enter_takes_the_defaults(here: Path) -> None:
     assert imread("dive-start/recording.png").shape[1] > 600
 
 
-def test_where_the_names_say_nothing_every_line_is_asked(here: Path) -> None:
+def test_unknown_column_names_lead_to_a_question_for_each_line(here: Path) -> None:
     frame = pl.read_csv("dive.csv").select(
         "time_ms", "depth_m", "gyro_x_deg_s", "gyro_y_deg_s", "gyro_z_deg_s"
     )
@@ -200,13 +200,13 @@ def test_where_the_names_say_nothing_every_line_is_asked(here: Path) -> None:
     assert (code, meaning.commands.columns) == (1, ("e", "f"))
 
 
-def test_an_end_of_the_answers_is_one_line(here: Path) -> None:
+def test_an_end_of_input_gives_a_one_line_error(here: Path) -> None:
     code, told = on_terminal("start", "dive.csv", "-o", "out", answers=["commands"])
     assert code == 2
     assert told.splitlines()[-1] == "hydro: the input ended before the last answer: give --commands"
 
 
-def test_an_interrupt_at_a_question_ends_at_once(here: Path) -> None:
+def test_an_interrupt_at_a_question_ends_the_command(here: Path) -> None:
     """Libraries that read logs change how the process handles interrupts."""
     leader, follower = pty.openpty()
     line = [sys.executable, "-m", "hydro.cli", "start", "dive.csv", "-o", "out"]
@@ -230,7 +230,7 @@ def test_an_interrupt_at_a_question_ends_at_once(here: Path) -> None:
     assert not Path("out").exists()
 
 
-def test_a_raw_table_needs_no_map_and_brings_its_vehicle(
+def test_a_raw_table_needs_neither_map_nor_vehicle_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -246,7 +246,7 @@ def test_a_raw_table_needs_no_map_and_brings_its_vehicle(
 
 
 @pytest.mark.parametrize("log", ["cut.tlog", "ros2.mcap"])
-def test_other_formats_are_understood(log: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_start_reads_other_log_formats(log: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The audit needs no diagnosis: with a wrong direction explain ends at once."""
     monkeypatch.chdir(tmp_path)
     file = bundled("vehicles") / "bluerov2_heavy.toml"
@@ -260,7 +260,9 @@ def test_other_formats_are_understood(log: str, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("choice", [[], ["--keep-thrusters"]])
-def test_a_file_that_the_audit_contradicts_is_corrected_by_default(choice: list[str], here: Path) -> None:
+def test_thruster_directions_that_the_audit_contradicts_are_corrected_by_default(
+    choice: list[str], here: Path
+) -> None:
     example(here, 300)
     assert cli.main(["vehicle", "flip", "rov.toml", "--thruster", "1,2,3,4", "-o", "flipped.toml"]) == 0
     done = piped("start", "dive.csv", "--vehicle", "flipped.toml", *choice, "-o", "out")
@@ -273,7 +275,7 @@ def test_a_file_that_the_audit_contradicts_is_corrected_by_default(choice: list[
 # Going on.
 
 
-def test_an_edited_map_is_used_and_only_what_depends_on_it_is_done_again(here: Path) -> None:
+def test_an_edited_map_repeats_only_the_steps_that_depend_on_it(here: Path) -> None:
     line = ("start", "dive.csv", "--preset", "bluerov2_heavy", "-o", "out")
     assert piped(*line).returncode == 1
     first = Path("out/raw.parquet").read_bytes()
@@ -286,7 +288,7 @@ def test_an_edited_map_is_used_and_only_what_depends_on_it_is_done_again(here: P
     assert Path("out/raw.parquet").read_bytes() != first
 
 
-def test_an_edited_file_is_not_written_over(here: Path) -> None:
+def test_edited_files_are_not_overwritten(here: Path) -> None:
     """Options that say what is there are no contradiction: the same line goes on."""
     hull = ("--mass", 9, "--box", 0.5, 0.4, 0.3, "--layout", "vectored8")
     line = ("dive.csv", *hull, "--velocity", "dvl_{x,y,z} FLU", "-o", "out")
@@ -316,7 +318,7 @@ def test_a_log_without_commands_says_which_option_gives_them(here: Path) -> None
     assert not Path("out").exists(), "nothing is left behind"
 
 
-def test_thrusters_of_no_known_vehicle_ask_for_one(here: Path) -> None:
+def test_an_unknown_number_of_thrusters_asks_for_a_vehicle_file(here: Path) -> None:
     told = refused("dive.csv", "--commands", "servo{1..3}_raw pwm", "-o", "out")
     assert "dive.csv: Vehicle with 3 thrusters" in told
     assert told.endswith("give --preset NAME, --vehicle FILE, or --mass KG --box L W H")
@@ -344,6 +346,6 @@ def test_thrusters_of_no_known_vehicle_ask_for_one(here: Path) -> None:
         (["dive.csv", "--velocity", "dvl_x dvl_y dvl_q"], 1, "no column is called dvl_q: did you mean dvl_"),
     ],
 )
-def test_bad_input_is_one_line(arguments: list[str], code: int, told: str, here: Path) -> None:
+def test_bad_input_gives_a_one_line_error(arguments: list[str], code: int, told: str, here: Path) -> None:
     Path("empty.csv").touch()
     assert told in refused(*arguments, code=code)

@@ -37,7 +37,7 @@ def off_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", open(os.devnull))  # noqa: SIM115
 
 
-def test_the_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert cli.main(shlex.split(EXAMPLE)[1:]) == 0
     assert cli.main(["check", "rov.toml"]) == 0
@@ -45,7 +45,7 @@ def test_the_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.parametrize("shape", ["torpedo", "ellipsoid", "box"])
 @pytest.mark.parametrize("layout", ["single", "tunnel5", "vectored6", "vectored8"])
-def test_the_file_is_sound_and_moves(shape: str, layout: str, tmp_path: Path) -> None:
+def test_a_new_vehicle_file_passes_check_and_simulates(shape: str, layout: str, tmp_path: Path) -> None:
     file = tmp_path / "a b.toml"
     line = [*ROV, "--shape", shape, "--layout", layout, "--thrust", 40, "--name", 'my "ROV" ü', "-o", file]
     assert new(*line) == 0
@@ -61,7 +61,7 @@ def test_the_file_is_sound_and_moves(shape: str, layout: str, tmp_path: Path) ->
     assert np.isfinite(moved.select(pl.col("u", "v", "w", "p", "q", "r")).to_numpy()).all()
 
 
-def test_every_value_has_a_prior(tmp_path: Path) -> None:
+def test_every_value_of_a_new_file_has_a_standard_error(tmp_path: Path) -> None:
     """What fit and diagnose take from the file: a finite standard deviation of each entry."""
     assert new(*ROV, *THRUSTERS, "--shape", "torpedo", "-o", tmp_path / "v.toml") == 0
     known, _ = vehicle.read(tmp_path / "v.toml")
@@ -73,7 +73,9 @@ def test_every_value_has_a_prior(tmp_path: Path) -> None:
     assert left_out == {f"added_mass_coupling.{name}" for name in ("M04", "M13", "M02")}
 
 
-def test_standard_output_is_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_file_goes_to_standard_output_without_output_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert new(*ROV, *THRUSTERS) == 0
     text = capsys.readouterr().out
     assert vehicle.parse(text).name == "vehicle"
@@ -81,7 +83,7 @@ def test_standard_output_is_the_file(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (tmp_path / "v.toml").read_text() == text
 
 
-def test_options_reach_the_file(tmp_path: Path) -> None:
+def test_options_of_vehicle_new_are_in_the_file(tmp_path: Path) -> None:
     file = tmp_path / "v.toml"
     thrusters = ["--thruster", "-0.2,0,0,1,0,0,40", "--thruster=0,0,0,0,0,2,20,15"]
     more = [
@@ -106,7 +108,7 @@ def test_options_reach_the_file(tmp_path: Path) -> None:
     assert known.name == "v"
 
 
-def test_an_existing_file_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_existing_file_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "v.toml"
     file.write_text("mine")
     assert new(*ROV, *THRUSTERS, "-o", file) == 2
@@ -127,7 +129,7 @@ def box_mesh(path: Path, faces: int = 12) -> Path:
 
 
 @pytest.mark.parametrize("installed", [True, False])
-def test_a_mesh(
+def test_a_mesh_gives_the_size_of_the_hull(
     installed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if installed:
@@ -165,7 +167,7 @@ def test_a_mesh(
         (["--mass", "5", *THRUSTERS, "--mesh", "nothing.obj"], 1, "nothing.obj: cannot read the hull's mesh"),
     ],
 )
-def test_bad_input_is_one_line(
+def test_bad_input_gives_a_one_line_error(
     arguments: list[str], code: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert new(*arguments, "-o", tmp_path / "v.toml") == code
@@ -178,7 +180,9 @@ def test_bad_input_is_one_line(
 @pytest.mark.parametrize(
     ("content", "words"), [("solid\nfacet", "holds no faces"), (None, "not closed|closed hull|open")]
 )
-def test_no_mesh(content: str | None, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_mesh_gives_a_one_line_error(
+    content: str | None, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     mesh = tmp_path / "hull.obj"
     if content is None:
         box_mesh(mesh, faces=5)
@@ -214,7 +218,7 @@ def on_terminal(answers: list[str], *arguments: object, cwd: Path) -> tuple[int,
     return process.wait(), printed.decode(errors="replace")
 
 
-def test_answers_make_the_file_of_the_options(tmp_path: Path) -> None:
+def test_answers_to_questions_make_the_same_file_as_options(tmp_path: Path) -> None:
     answers = ["Minnow", "heavy", "-3", "11.5", "0.46", "0.34", "0.25", "", "", "vectored6", "40", ""]
     code, printed = on_terminal(answers, cwd=tmp_path)
     assert code == 0, printed
@@ -223,7 +227,7 @@ def test_answers_make_the_file_of_the_options(tmp_path: Path) -> None:
     assert (tmp_path / "Minnow.toml").read_text() == (tmp_path / "options.toml").read_text()
 
 
-def test_only_what_is_missing_is_asked_for_and_no_file_is_lost(tmp_path: Path) -> None:
+def test_only_missing_options_are_asked_for(tmp_path: Path) -> None:
     (tmp_path / "taken.toml").write_text("mine")
     answers = ["", "own", "0,0,0,1,0", "-0.2,0,0,1,0,0,40", "", "taken.toml", "mine.toml"]
     given = [*ROV, "--name", "x", "--buoyancy", "neutral"]

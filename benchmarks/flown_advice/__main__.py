@@ -1,12 +1,13 @@
-"""Studies of advised flights: make ambiguous recordings, fly the advice, diagnose both logs together.
-
-    python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
-    python -m benchmarks.flown_advice report flown.parquet
-    python -m benchmarks.flown_advice write flown.parquet --commit 1234567
+"""Studies of advised runs: make ambiguous recordings, run the advice, diagnose both logs together.
 
 A results file grows by one row per study; the same command continues an earlier run.  `--tied N` ends a run
 at N open studies.  Seeds below 10,000 are for development, those from 70,000 for published figures.  `write`
 makes benchmarks/results/flown_advice.csv and the page that shows it.
+
+    python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
+    # Report, and keep the tables of the documentation.
+    python -m benchmarks.flown_advice report flown.parquet
+    python -m benchmarks.flown_advice write flown.parquet --commit 1234567
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
 """MuJoCo's system identification (`mujoco.sysid`): a body with a fluid model, fitted to short rollouts.
 
-    python -m benchmarks.rivals.mujoco_sysid --studies 30 -o rivals.parquet
+The model is a floating ellipsoid of the hull's size with MuJoCo's fluid model.  The parameters are those of
+MJCF: mass and moments of inertia (including added mass, which MuJoCo lacks), linear damping along the body's
+axes, and the ellipsoid's five coefficients.  Wind instead of a current, buoyancy and its centre, and a gain
+per thruster are added.  They are fitted from the file's values by `sysid.optimize`; thrusts come from the
+file's thrusters.  The named group is the one whose parameters moved most in standard errors; none if none
+moved by four.
 
-The model is a floating ellipsoid of the hull's size with MuJoCo's fluid model and the parameters of MJCF:
-mass and moments of inertia (including added mass, which MuJoCo lacks), linear damping along the body's axes,
-the ellipsoid's five coefficients, wind instead of a current, buoyancy and its centre, and a gain per
-thruster.  They are fitted from the file's values by `sysid.optimize`; thrusts come from the file's thrusters.
-The named group is the one whose parameters moved most in standard errors; none if none moved by four.
+    python -m benchmarks.rivals.mujoco_sysid --studies 30 -o rivals.parquet
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
 """Output error with scipy: a full Fossen model fitted to short predictions names the changed parameters.
 
-    python -m benchmarks.rivals.output_error --studies 30 -o rivals.parquet
-
-Added mass, linear and quadratic damping on six axes, current, buoyancy and its centre, a gain per thruster,
-lag and delay are fitted together by `scipy.optimize.least_squares` in the benchmark's own simulator.  The fit
+`scipy.optimize.least_squares` fits all parameters together in the benchmark's own simulator: added mass,
+linear and quadratic damping on six axes, current, buoyancy and its centre, a gain per thruster, lag and
+delay.  The fit
 starts from the file's values with a wide prior, since a common scale of all forces and inertias is free.
 Predictions start from the smoothed motion.  The named group is the one whose parameters moved most in
 standard errors; none if none moved by four.  Jategaonkar: Flight Vehicle System Identification, 2nd ed., AIAA
 2015, ch. 4.
+
+    python -m benchmarks.rivals.output_error --studies 30 -o rivals.parquet
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Equation error: the residual wrench regressed on the catalogue's columns, effects chosen by BIC.
 
-    python -m benchmarks.rivals.regression --studies 30 -o rivals.parquet
+The residual wrench of the file comes from the smoothed and differentiated motion (`labels`).  The column of a
+parameter comes from a small change of it.  Effects join as groups while the Bayesian information criterion
+falls (Schwarz 1978); the first one is named.  Sensor errors do not appear in forces, and cannot be named.  A
+regression may diverge.  Among the files with one more group each, the model is therefore the one that
+predicts the log best 5 s ahead.
 
-The residual wrench of the file comes from the smoothed and differentiated motion (`labels`), the column of a
-parameter from a small change of it.  Effects join as groups while the Bayesian information criterion falls
-(Schwarz 1978); the first one is named.  Sensor errors do not appear in forces, and cannot be named.  Among
-the files with one more group each, the model is the one with the best predictions of the log 5 s ahead, since
-a regression may diverge.
+    python -m benchmarks.rivals.regression --studies 30 -o rivals.parquet
 """
 
 from __future__ import annotations

@@ -1,19 +1,18 @@
 """Detection rate and false alarm rate of the thruster audit.
 
-    python -m benchmarks.thruster_audit run --studies 200 --correct 300 --first-seed 200000 -o audit.parquet
-    python -m benchmarks.thruster_audit report audit.parquet --keep COMMIT
-
-Four vehicles fly for two minutes each: BlueROV2s with six and with eight thrusters in the benchmark's
-own simulator (`hidden_effects.plant`), and two panel hulls in the embedded simulator whose file is the
-estimate of `hydro vehicle new`. The flights differ from the file by 30 % in the damping and by one
-disturbance: a current, wrong ballast, a command delay, or a controller for station keeping or
-way-points.
+Four vehicles run for two minutes each: BlueROV2s with six and with eight thrusters in the benchmark's own
+simulator (`hidden_effects.plant`), and two panel hulls in the embedded simulator. The file of a panel hull is
+the estimate of `hydro vehicle new`. The vehicles differ from the file by 30 % in the damping and by one
+disturbance: a current, wrong ballast, a command delay, or a controller for station keeping or way-points.
 
 A fault is a random subset of reversed thrusters (in the file, or in the log's columns), two swapped columns,
 or a common scale of 0.6 to 1.4. An answer on directions is right if it states exactly the fault. A
 common scale is right if no direction is stated and its 95 % interval contains the truth. An alarm is any
 statement about a correct file. Seeds below 10,000 are for development, those from 200,000 for published
 figures. A results file grows by one row per study; the same command continues an earlier one.
+
+    python -m benchmarks.thruster_audit run --studies 200 --correct 300 --first-seed 200000 -o audit.parquet
+    python -m benchmarks.thruster_audit report audit.parquet --keep COMMIT
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The result of `hydro.compare`."""
+"""Result of `hydro.compare`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hydro.report.result_axes import Axes
 
 SIMPLE = ("least squares", "zero velocity")
-"""The simple predictors of the short table: the strongest, and the one that knows nothing."""
+"""Simple predictors in the short table: the best one, and the one without any model."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +28,7 @@ class Comparison(Result):
 
     Attributes:
         table: Comparison table: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis,
-            horizon and place, each with what noise alone leaves.
+            horizon and regime of motion, each with its noise floor (the error that sensor noise causes).
     """
 
     @property
@@ -49,8 +49,9 @@ class Comparison(Result):
 
         Returns:
             `axis`: u v w [m/s], p q r [rad/s] and `all` [m/s]; of a recording without velocities x y z [m],
-            phi theta psi [rad] and `pose` [m]. Root mean square errors in `unit`: `error`, `noise_floor`,
-            `least_squares`, `zero_velocity`, and `before` of an earlier comparison.
+            phi theta psi [rad] and `pose` [m]. Root mean square errors in `unit`: `error` of the vehicle,
+            `noise_floor`, `least_squares` and `zero_velocity` of simple predictors, and `before` of an
+            earlier comparison.
         """
         import polars as pl
 
@@ -98,7 +99,7 @@ class Comparison(Result):
         return (self.headline, *([simple] if simple else []), f"Errors of predictions, {ahead}:")
 
     def _ahead(self) -> pl.DataFrame:
-        """Rows of predictions over all of the recording at the horizon of `summary`."""
+        """Return the errors of predictions over the whole recording, at the horizon of `summary`."""
         from hydro.report.standing import at_horizon
 
         return at_horizon(self.table.filter(level="replay", by="all"))

@@ -1,4 +1,4 @@
-"""The result of `hydro.diagnose`."""
+"""Result of `hydro.diagnose`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hydro.report.result_axes import Axes
 
 CHI2 = ("given", "own_effects", "found")
-"""Names of the mean squared residuals in JSON: as given, own effects refitted, with the findings."""
+"""Names of the mean squared residuals in JSON: vehicle as given, own effects refitted, findings added."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,17 +32,17 @@ class Diagnosis(Result):
         better = found.vehicle
 
     Attributes:
-        table: Diagnosis table, one finding per row, the most telling first.
-        status: The answer in words: `kind` is `fault`, `stated`, `uncertain`, `unexplained` or `nothing`, and
-            `sentences` has one or two for each effect.
-        vehicle: The vehicle with the stated findings, as `hydro.add` with `force=True` returns it; as given
-            if none is stated.
-        chi2: Mean squared residual in units of the noise variance (1: noise alone) of the vehicle as given,
-            with its own effects refitted, and with the findings.
+        table: Diagnosis table, one finding per row, that with the largest share of the error first.
+        status: Overall result: `kind` is `fault`, `stated`, `uncertain`, `unexplained` or `nothing`, and
+            `sentences` has one or two sentences for each effect.
+        vehicle: Vehicle with the stated findings, as `hydro.add` with `force=True` returns it; the given
+            vehicle if none is stated.
+        chi2: Mean squared residual in units of the noise variance (1: noise alone), three numbers: of the
+            vehicle as given, with its own effects refitted, and with the findings.
         prediction: Errors of predictions before and after the stated findings are added [m/s], measured on
-            held-out stretches; None where no session is long enough, and of a change since another recording.
-        estimates: All values that were fitted together, with their covariance; None where none were.
-        changed: Whether the findings are changes since a recording before.
+            parts that the fits left out.  None if no session is long enough, or if `before` was given.
+        estimates: Values that were fitted together, with their covariance; None if none were fitted.
+        changed: Whether the findings are changes since an earlier recording (`before`).
     """
 
     status: Status
@@ -59,9 +59,9 @@ class Diagnosis(Result):
         """Return the result of a diagnosis of `hydro.core`.
 
         Args:
-            found: The diagnosis, with its status.
-            vehicle: The vehicle that was diagnosed.
-            table: Its findings, in the types of their schema.
+            found: Diagnosis, with its status.
+            vehicle: Vehicle that was diagnosed.
+            table: Diagnosis table, with the column types of its schema.
             changed: Whether a recording from before a change was given.
         """
         if found.status is None:
@@ -78,7 +78,7 @@ class Diagnosis(Result):
 
     @property
     def headline(self) -> str:
-        """The answer in one line: the number of corrections, and a sentence for each."""
+        """Overall result in one line: the number of corrections, and a short sentence for each."""
         return self.status.headline
 
     @property
@@ -98,18 +98,21 @@ class Diagnosis(Result):
         """Return the findings in short, without effects that the recording cannot show.
 
         Returns:
-            `finding`, `effect`, `share_of_error` (0 to 1), `confidence` (0 to 1), and `error_added`: error of
-            predictions with this finding alone added [m/s].
+            `finding`, the kind of finding; `effect`; `share_of_error`, explained share of the squared error
+            above the noise (0 to 1); `confidence`, probability that the effect has the right name (0 to 0.98,
+            the greatest that the benchmarks support); and `error_added`, error of predictions with this
+            finding alone added [m/s].
         """
         import polars as pl
 
+        from hydro.core.diagnosis.settings import MOST_STATED
         from hydro.report import words
 
         rows = self.table.filter(pl.col("verdict") != "not_excited").sort("rank")
         return rows.select(
             pl.Series("finding", [words.verdict(row, self.changed)[0] for row in rows.to_dicts()], pl.String),
             "effect",
-            "confidence",
+            pl.col("confidence").clip(upper_bound=MOST_STATED),
             "error_added",
             share_of_error="share_of_error_explained",
         ).select("finding", "effect", "share_of_error", "confidence", "error_added")
@@ -142,7 +145,9 @@ class Diagnosis(Result):
         return json_text(headline=self.headline, findings=self.table, chi2=chi2, **errors)
 
     def _above(self) -> Sequence[str]:
-        return (self.headline,) if self.prediction is None else (self.headline, _in_words(self.prediction))
+        values = [one for one in self.table.sort("rank")["sentence"] if one and one not in self.headline]
+        errors = [] if self.prediction is None else [_in_words(self.prediction)]
+        return (self.headline, *values, *errors)
 
     def _below(self) -> Sequence[str]:
         from hydro.report.diagnosis import SHARES, has_shares, look_up
@@ -170,7 +175,7 @@ def _in_words(known: Prediction) -> str:
 
 
 def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
-    """Return a vehicle with the findings that a diagnosis states; the same vehicle where it states none."""
+    """Return a vehicle with the stated findings of a diagnosis table; the same vehicle if none is stated."""
     import polars as pl
 
     from hydro.core.diagnosis.findings import STATED, extended, tables

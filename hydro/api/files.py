@@ -1,4 +1,4 @@
-"""Tables, vehicle files, logs and models, read and written."""
+"""Functions that read and write tables, vehicle files, logs and networks."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
 
 def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame:
-    """Read an artefact and check it against its schema.
+    """Read a table that a command or `hydro.write` wrote, and check it against the schema of its kind.
 
     Args:
         source: path of a Parquet file, or a binary stream.
-        kind: `raw`, `labels`, `split`, `blocks`, `features`, `metrics`, `replay`, `commands`, `comparison`,
-            `diagnosis` or `ladder`; any by default.
+        kind: expected kind: `raw`, `labels`, `split`, `blocks`, `features`, `metrics`, `replay`, `commands`,
+            `comparison`, `diagnosis` or `ladder`; by default any.
 
     Returns:
-        The table. `hydro.io.table.read` returns its provenance too.
+        The table. `hydro.io.table.read` also returns its provenance: command, inputs and hashes.
 
     Raises:
-        hydro.core.errors.DataError: the file is broken, of another kind, or breaks its schema.
+        hydro.core.errors.DataError: the file is damaged, of another kind, or does not fit its schema.
     """
     from hydro.io import table
 
@@ -44,16 +44,18 @@ def write(
     *,
     vehicle_file: str | Path | None = None,
 ) -> None:
-    """Write a table as an artefact of `kind`, whole or not at all, once it has passed its schema.
+    """Check a table against the schema of its kind, and write it as a Parquet file that the commands read.
+
+    The file is complete or absent, even if the program is interrupted.
 
     Args:
-        frame: the table, or a result such as `hydro.diagnose` returns.
+        frame: table, or a result such as that of `hydro.diagnose`.
         destination: path, or a binary stream.
-        kind: kind of table, as for `read`.
-        vehicle_file: vehicle file to put into the footer, so that later commands need no `--vehicle`.
+        kind: kind of the table, as for `hydro.read`.
+        vehicle_file: vehicle file to store in the footer, so that later commands need no `--vehicle`.
 
     Raises:
-        hydro.core.errors.DataError: the table breaks its schema, or the file cannot be written.
+        hydro.core.errors.DataError: the table does not fit its schema, or the file cannot be written.
     """
     from hydro.io import table
     from hydro.io import vehicle as vehicles
@@ -67,8 +69,14 @@ def write(
 def vehicle(path: str | Path) -> Vehicle:
     """Read and check a vehicle file.
 
+    Args:
+        path: path of the TOML file.
+
+    Returns:
+        The vehicle: mass, buoyancy, thrusters and effects, in SI units and body axes (FRD).
+
     Raises:
-        hydro.core.errors.DataError: the file is not a vehicle; the line names the path in the file.
+        hydro.core.errors.DataError: the file is not a valid vehicle file; the message names the wrong key.
     """
     from hydro.core import effects
     from hydro.io import vehicle as vehicles
@@ -79,16 +87,18 @@ def vehicle(path: str | Path) -> Vehicle:
 
 
 def write_vehicle(vehicle: Vehicle, destination: str | Path, *, source: str | Path | None = None) -> None:
-    """Write a vehicle file, whole or not at all.
+    """Write a vehicle file.
+
+    The file is complete or absent, even if the program is interrupted.
 
     Args:
-        vehicle: the vehicle, such as `hydro.add` or `hydro.fit` returns it.
-        destination: path of the file.
-        source: vehicle file whose comments and layout are kept where it says the same; may be the same path.
+        vehicle: vehicle, such as that of `hydro.add` or `hydro.fit`.
+        destination: path of the TOML file.
+        source: vehicle file whose comments and layout are kept for all values that have not changed; may be
+            the same path.
 
     Raises:
-        hydro.core.errors.DataError: `source` or the vehicle breaks a rule of vehicle files, or the file
-            cannot be written.
+        hydro.core.errors.DataError: `source` or the vehicle is not valid, or the file cannot be written.
     """
     from hydro.io import rewrite
     from hydro.io import vehicle as vehicles
@@ -107,26 +117,26 @@ def import_log(
     msg: str | Path | None = None,
     max_expanded: float | None = None,
 ) -> tuple[pl.DataFrame, ImportReport]:
-    """Turn a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
+    """Convert a log to a raw table: one clock, NED and FRD frames, SI units, commands from -1 to 1.
 
     Args:
-        log: file in any format that `hydro import` reads, or a binary stream; several files of one dive are
-            merged by time, and those that do not overlap are sessions, named by their files.
-        map: what the columns mean: a map file (`hydro import --write-map` begins one) or a `LogMap`; by
-            default guessed from the columns' names.
-        rate: rows per second; by default the median of the rates of the channels, or the fastest of them
-            if it is clearly faster, but at most 50.
-        strict: refuse a log whose motion contradicts the map.
-        fill: values in every row, on lines between the samples of a sensor slower than the rows; by default
-            such a column is null between its samples.
+        log: file in any format that `hydro import` reads, or a binary stream; or several files of one dive.
+            Files that overlap in time are merged; others become sessions with the names of the files.
+        map: meaning of the columns (channel, unit, frame, sign), as a map file or a `hydro.LogMap`; by
+            default it is guessed from their names. `hydro import --write-map` writes a draft.
+        rate: rows per second; by default the median rate of the channels, or the rate of the fastest channel
+            if that is clearly higher, but at most 50.
+        strict: raise an error if the motion contradicts the map.
+        fill: interpolate linearly between the samples of sensors that are slower than the rows; by default
+            these rows are null.
         msg: folder with the `.msg` files of ROS messages that the log does not describe.
-        max_expanded: how much the contents of a file may take once decompressed [GB]; by default 100 times
-            the file's size, or 0.1 GB where that is more.
+        max_expanded: maximum size of the decompressed contents of a file [GB]; by default 100 times its size
+            on disk, but at least 0.1 GB.
 
     Returns:
-        The raw table, and a report: `report.verdict.contradictions` are the frames, units and signs that the
-        kinematics contradict, `report.map` is what the columns were taken for, and `report.lines()` says all
-        that `hydro import` prints.
+        The raw table, and a report. `report.verdict.contradictions` lists frames, units and signs that the
+        kinematics contradict; `report.map` is the map that was used; `report.lines()` returns the lines that
+        `hydro import` prints.
 
     Raises:
         hydro.core.errors.DataError: the log or the map is broken, or they do not fit each other.
@@ -153,10 +163,13 @@ def import_log(
 
 
 def read_model(source: str | Path | BinaryIO) -> Model:
-    """Read a trained model.
+    """Read a trained network.
+
+    Args:
+        source: path of the file that `hydro train` or `hydro.write_model` wrote, or a binary stream.
 
     Raises:
-        hydro.core.errors.DataError: the file is broken or is not a model.
+        hydro.core.errors.DataError: the file is damaged or is not a network.
     """
     from hydro.io import model, table
 
@@ -164,7 +177,11 @@ def read_model(source: str | Path | BinaryIO) -> Model:
 
 
 def write_model(model: Model, destination: str | Path | BinaryIO) -> None:
-    """Write a trained model as a table of tensors with its architecture and scalers in the footer.
+    """Write a trained network: a table of its tensors, with architecture and scalers in the footer.
+
+    Args:
+        model: network, from `hydro.train`.
+        destination: path, or a binary stream.
 
     Raises:
         hydro.core.errors.DataError: a tensor is not finite, or the file cannot be written.

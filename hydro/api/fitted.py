@@ -1,4 +1,4 @@
-"""The result of `hydro.fit`."""
+"""Result of `hydro.fit`."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Fit(Result):
         better = hydro.add(vehicle, fit)
 
     Attributes:
-        table: One row per parameter entry: `parameter`, `value` and `standard_error` in `unit`, and
-            `determined`, whether the data determine it.
-        outcome: The fit of `hydro.core`, with all its numbers.
-        sentences: The values of each effect, in a sentence or two.
+        table: One row per fitted number: `parameter`, `value` and `standard_error` in `unit`, and
+            `determined`, whether the recording determines it.
+        outcome: Fit of `hydro.core`, with all its numbers.
+        sentences: Values of each effect in one or two sentences.
     """
 
     outcome: Outcome
@@ -67,7 +67,7 @@ class Fit(Result):
 
     @property
     def values(self) -> Array:
-        """Fitted values, (P,), in the units of `table`."""
+        """Fitted values, (P,), one per row of `table` and in its units."""
         return self.outcome.values
 
     @property
@@ -77,17 +77,17 @@ class Fit(Result):
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the values, (P, P)."""
+        """Covariance of the values, (P, P), in products of their units."""
         return self.outcome.covariance
 
     @property
     def determined(self) -> NDArray[np.bool_]:
-        """Which values the data determine, (P,)."""
+        """Mask of the values that the recording determines, (P,)."""
         return self.outcome.determined
 
     @property
     def chi2(self) -> float:
-        """Mean squared residual in units of the noise variance; about 1 where the model is true."""
+        """Mean squared residual in units of the noise variance; about 1 if the model is right."""
         return self.outcome.chi2
 
     @property
@@ -117,17 +117,23 @@ class Fit(Result):
     def effect(self, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the values and the standard errors of one fitted effect.
 
+        Args:
+            name: Name of the effect.
+
+        Returns:
+            Values by parameter, and standard errors by parameter, in the units of the catalogue.
+
         Raises:
             KeyError: It was not fitted.
         """
         return self.outcome.table(name)
 
     def estimates(self) -> Estimates:
-        """Return the values as they stand in `tables`, with their covariance."""
+        """Return the values of `tables` with their covariance."""
         return self.outcome.estimates()
 
     def frame(self) -> pl.DataFrame:
-        """Return `table`."""
+        """Return `table`, as a fit of `hydro.core` does."""
         return self.table
 
     def summary(self) -> pl.DataFrame:

@@ -1,4 +1,4 @@
-"""From recordings to residual networks, and their flights in MuJoCo."""
+"""From recordings to residual networks, and their replays in MuJoCo."""
 
 from __future__ import annotations
 
@@ -34,27 +34,30 @@ def labels(
     max_sd_velocity: float = 0.05,
     max_sd_acceleration: float = 0.25,
 ) -> pl.DataFrame:
-    """Compute the residual wrench tau_res = tau_prop - M nu_dot - g of every row.
+    """Compute the residual wrench tau_res = tau_prop - M nu_dot - g of every row, the label of a network.
 
-    Of a recording with nulls, of the rows that its samples determine, with standard deviations; the others
-    have null.
+    In a recording with sparse sensors (nulls between samples), only rows whose samples determine the label
+    have one, with its standard deviation; other rows have null.
 
     Args:
-        vehicle: the vehicle that the data were recorded with.
-        raw: raw table.
-        acceleration: two-sided smoother, filter, or the paper's differences of filtered velocity.
-        noise: standard deviation of u, v, w [m/s] and p, q, r [rad/s]; by default found from the data.
-        subtract: effects taken away: `inertia`, the vehicle's added mass, or all `effects`.
-        max_sd_velocity: standard deviation of a smoothed velocity [m/s, rad/s] above which a row of a
-            recording with nulls has no label.
-        max_sd_acceleration: the same of an acceleration [m/s^2, rad/s^2].
+        vehicle: vehicle that was recorded, from `hydro.vehicle`.
+        raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
+        acceleration: how accelerations are computed: `rts`, a two-sided smoother; `kalman`, a causal filter;
+            `kalman-difference`, differences of filtered velocity as in the paper.
+        noise: six standard deviations: of u, v, w [m/s] and p, q, r [rad/s]; by default estimated from the
+            recording.
+        subtract: effects of the vehicle that the label excludes: `inertia`, its added mass, or all `effects`.
+        max_sd_velocity: greatest standard deviation of a smoothed velocity [m/s, rad/s] of a row with a
+            label, in a recording with nulls.
+        max_sd_acceleration: greatest standard deviation of an acceleration [m/s^2, rad/s^2], likewise.
 
     Returns:
-        The raw columns, and smoothed velocity, acceleration, thrusts [N], tau_prop and tau_res [N, N m] about
-        the body origin in body axes (FRD). tau_res opposes motion: the vehicle feels -tau_res.
+        Labels table: the raw columns, smoothed velocity, acceleration, thrusts [N], tau_prop and tau_res
+        [N, N m] about the body origin in body axes (FRD). tau_res opposes motion: the force on the vehicle is
+        -tau_res.
 
     Raises:
-        hydro.core.errors.DataError: the table does not fit the vehicle, or time does not rise at one rate.
+        hydro.core.errors.DataError: the table does not fit the vehicle, or the time step is not constant.
     """
     from hydro.core.distillation.labels import labels as compute
     from hydro.core.distillation.labels_of_samples import Bounds
@@ -68,19 +71,20 @@ def labels(
 def split(
     labels: pl.DataFrame, *, block: int = 150, test: float = 0.2, salt: str = ""
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Divide labels into training and test blocks by the hash of their content.
+    """Divide labels into training and test blocks, by a hash of each block's content.
 
     Args:
-        labels: labels table.
-        block: rows of a block.
-        test: share of the blocks that are test data.
-        salt: another salt, another split.
+        labels: labels table, from `hydro.labels`.
+        block: number of rows of a block.
+        test: share of the blocks that are test data, 0 to 1.
+        salt: text that is hashed with each block; another text gives another split.
 
     Returns:
-        The rows that have a label, with `block` and `part` (train, test, guard); the small table of blocks.
+        Split table: the rows with a label, with the columns `block` and `part` (`train`, `test`, or `guard`
+        for rows between both, which are not used). And a table with one row per block.
 
     Raises:
-        hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
+        hydro.core.errors.DataError: an argument is out of range, or the time step is not constant.
     """
     from hydro.core.distillation.split import split as divide
     from hydro.io.table import conform
@@ -93,12 +97,12 @@ def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat")
     """Compute the inputs and the targets of a residual network.
 
     Args:
-        labels: labels or split table.
-        set: the twelve states alone, or the 45 physical features.
+        labels: labels or split table, from `hydro.labels` or `hydro.split`.
+        set: `raw`, the six velocities and six accelerations; or `physfeat`, 45 physical features of them.
 
     Returns:
-        `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there,
-        of the rows that have a label.
+        One row for each row with a label: `session`, `t` [s], the features, the six targets tau_res
+        [N, N m], and `block` and `part` of a split table.
     """
     from hydro.core.distillation.features import table
     from hydro.io.table import conform
@@ -118,24 +122,26 @@ def train(
     centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
-    """Train a residual network on the training part of a split table, after the paper's protocol.
+    """Train a residual network on the training part of a split table, by the protocol of the paper.
 
     Args:
-        split: split table.
+        split: split table, from `hydro.split`.
         model: architecture: `mlp`, `resmlp`, `multihead`, `moe`, `physfeat`, `structured`, `temporal` or, for
             minutes of data, `gp`.
-        seed: of the first weights and the order of rows; the same seed gives the same weights on one machine.
-        epochs: passes over the data at most; by default as many as make 25,000 updates, 60 at most.
-        minutes: train on whole blocks of so many minutes alone; on all of the training part by default.
-        device: where to train.
-        subtract: what `labels` subtracted: a replay must bring it.
-        centre: centre of gravity [m], FRD from CO, for `gp`; by default it is found from the labels.
-        progress: called after every epoch with a `hydro.learn.train.Epoch`: its number, how many there are
-            at most, the loss in training, the error in validation, and whether it is the best so far; of `gp`
-            the steps, without errors.
+        seed: seed of the initial weights and of the order of rows; the same seed gives the same weights on
+            one machine.
+        epochs: maximum number of passes over the data; by default as many as give 25,000 updates, at most 60.
+        minutes: minutes of data to train on, in whole blocks; by default all of the training part.
+        device: device that trains.
+        subtract: `subtract` of the labels; a replay then applies these effects in addition to the network.
+        centre: only for `gp`: centre of gravity (3,) [m], FRD from the body origin CO; by default it is
+            fitted to the labels.
+        progress: called after every epoch with a `hydro.Epoch`: its number, the maximum number, the training
+            loss, the validation error, and whether it is the best so far. For `gp`: after every step, without
+            errors.
 
     Returns:
-        The model; `write_model` stores it.
+        The model; `hydro.write_model` stores it.
 
     Raises:
         hydro.core.errors.DataError: the table has not been split, or has too few rows.
@@ -164,18 +170,19 @@ def evaluate(
     """Measure how well models predict the residual wrench.
 
     Args:
-        models: trained models, of different names.
-        labels: split table, or a labels table for part `all`.
-        part: which side of the split.
-        by: ways to divide the rows, each regime of which is measured besides; see `hydro evaluate --help`.
+        models: trained models with different names, from `hydro.train` or `hydro.read_model`.
+        labels: split table; or a labels table, if `part` is `all`.
+        part: part of the split table to measure on.
+        by: regimes to measure in addition to all rows: of `speed`, of `drift` angle, or of `reach`, the
+            distance from the training data; see `hydro evaluate --help`.
         dataset: name of the data in the result.
 
     Returns:
-        A metrics table: `rmse`, `mae` [N, N m] and `r2` per axis and over all, with 95 % intervals. Column
-        `variant` names the regime, and is empty for all rows together.
+        Metrics table: `rmse`, `mae` [N, N m] and `r2`, for each axis and over all, with 95 % intervals. The
+        column `variant` names the regime; it is empty for all rows together.
 
     Raises:
-        hydro.core.errors.DataError: the rows are not there, or a model is broken.
+        hydro.core.errors.DataError: the table has no rows of the part, or a model is broken.
     """
     from hydro.io.table import conform
     from hydro.learn.evaluate import evaluate as measure
@@ -195,22 +202,26 @@ def replay(
     dataset: str = "recording",
     progress: Progress | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Replay a recording's commands in MuJoCo, open loop.
+    """Replay the commands of a recording in MuJoCo, open loop, with several models of the water.
 
     Args:
-        vehicle: the vehicle that the data were recorded with.
-        raw: raw table.
-        models: trained models, one variant each, in addition to MJ0 and MJ0+M_A.
-        variants: names of the variants to fly; all by default.
-        conditioning: what is done to a learned wrench: nothing, as the paper does, or one piece of that; see
-            `hydro replay --help`.
-        piece: also measure every piece of so many seconds, such as the 10 s segments of the replay sequence.
+        vehicle: vehicle that was recorded, from `hydro.vehicle`.
+        raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
+        models: trained models; each is one variant of the simulation. Variants without a network are always
+            there, such as MJ0 (no water forces) and MJ0+M_A (added mass alone).
+        variants: names of the variants to simulate; by default all.
+        conditioning: filter of a network's wrench before it acts: `off`; `paper`, which is low-pass, clipping
+            and dead band; or one of these three alone. See `hydro replay --help`.
+        piece: length of pieces [s] whose errors are measured as well, such as 10 s; by default only the whole
+            recording is measured.
         dataset: name of the recording in the metrics.
-        progress: called with the variant that is replayed and the share of all variants that is done.
+        progress: called as `progress(variant, share)`: the variant that is simulated, and the share of all
+            variants that is done, 0 to 1.
 
     Returns:
-        The motion of every variant and of the recording (variant `measured`): pose in NED [m, rad], velocity
-        in body axes [m/s, rad/s]; and a metrics table with the root mean square error of every velocity.
+        The motion of every variant and of the recording (variant `measured`): pose in the world (NED)
+        [m, rad], velocity in body axes (FRD) [m/s, rad/s]. And a metrics table with the root mean square
+        error of every velocity.
 
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.

@@ -1,4 +1,4 @@
-"""The order of arguments: the vehicle, then the data."""
+"""Order of arguments of the public functions: the vehicle, then the data."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 Progress = Callable[[str, float], None]
-"""Called with a few words and the share of the work done, from 0 to 1."""
+"""Function that is called with a few words on the present work and the share that is done, 0 to 1."""
 
 
 def vehicle_first(function: Callable[P, R]) -> Callable[P, R]:
-    """Accept a frame before the vehicle, the order of version 0.1, for one more version; with a warning."""
+    """Return a function that also accepts the frame before the vehicle, with a warning.
+
+    This was the order of version 0.1; it is accepted for one more version.
+    """
 
     @functools.wraps(function)
     def ordered(*given: P.args, **named: P.kwargs) -> R:

@@ -24,18 +24,19 @@ if TYPE_CHECKING:
 
 @vehicle_first
 def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
-    """Simulate a vehicle under commands, with every effect of its file.
+    """Simulate the motion of a vehicle under given thruster commands, with every effect of its file.
 
     Args:
-        vehicle: the vehicle.
-        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next; every
-            session starts at rest at the origin. Or a raw table, whose first rows are the initial states.
-        sea: seed of the waves of its file, which differ between sessions; None for a calm sea, as in every
-            prediction.
+        vehicle: vehicle, from `hydro.vehicle`.
+        commands: table with `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], one column per thruster; a
+            row acts until the next. Every session starts at rest at the origin. With a raw table instead,
+            the first row of each session is its initial state.
+        sea: seed of random waves, for a file with the effect `ocean_waves`; sessions get different waves.
+            None for a calm sea, as in every prediction.
 
     Returns:
-        Raw table of the simulated motion, without sensor noise: pose in NED [m, rad], velocities in FRD
-        [m/s, rad/s], commands.
+        Raw table of the simulated motion, without sensor noise: pose (x y z [m], phi theta psi [rad]) in the
+        world (NED), velocities (u v w [m/s], p q r [rad/s]) in body axes (FRD), and commands.
 
     Raises:
         hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion diverges.
@@ -61,25 +62,28 @@ def fit(
     """Estimate the parameters of named effects from a recording, with standard errors.
 
     Args:
-        vehicle: the vehicle; effects that it has start from their values, others from zero.
-        raw: raw table.
-        effects: names in the catalogue, see `hydro effects`: `linear_damping`, or `linear_damping.matrix`
-            where there are several forms; or tables with values to start from.
-        method: `output`, output error over shots of two seconds, or `equation`, equation error along the
-            smoothed motion, which is quicker but biased by noise.
-        noise: standard deviation of position [m] (3), attitude [rad] (3), velocity [m/s] (3) and rates
-            [rad/s] (3); by default found from the data.
-        shots: most shots, or windows; they are spread evenly over a longer recording.
-        progress: called with a few words and the share of the work done.
+        vehicle: vehicle, from `hydro.vehicle`; effects of its file start from their values, others from zero.
+        raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
+        effects: effects to fit, by their names in the catalogue (`hydro effects` lists them), such as
+            `linear_damping`; or `linear_damping.matrix` for another form of it. An effect may also be a
+            table with initial values, such as `{"name": "net_buoyancy", "dB": 3.0}`.
+        method: `output` minimises the error of predictions over shots of two seconds. `equation` minimises
+            the error of the equations of motion along the smoothed motion, which is quicker but biased by
+            noise.
+        noise: twelve standard deviations: of position [m] (3), attitude [rad] (3), velocity [m/s] (3) and
+            rates [rad/s] (3); by default estimated from the recording.
+        shots: maximum number of shots (`output`) or windows (`equation`); a longer recording is sampled
+            evenly.
+        progress: called as `progress(words, share)`: the present work, and the share that is done, 0 to 1.
 
     Returns:
-        The fit: `vehicle` with the estimates, `table` with a row per parameter (value, standard error, unit,
-        whether the data determine it), `covariance`, `chi2` and `warnings`. `hydro.add` adds it to a vehicle
-        with its standard errors.
+        The fit: `vehicle` with the estimates, `table` with one row per parameter (value, standard error,
+        unit, whether the data determine it), `covariance`, `chi2` and `warnings`. `hydro.add` writes the
+        values and their standard errors into a vehicle.
 
     Raises:
-        hydro.core.errors.DataError: an effect or the recording is wrong, such as swapped columns, or the
-            motion diverges.
+        hydro.core.errors.DataError: there is no such effect, the recording contradicts the vehicle (for
+            example by swapped columns), or the predicted motion diverges.
     """
     import numpy as np
 
@@ -105,17 +109,19 @@ def compare(
     """Measure how well a vehicle predicts a recording, and where its errors are largest.
 
     Args:
-        vehicle: the vehicle.
-        raw: raw table.
-        against: earlier comparison with the same recording; its errors become the column `before`.
-        before: raw table of the same vehicle before a change. A hull-force model is fitted to it and held
-            fixed; rows of the level `hull` have the errors with it, before and after.
-        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
-        progress: called with a few words and the share of the work done.
+        vehicle: vehicle, from `hydro.vehicle`.
+        raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
+        against: earlier comparison of another vehicle file with the same recording; its errors become the
+            column `before`.
+        before: raw table of the same vehicle before a change. A model of the hull force is fitted to it and
+            held fixed; rows of the level `hull` have the errors with this model, before and after.
+        model: only with `before`: network of `hydro.train` as the hull-force model, instead of the built-in
+            regression.
+        progress: called as `progress(words, share)`: the present work, and the share that is done, 0 to 1.
 
     Returns:
         The comparison: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis, horizon and
-        regime of motion, each with its noise floor.
+        regime of motion. Each has its noise floor, the error that sensor noise alone causes.
 
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
@@ -149,19 +155,20 @@ def diagnose(
     """Find the physical effects that a vehicle lacks, or that have changed, with their confidence.
 
     Args:
-        vehicle: the vehicle.
-        raw: raw table.
+        vehicle: vehicle, from `hydro.vehicle`.
+        raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
         before: raw table of the same vehicle before a change; the findings are then changes since.
-        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
+        model: only with `before`: network of `hydro.train` as the hull-force model, instead of the built-in
+            regression.
         discover: search a formula of sparse terms if no effect of the catalogue explains the recording; not
             with `before`.
-        correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
-            order that it states; by default that is the only finding.
-        progress: called with a few words and the share of the work done.
+        correct_thrusters: if the recording contradicts the directions or the order of the thrusters,
+            continue with those that it shows; by default the contradiction is then the only finding.
+        progress: called as `progress(words, share)`: the present work, and the share that is done, 0 to 1.
 
     Returns:
         The diagnosis: `headline`, `vehicle` with the stated findings, and `table` with one finding per row,
-        the most telling first, with verdict, values and advice.
+        that with the largest share of the error first, with verdict, values, confidence and advice.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
@@ -190,12 +197,12 @@ def add(
     """Add the effects of a diagnosis or a fit to a vehicle, with their standard errors.
 
     Args:
-        vehicle: the vehicle that was diagnosed or fitted.
+        vehicle: vehicle that was diagnosed or fitted.
         diagnosis: result of `hydro.diagnose` or `hydro.fit`, or a diagnosis table.
-        effects: names of the effects to add; by default all fitted or stated ones. A suspected effect is
-            added only by its name.
-        force: add findings that do not lower the prediction error on held-out data. A table alone does not
-            have that error, so its findings are not checked.
+        effects: names of the effects to add; by default all fitted or stated ones. A suspected effect
+            (confidence below 0.9) is added only by its name.
+        force: add findings even if they do not lower the prediction error on held-out data. A plain table
+            does not have that error, so its findings are not checked.
 
     Returns:
         The vehicle with these effects.
@@ -238,22 +245,24 @@ def explain(
     """Add missing or changed effects to a vehicle step by step, until nothing more is found.
 
     Args:
-        vehicle: the vehicle.
-        raw: raw table.
-        holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
-        before: raw table of the same vehicle before a change. A hull-force model is fitted to it and held
-            fixed; the steps then add changes since.
-        model: with `before`: network of `hydro.train` as the hull-force model, instead of the regression.
+        vehicle: vehicle, from `hydro.vehicle`.
+        raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
+        holdout: raw table to which nothing is fitted; the study ends with a step that predicts it worse.
+        before: raw table of the same vehicle before a change. A model of the hull force is fitted to it and
+            held fixed; the steps then add changes since.
+        model: only with `before`: network of `hydro.train` as the hull-force model, instead of the built-in
+            regression.
         discover: add a formula of sparse terms if no effect of the catalogue explains the residual; not with
             `before`.
-        correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
-            order that it states.
-        on_step: called with each step as soon as it is done, such as `print`.
-        progress: called with a few words and the share of the present step that is done.
+        correct_thrusters: if the recording contradicts the directions or the order of the thrusters,
+            continue with those that it shows; by default an error is raised.
+        on_step: called with each step as soon as it is done; `print` prints its headline.
+        progress: called as `progress(words, share)`: the present work, and the share of the present step
+            that is done, 0 to 1.
 
     Returns:
-        The study: its steps, the vehicle as given first, each with its vehicle, comparison and diagnosis;
-        `table` with the errors of all steps; `vehicle` of the step to use.
+        The study: `steps`, of which step 0 is the vehicle as given, each with its vehicle, comparison and
+        diagnosis; `table` with the errors of all steps; and `vehicle`, that of the step to use.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, is too short, or contradicts the
@@ -264,7 +273,7 @@ def explain(
     from hydro.core.explanation.explain import explain as steps
     from hydro.core.explanation.ladder import best
     from hydro.core.explanation.options import is_stated
-    from hydro.core.explanation.status import study_status
+    from hydro.core.explanation.status import corrections, study_status
     from hydro.core.recording.segments import sample_time
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
@@ -285,8 +294,9 @@ def explain(
         done.append(Step.of(rung, stated, changed=hull is not None))
         if on_step is not None:
             on_step(done[-1])
-    answer = study_status(rungs, best(rungs), sample_time(raw)).headline
-    return Study.of(done, best(rungs).number, ending(rungs), answer)
+    chosen, dt = best(rungs), sample_time(raw)
+    answer, sentences = study_status(rungs, chosen, dt).headline, corrections(rungs, chosen, dt)
+    return Study.of(done, chosen.number, ending(rungs), answer, sentences)
 
 
 def _hull(

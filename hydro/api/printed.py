@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     import polars as pl
 
 WIDTH = 80
-"""Characters of a line: a shell's usual width, which a result has to fit without asking a terminal."""
+"""Maximum length of a line in characters: the usual width of a terminal."""
 MOST_ROWS = 12
-"""Rows that are printed, so that a result fits one screen; a count stands for the others."""
+"""Maximum number of printed rows, so that a result fits one screen; other rows are only counted."""
 NARROWEST = 8
-"""Characters that a column of text keeps where a table is wider than WIDTH."""
+"""Minimum width in characters of a column of text, if a table is wider than WIDTH."""
 PLAIN = str.maketrans({"−": "-", "–": "-"})
-"""Signs of figures that some encodings of a shell lack, and their ASCII."""
+"""Signs that some encodings of a terminal lack, and their replacements in ASCII."""
 
 
 def text(
@@ -31,8 +31,8 @@ def text(
     Args:
         above: Sentences before the table, one paragraph each.
         table: The table; columns without any value are left out.
-        below: Sentences after it.
-        units: Units of columns by name, which stand behind the name.
+        below: Sentences after the table.
+        units: Units of columns by name; they are printed after the name.
     """
     shown = _with_values(table)
     columns = _columns(shown, units)
@@ -49,7 +49,7 @@ def html(
     below: Sequence[str],
     units: Mapping[str, str],
 ) -> str:
-    """Return the same as one `div` of HTML, the first sentence in bold; everything is escaped."""
+    """Return the same content as one HTML `div`, with the first sentence in bold; all text is escaped."""
     shown = _with_values(table)
     columns = _columns(shown, units)
     first, *rest = above
@@ -83,7 +83,7 @@ def _columns(table: pl.DataFrame, units: Mapping[str, str]) -> list[tuple[str, l
 
 
 def _left_out(table: pl.DataFrame) -> list[int]:
-    """Return how many rows are not printed; nothing where all are."""
+    """Return the number of rows that are not printed, as a list; an empty list if all are printed."""
     return [table.height - MOST_ROWS] if table.height > MOST_ROWS else []
 
 
@@ -126,7 +126,7 @@ def _wrapped(sentence: str) -> str:
 
 
 def _printable(sentence: str) -> str:
-    """Return a text with line breaks, and what a terminal would take for a command, written out."""
+    """Return a text with line breaks and control characters escaped."""
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in sentence)
 
 

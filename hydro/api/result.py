@@ -25,10 +25,10 @@ T = TypeVar("T")
 class Result(ABC):
     """Answer of a function of `hydro`: a headline around a polars table.
 
-    All that polars offers of a frame works on a result, and gives what it gives of `table`: `.filter`,
-    `.select`, `["column"]`, `len`, iteration over columns, `.columns`, `.to_dicts()` and so on. Only `plot`
-    is the result's own. Where a frame or polars itself asks for a frame, as `frame.join` and `pl.concat` do,
-    give it `table`.
+    Methods and attributes of a polars frame work on a result and refer to `table`: `.filter`, `.select`,
+    `["column"]`, `len`, iteration over columns, `.columns`, `.to_dicts()` and so on. Only `plot` differs from
+    that of a frame. Functions that require a polars frame, such as `frame.join` and `pl.concat`, take
+    `table`.
 
     Two results are equal if all their values are; a missing number equals another.
 
@@ -39,12 +39,12 @@ class Result(ABC):
     table: pl.DataFrame
 
     units: ClassVar[Mapping[str, str]] = {}
-    """Units of columns of `summary` that have one unit in all rows."""
+    """Units of the columns of `summary` whose unit is the same in all rows."""
 
     @property
     @abstractmethod
     def headline(self) -> str:
-        """The answer in one or two sentences."""
+        """Result in one or two sentences."""
 
     @abstractmethod
     def summary(self) -> pl.DataFrame:
@@ -126,7 +126,7 @@ class Result(ABC):
 
 
 def _of_frames(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a frame's method that takes results for their frames, as in `found.equals(other)`."""
+    """Return a method of a frame that also takes results, as in `found.equals(other)`."""
 
     @functools.wraps(method)
     def called(*given: Any, **named: Any) -> Any:

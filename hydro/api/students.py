@@ -46,34 +46,36 @@ def student(
     count: int | None = None,
     period: float | None = None,
 ) -> Pair | GpuPlant:
-    """A vehicle in MuJoCo, with every effect of its file: ready for `mujoco.mj_step` and the viewer.
+    """Build a vehicle in MuJoCo with every effect of its file, for `mujoco.mj_step` and the viewer.
 
-    With `device="cuda"` (extra `gpu`) many of it on an NVIDIA GPU, without MuJoCo, by the equations of
-    `hydro.simulate`; there are no contacts. See [Many vehicles on a GPU](gpu.md).
+    A compiled callback, which is installed in the process, adds the water forces. Added mass is part of the
+    mass matrix. MuJoCo's world has z up, and its bodies have forward, left and up axes. Controls are the
+    commands of the thrusters in [-1, 1]. For a thruster with a thrust table they are effective commands, see
+    `hydro.core.recording.supply.effective_commands`.
 
-    The compiled callback is installed in the process; added mass stands in the mass matrix. MuJoCo's world is
-    z-up and its bodies forward, left, up. Controls are the thrusters' commands in [-1, 1]; where a thrust
-    curve is a table, those that give its thrust by a plain curve
-    (`hydro.core.recording.supply.effective_commands`).
+    With `device="cuda"` (extra `gpu`) many copies of the vehicle are simulated on an NVIDIA GPU, without
+    MuJoCo and without contacts, by the equations of `hydro.simulate`. See
+    [Many vehicles on a GPU](gpu.md).
 
     Args:
-        vehicle: the vehicle.
-        timestep: physics step [s]; by default 0.002 in MuJoCo, and 0.01 at most on a GPU, of order 4.
-        integrator: MuJoCo integrator, `implicitfast` by default; `rk4` moves as `hydro.simulate` does, to
-            1e-7 over a minute.
-        folder: folder of the vehicle file, where a hull mesh is looked for; without it an ellipsoid is shown.
+        vehicle: vehicle, from `hydro.vehicle`.
+        timestep: physics step [s]; by default 0.002 in MuJoCo, and at most 0.01 on a GPU, where the method
+            is of fourth order.
+        integrator: integrator of MuJoCo; by default `implicitfast`. The motion with `rk4` differs from that
+            of `hydro.simulate` by 1e-7 after a minute.
+        folder: folder of the vehicle file, which may contain a hull mesh; without it an ellipsoid is shown.
         device: `cpu`, or `cuda` for a GPU.
-        count: number of vehicles on a GPU, 1 by default.
-        period: control step on a GPU [s], 0.04 by default.
+        count: only on a GPU: number of vehicles, by default 1.
+        period: only on a GPU: control step [s], by default 0.04.
 
     Returns:
-        MuJoCo's model, and its data with the vehicle at rest at the origin. On a GPU a
-        `hydro.sim.gpu.plant.GpuPlant`: `reset(mask, pose, velocity)` begins, `step(commands)` flies on.
+        MuJoCo's model and data, with the vehicle at rest at the origin. On a GPU a `hydro.GpuPlant`:
+        `reset(mask, pose, velocity)` starts vehicles, and `step(commands)` simulates one control step.
 
     Raises:
         hydro.core.errors.DataError: the vehicle cannot be simulated.
-        hydro.core.errors.UsageError: there is no such device, no GPU or no numba-cuda, or an argument is of
-            the other device.
+        hydro.core.errors.UsageError: there is no such device, no GPU or no numba-cuda, or an argument
+            belongs to the other device.
     """
     from pathlib import Path
 
@@ -98,18 +100,22 @@ def student(
 
 
 def _given(**values: Any) -> dict[str, Any]:
-    """What was given: the rest is left to the defaults of what takes it."""
+    """Return the arguments that are not None; the others keep their defaults."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def load_student(path: str | Path) -> Pair:
-    """A vehicle in MuJoCo from an MJCF file of `hydro export --to mujoco`, as `student` gives it.
+    """Build a vehicle in MuJoCo from an MJCF file that `hydro export --to mujoco` wrote.
 
     Args:
-        path: the file; pillars, cameras and sensors may have been added to it.
+        path: the file; you may have added pillars, cameras and sensors to it.
+
+    Returns:
+        MuJoCo's model and data, as `hydro.student` returns them.
 
     Raises:
-        hydro.core.errors.DataError: MuJoCo cannot read it, or it has no vehicle of this version of hydro.
+        hydro.core.errors.DataError: MuJoCo cannot read the file, or it has no vehicle that this version of
+            hydro wrote.
     """
     from hydro.sim.single import load
 

@@ -1,4 +1,4 @@
-"""The result of `hydro.explain`: steps, and the ladder of their errors."""
+"""Result of `hydro.explain`: steps, and the ladder, which is the table of their errors."""
 
 from __future__ import annotations
 
@@ -26,15 +26,17 @@ class Step:
     """One step of a study.
 
     Attributes:
-        number: 0 is the vehicle as given.
-        added: Names of the effects that the step added, or gave new values to where it added none.
-        stated: Whether the diagnosis of the step before states the added effects; False of step 0.
-        tables: All effects that were fitted together, with their standard errors; none of step 0.
-        vehicle: The vehicle with them.
-        comparison: Its errors against the recording.
-        diagnosis: Its diagnosis.
-        ladder: Errors of this step, the rows of the ladder table.
-        estimates: The values of `tables` with their covariance; None of step 0.
+        number: Number of the step; step 0 is the vehicle as given.
+        added: Names of the effects that the step added; if it added none, of those that got new values.
+        stated: Whether the diagnosis of the previous step states these effects, with a confidence of 0.9 or
+            more; False for step 0.
+        tables: `[[effect]]` tables of all effects that were fitted together, with standard errors; empty for
+            step 0.
+        vehicle: Vehicle with these effects.
+        comparison: Errors of this vehicle against the recording.
+        diagnosis: Diagnosis of this vehicle.
+        ladder: Errors of this step, its rows of the ladder table.
+        estimates: Values of `tables` with their covariance; None for step 0.
     """
 
     number: int
@@ -52,8 +54,8 @@ class Step:
         """Return a step of `hydro.core` with its tables as results.
 
         Args:
-            rung: The step, as it was just made.
-            stated: Whether the diagnosis of the step before states the added effects.
+            rung: Step of `hydro.core.explanation`.
+            stated: Whether the diagnosis of the previous step states the added effects.
             changed: Whether a recording from before a change was given.
         """
         from hydro.io.table import conform
@@ -101,10 +103,13 @@ class Step:
         return self.diagnosis.chi2
 
     def error(self, dataset: str) -> float | None:
-        """Return the error of all velocities together, predicted 5 s ahead [m/s]; None without such data.
+        """Return the root mean square error of velocity, over all axes, predicted 5 s ahead [m/s].
 
         Args:
-            dataset: `fit`, the recording, or `holdout`.
+            dataset: `fit` for the recording, `holdout` for the held-out one.
+
+        Returns:
+            The error; None if there is no such recording, or if it has no velocities.
         """
         from hydro.core.explanation.ladder import HORIZON
 
@@ -113,7 +118,10 @@ class Step:
 
     @property
     def left_out(self) -> float | None:
-        """Error on stretches left out of the fit, 5 s ahead [m/s]; None with held-out data or `before`."""
+        """Error 5 s ahead on parts of the recording that were left out of the fit [m/s].
+
+        None if `holdout` or `before` was given.
+        """
         from hydro.core.explanation.ladder import LEFT_OUT
 
         rows = self.ladder.filter(axis=LEFT_OUT)
@@ -130,8 +138,8 @@ class Step:
 class Study(Result):
     """Effects added to a vehicle step by step, as `hydro.explain` does it.
 
-    Iteration, `len` and whole numbers in brackets go over the steps; everything else that polars offers of a
-    frame, `["column"]` included, is passed on to the ladder.
+    Iteration, `len(study)` and `study[1]` refer to the steps. All other attributes and methods of a polars
+    frame, such as `study["column"]` or `study.filter(...)`, refer to the table `study.table`.
 
         study = hydro.explain(vehicle, raw, holdout=other)
         for step in study:
@@ -140,35 +148,40 @@ class Study(Result):
 
     Attributes:
         table: Ladder table: errors of predictions after each step, on the recording and on held-out data.
-        steps: The steps, the vehicle as given first.
-        best: The step to use: the last, or the one before it where that predicts better.
-        ending: Why no step follows the last.
-        answer: The headline.
+        steps: All steps; step 0 is the vehicle as given.
+        best: Step to use: the last one, or the one before it if that predicts better.
+        ending: Reason why no step follows the last one, in words.
+        answer: Headline.
+        corrections: Sentence for each correction of the vehicle, with its values and standard errors.
     """
 
     steps: tuple[Step, ...]
     best: Step
     ending: str
     answer: str
+    corrections: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, steps: Sequence[Step], best: int, ending: str, answer: str) -> Study:
-        """Return the study that steps make.
+    def of(
+        cls, steps: Sequence[Step], best: int, ending: str, answer: str, corrections: Sequence[str] = ()
+    ) -> Study:
+        """Return the study with some steps.
 
         Args:
-            steps: The steps, from 0 on.
+            steps: All steps, from 0 on.
             best: Number of the step to use.
-            ending: Why no step follows.
-            answer: The headline.
+            ending: Reason why no step follows, in words.
+            answer: Headline.
+            corrections: Sentence for each correction of the vehicle.
         """
         import polars as pl
 
         ladder = pl.concat(step.ladder for step in steps)
-        return cls(ladder, tuple(steps), steps[best], ending, answer)
+        return cls(ladder, tuple(steps), steps[best], ending, answer, tuple(corrections))
 
     @property
     def headline(self) -> str:
-        """Added effects with their values, and which of them no test confirmed."""
+        """Corrections of the vehicle in one line; "unconfirmed" marks those that no test confirmed."""
         return self.answer
 
     @property
@@ -190,9 +203,8 @@ class Study(Result):
         """Return the errors of predictions after each step, 5 s ahead or else at the longest horizon.
 
         Returns:
-            `step`; `added`, the names of its effects; `error` on the recording and `held_out` on held-out
-            data, all axes together, with `noise_floor` of the recording, all in `unit`; and `use`, true of
-            the step to use.
+            `step`; `added`, the names of its effects; `error` on the recording, `held_out` on held-out data
+            and `noise_floor` of the recording, over all axes, in `unit`; and `use`, true for the step to use.
         """
         import polars as pl
 
@@ -258,7 +270,9 @@ class Study(Result):
     def _above(self) -> Sequence[str]:
         from hydro.report import words
 
-        return (self.headline, f"Errors of predictions, {words.horizon(ahead(self.table)['horizon'][0])}:")
+        corrected = [] if all(one in self.headline for one in self.corrections) else self.corrections
+        errors = f"Errors of predictions, {words.horizon(ahead(self.table)['horizon'][0])}:"
+        return (self.headline, *corrected, errors)
 
     def _below(self) -> Sequence[str]:
         return (f"The study ended because {self.ending}.", f"Use step {self.best.number}: study.vehicle.")

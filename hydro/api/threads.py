@@ -1,8 +1,8 @@
-"""Limit linear algebra to one thread during a call, whose threads already share shots and windows.
+"""Limit of linear algebra to one thread, for functions that already use several threads.
 
-Matrices have a few dozen rows, and more threads of linear algebra only wait for each other. On two busy cores
-the problem of one recording took three times the processor time.  The command line sets the limit before the
-library is loaded (`hydro.cli`); a program that imports `hydro` has often loaded it already.
+Matrices have a few dozen rows, so that more threads of linear algebra only wait for each other. On two busy
+cores the fit of one recording then takes three times the processor time.  The command line sets the limit
+before the library is loaded (`hydro.cli`); a program that imports `hydro` has often loaded it already.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, run with one thread of linear algebra."""
+    """Return a function that runs with one thread of linear algebra."""
 
     @functools.wraps(function)
     def alone(*given: P.args, **named: P.kwargs) -> R:

@@ -9,7 +9,7 @@ import typer
 
 from hydro.commands.help import ADVANCED
 from hydro.commands.recordings import Logs, called
-from hydro.commands.shell import about, dataset_name, network, report
+from hydro.commands.shell import about, dataset_name, network, progress, report
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def learnt(
         if told["learnt"]:
             report(model, f"was trained on {name}, so that its error there is too small: {ASIDE}")
         inputs.append(artefact)
-    with about(name):
+    with about(name), progress("hull force before the change"):
         hull = hull_of(vehicle, earlier.frame, law)
     figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
     return Earlier(hull, tuple(inputs), {"before": told | figures})

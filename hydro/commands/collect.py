@@ -188,7 +188,7 @@ def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., AnyTeacher
 
 
 def _stonefish(subject: AnyTeacher) -> dict[str, str]:
-    """Return the version of Stonefish if it is the simulator; fail before any flight if it is missing."""
+    """Return the version of Stonefish if it is the simulator; fail before any run if it is missing."""
     from hydro.sim.stonefish.recorder import StonefishTeacher
 
     return {"stonefish": subject.version()} if isinstance(subject, StonefishTeacher) else {}

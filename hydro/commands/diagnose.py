@@ -15,7 +15,7 @@ from hydro.commands.answers import AsText, Details, Printing, called_with, print
 from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.engines import HERE, Address, EngineName, Threads, engine_for, refuse_engine
-from hydro.commands.help import ADVANCED, CLUSTER, FLIGHT
+from hydro.commands.help import ADVANCED, CLUSTER, NEXT_RUN
 from hydro.commands.places import FILE, EachOutput, Output
 from hydro.commands.recordings import (
     Definitions,
@@ -92,13 +92,14 @@ def diagnose(
     correct_thrusters: CorrectThrusters = False,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
-    fly: Annotated[
+    next_run: Annotated[
         Path | None,
         typer.Option(
+            "--next-run",
             metavar="COMMANDS",
             show_default=False,
-            help="Write the next flight as a commands table.",
-            rich_help_panel=FLIGHT,
+            help="Write the commands of the next run.",
+            rich_help_panel=NEXT_RUN,
         ),
         FILE,
     ] = None,
@@ -108,7 +109,7 @@ def diagnose(
             metavar="MIN MAX",
             show_default=False,
             help="Least and greatest depth [m].",
-            rich_help_panel=FLIGHT,
+            rich_help_panel=NEXT_RUN,
         ),
     ] = (-math.inf, math.inf),
     space: Annotated[
@@ -117,15 +118,15 @@ def diagnose(
             metavar="METRES",
             show_default=False,
             help="Largest horizontal distance from the start [m].",
-            rich_help_panel=FLIGHT,
+            rich_help_panel=NEXT_RUN,
         ),
     ] = math.inf,
     thrust: Annotated[
         float,
-        typer.Option(metavar="SHARE", help="Largest share of full thrust.", rich_help_panel=FLIGHT),
+        typer.Option(metavar="SHARE", help="Largest share of full thrust.", rich_help_panel=NEXT_RUN),
     ] = 1.0,
     seconds: Annotated[
-        float, typer.Option(metavar="N", help="Length of all sessions [s].", rich_help_panel=FLIGHT)
+        float, typer.Option(metavar="N", help="Length of all sessions [s].", rich_help_panel=NEXT_RUN)
     ] = 120.0,
     each: Annotated[
         bool,
@@ -134,6 +135,7 @@ def diagnose(
     engine: EngineName = HERE,
     address: Address = None,
     threads: Threads = 1,
+    fly: Annotated[Path | None, typer.Option("--fly", hidden=True), FILE] = None,
 ) -> None:
     r"""Find the physical effects that a vehicle file lacks.
 
@@ -178,14 +180,14 @@ def diagnose(
         hydro add vehicle.toml diagnosis.parquet --effect formula \
           -o vehicle-1.toml
 
-    With --fly the manoeuvres that separate close rivals, or show effects that this recording cannot show, are
-    written as commands for hydro simulate or an autopilot. Every predicted position of every rival stays
-    within --depth and --space. The answer then has the expected separation of rivals in standard deviations
-    of the noise, and the expected standard errors. Diagnose the new recording and this one as sessions of one
-    raw table.
+    With --next-run the manoeuvres that separate close rivals, or show effects that this recording cannot
+    show, are written as commands for hydro simulate or an autopilot. Every predicted position of every rival
+    stays within --depth and --space. The answer then has the expected separation of rivals in standard
+    deviations of the noise, and the expected standard errors. Diagnose the new recording and this one as
+    sessions of one raw table.
 
-        hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 \
-          --space 10 --thrust 0.6
+        hydro diagnose vehicle.toml raw.parquet --next-run next.parquet \
+          --depth 2 8 --space 10 --thrust 0.6
 
     With --each every session of a folder (session=NAME/part.parquet) is diagnosed by itself, and -o is a
     folder. With --engine ray the nodes of a Ray cluster share the sessions; the results are the same bytes.
@@ -205,9 +207,12 @@ def diagnose(
     from hydro.report.diagnosis import Context
 
     printing = Printing(output, as_text, as_json)
+    if fly is not None:
+        message("hydro: --fly is now called --next-run; the old name goes with the next version")
+        next_run = next_run or fly
     vehicles.read(vehicle)
     if each:
-        _refuse_beside_each(before=before, model=model, discover=discover, fly=fly, json=as_json)
+        _refuse_beside_each(before=before, model=model, discover=discover, next_run=next_run, json=as_json)
         connect = partial(engine_for, engine, address, threads)
         _diagnose_each(vehicle, dataset(measured), known, printing, connect, correct_thrusters, details)
         return
@@ -229,7 +234,7 @@ def diagnose(
         hull = earlier.hull if earlier else None
         log = preprocess(start, source.frame, hull)
         log = log.as_audited() if correct_thrusters else log
-        beyond, best = discovered if discover else None, tell_provisional(expected)
+        beyond, best = discovered if discover else None, tell_provisional(expected, of_change=bool(before))
         found = diagnose_log(start, log, hull=hull, beyond=beyond, progress=advance, provisional=best)
     changes = tell_changes(name, log.changes)
     call = called_with(
@@ -268,14 +273,16 @@ def diagnose(
         write(made, output)
         if found.estimates is not None and output != STREAM:
             covariance.write(found.estimates, output, stage="diagnose", inputs=inputs, vehicle_text=text)
-    if fly is not None and found.question is None:
-        typer.echo("hydro: no flight written: there are no rivals that a flight could separate", err=True)
-    if fly is not None and found.question is not None:
+    if next_run is not None and found.question is None:
+        typer.echo(
+            "hydro: no commands written: there are no rivals that another run could separate", err=True
+        )
+    if next_run is not None and found.question is not None:
         with about(name):
             flight = advise(found.question, limits)
-        _print_flight(flight, fly, printing.console)
+        _print_next_run(flight, next_run, printing.console)
         made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)
-        write(made, str(fly))
+        write(made, str(next_run))
 
 
 def _refuse_beside_each(**given: object) -> None:
@@ -285,7 +292,8 @@ def _refuse_beside_each(**given: object) -> None:
         UsageError: One of them is given.
     """
     if named := [name for name, there in given.items() if there]:
-        raise UsageError(f"--each diagnoses every session by itself, without --{named[0]}: leave one out")
+        option = named[0].replace("_", "-")
+        raise UsageError(f"--each diagnoses every session by itself, without --{option}: leave one out")
 
 
 def _diagnose_each(
@@ -472,9 +480,9 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
         console.print(words)
 
 
-def _print_flight(flight: Flight, path: Path, console: Console) -> None:
-    """Print the next flight and its expected results."""
-    console.print(f"\nNext flight ({path}):", style="bold")
+def _print_next_run(flight: Flight, path: Path, console: Console) -> None:
+    """Print the manoeuvres of the next run and the expected results."""
+    console.print(f"\nNext run ({path}):", style="bold")
     for line in flight.lines():
         console.print(line, soft_wrap=True)
 

@@ -31,7 +31,7 @@ def diff(
     """Compare two vehicle files and what they predict.
 
     Each row is a part that differs: both values, and the error 5 s ahead of VEHICLE2 with the value of
-    VEHICLE. Without --on, VEHICLE2 flies twenty manoeuvres and counts as the truth.
+    VEHICLE. Without --on, twenty manoeuvres are simulated with VEHICLE2, which counts as the truth.
 
         hydro diff vehicle.toml vehicle-1.toml --on raw.parquet
 

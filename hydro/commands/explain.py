@@ -118,7 +118,7 @@ def explain(
     from hydro.core.explanation.explain import ending
     from hydro.core.explanation.explain import explain as compute
     from hydro.core.explanation.ladder import best
-    from hydro.core.explanation.status import study_status
+    from hydro.core.explanation.status import corrections, study_status
     from hydro.core.explanation.trials import Recordings
     from hydro.io.study import Study
     from hydro.report.study import Outcome, answer
@@ -166,13 +166,14 @@ def explain(
             beyond=discovered if discover else None,
             corrected=correct_thrusters,
             progress=advance,
-            provisional=tell_provisional(expected),
+            provisional=tell_provisional(expected, of_change=bool(before)),
         )
         for found_step in () if study.has_ended(steps) else found:
             steps.append(found_step)
             study.save_step(steps)
             _tell(steps)
-        headline = study_status(steps, best(steps), recordings.log.record.dt).headline
+        dt = recordings.log.record.dt
+        headline = study_status(steps, best(steps), dt).headline
         study.end(steps, ending(steps), headline)
         update(0, 0, "files of the study")
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
@@ -183,6 +184,7 @@ def explain(
         headline,
         ending(steps),
         folder,
+        corrections(steps, best(steps), dt),
     )
     print_lines(answer(outcome, printing.console.width), printing.console)
     if details:

@@ -21,7 +21,7 @@ KEPT = "\b\n"
 """Marker of Click for a paragraph whose line breaks are kept."""
 PLAIN_NUMBER = re.compile(r"<(int|float)( range)?>")
 """Pattern of Typer's name for the value of a numeric option."""
-ADVANCED, CLUSTER, FLIGHT = "Advanced", "Cluster", "Flight design"
+ADVANCED, CLUSTER, NEXT_RUN = "Advanced", "Cluster", "Next run"
 """Names of the groups of rarely used options."""
 
 

@@ -34,7 +34,7 @@ def report(
     """Write a study as one HTML page.
 
     The page has the recordings, the errors, the regimes where the model fails, the findings with their
-    confidence, and the next flight, as far as the given tables contain it. It is one file of 6 MB that needs
+    confidence, and the next run, as far as the given tables contain it. It is one file of 6 MB that needs
     no network.
 
         hydro report study -o report.html

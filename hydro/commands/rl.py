@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hydro.rl.training.train import Build, Training
 
 NAME = "rl"
-PILOTS, PILOT_SEED = 20, 600_000  # vehicles that a pilot by hand flies before a training
+PILOTS, PILOT_SEED = 20, 600_000  # vehicles that a scripted pilot steers before a training
 HELP = "Train policies that steer a vehicle, and test them in simulators."
 
 TrainingFolder = Annotated[
@@ -89,13 +89,13 @@ def train(
     Details:
 
     The slalom has none to four baffles; the forest has a planned way to follow. Once 90 % of 150 episodes of
-    training succeed (curriculum.ready), as many are flown without exploration, of which 97 % pass a level
+    training succeed (curriculum.ready), as many are run without exploration, of which 97 % pass a level
     (curriculum.share). Training ends with the last level or with the steps.
 
-    With --recipe demos a scripted expert with a map flies first and the policy imitates it (behavioural
-    cloning). Then the policy flies, the expert labels the states that it visits (DAgger), and the policy
+    With --recipe demos a scripted expert with a map steers first and the policy imitates it (behavioural
+    cloning). Then the policy steers, the expert labels the states that it visits (DAgger), and the policy
     imitates these labels, until it passes. Levels that it still does not pass it learns by rewards, with
-    flights of the expert in half of every batch. All levels are rehearsed, and the last policy passes the
+    runs of the expert in half of every batch. All levels are rehearsed, and the last policy passes the
     last level of every task. Stage 2 begins with all four baffles.
 
     DIR gets run.parquet with all settings, curves.parquet, evaluations.parquet and policy.parquet at every
@@ -341,7 +341,7 @@ def curves(
 COMMANDS: dict[Callable[..., None], str] = {
     train: "hydro rl train datasets/vehicles/auv151.toml --condition R_effects --seed 0 -o run",
     eval_: "hydro rl eval run --in teacher --episodes 200 -o teacher.parquet",
-    watch: "hydro rl watch run -o flight.png",
+    watch: "hydro rl watch run -o path.png",
     curves: "hydro rl curves run -o curves.png",
     study: "hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet -o study",
 }

@@ -1,4 +1,4 @@
-"""Commands `rl eval` and `rl watch`: flights of policies and of a scripted pilot, without exploration."""
+"""Commands `rl eval` and `rl watch`: test runs of policies and of a scripted pilot, without exploration."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ Settings = Annotated[
 ]
 Truth = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Vehicle file to fly instead."),
+    typer.Option(metavar="FILE", help="Vehicle file to simulate instead."),
 ]
 
 
@@ -103,7 +103,7 @@ def _asked(task: str | None, stage: int | None) -> str | None:
     from hydro.rl.tasks.registry import STAGES
 
     if task is not None and stage is not None:
-        raise UsageError("--task and --stage both say what is to be flown: give one of them")
+        raise UsageError("--task and --stage both choose the task: give one of them")
     return task if stage is None else STAGES[stage - 1]
 
 
@@ -121,7 +121,7 @@ def _flight(
 def _task(
     come_to: Mapping[str, Any], builder: Builder, name: str | None, level: int | None
 ) -> tuple[Task, int]:
-    """Return the task and the level to fly, by default those that the training has reached."""
+    """Return the task and the level to run, by default those that the training has reached."""
     from dataclasses import replace
 
     from hydro.rl.tasks.registry import STAGES, task_of
@@ -138,24 +138,24 @@ def _task(
 def eval_(
     run: Flown,
     simulator: In = "student",
-    episodes: Annotated[int, typer.Option(min=1, help="Tasks to fly.")] = 200,
+    episodes: Annotated[int, typer.Option(min=1, help="Number of tasks.")] = 200,
     seed: Annotated[int, seed_option("Seed of the tasks and the sensors' noise.")] = 1_000_000,
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
     setting: Settings = None,
     truth: Truth = None,
-    pilot: Annotated[bool, typer.Option("--pilot/--no-pilot", help="Also fly a scripted pilot.")] = True,
+    pilot: Annotated[bool, typer.Option("--pilot/--no-pilot", help="Also test a scripted pilot.")] = True,
     details: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the episodes of the first row."), FILE
     ] = None,
     max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
-    """Fly a policy in a simulator and count the successes.
+    """Run a policy in a simulator and count the successes.
 
     The same seed gives the same tasks to every policy and in all simulators. The result has the success rate
-    with its 95 % interval, collisions, time to goal and energy, also of a scripted pilot that flies the same
+    with its 95 % interval, collisions, time to goal and energy, also of a scripted pilot in the same
     tasks.
 
         task             goal
@@ -173,17 +173,17 @@ def eval_(
 
     The interval is Wilson's. The result also has the distance from the way to follow, and how far baffles or
     pillars are passed on alternating sides. A good policy also wins in a simulator that it was not trained
-    in, and against the scripted pilot (the helmsman). The pilot flies once more with a map if there is
-    something to avoid. The expert of --recipe demos flies as well if it differs from that. With a vehicle
-    file as RUN only the pilot flies. On a terminal without -o the result is printed. Stonefish runs in the
+    in, and against the scripted pilot (the helmsman). The pilot runs once more with a map if there is
+    something to avoid. The expert of --recipe demos runs as well if it differs from that. With a vehicle
+    file as RUN only the pilot runs. On a terminal without -o the result is printed. Stonefish runs in the
     program hydro-stonefish.
 
-    With --stage or --task the policy that passed this task in training flies, if there is one, because
+    With --stage or --task the policy that passed this task in training is tested, if there is one, because
     training for the next stage may undo it.
 
     Settings: no_plan shows the goal instead of a way, current is 0.3 m/s, load a payload of 10 % of the mass,
     posterior draws values from the covariance next to the vehicle file; nominal is the file. With --truth
-    another vehicle flies than the one that the policy's demands are made for.
+    another vehicle is simulated than the one that the policy's demands are made for.
     """
     import polars as pl
 
@@ -206,7 +206,7 @@ def eval_(
         for name, actor, led in _flyers(policy, chosen, builder.config, pilot=pilot, planless=trial.planless):
             fleet = builder(episodes, seed, simulator, trial)
             fleet.set_level(chosen, level, led=led)
-            with progress(f"fly {episodes} tasks ({name}, {where})"):
+            with progress(f"run {episodes} tasks ({name}, {where})"):
                 flown = fly(actor(fleet), fleet)
             if details is not None and not rows:
                 table.write(made("episodes", flown), details)
@@ -216,7 +216,7 @@ def eval_(
             rows.append(_result(flown, who | what))
     result = pl.concat(rows)
     if shows_table(output):
-        print_table(result.drop("purpose"), f"{run}, flown in the {simulator}")
+        print_table(result.drop("purpose"), f"{run}, tested in the {simulator}")
     else:
         write(made("evaluations", result), output)
 
@@ -242,7 +242,7 @@ def _flyers(
 
 
 def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
-    """Return the summary of flown episodes as one row of `evaluations`, with the columns that identify it."""
+    """Return the summary of test episodes as one row of `evaluations`, with the columns that identify it."""
     import polars as pl
 
     from hydro.rl.training.evaluate import RARE, summary
@@ -257,15 +257,15 @@ def watch(
     run: Flown,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4."), FILE],
     simulator: In = "student",
-    seed: Annotated[int, seed_option("Seed of the task to fly.")] = 0,
+    seed: Annotated[int, seed_option("Seed of the task.")] = 0,
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
     max_expanded: MaxExpanded = None,
 ) -> None:
-    """Draw or film one flight of a policy.
+    """Draw or film one run of a policy.
 
-    With a vehicle file in the place of RUN the scripted pilot flies, with a map.
+    With a vehicle file in the place of RUN the scripted pilot is shown, with a map.
 
     A .png shows the path in its tank, from above and from the side. An .mp4 is rendered by MuJoCo
     off-screen, and needs the extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.

@@ -56,7 +56,7 @@ def study(
 ) -> None:
     """Train all conditions with several seeds and compare the policies.
 
-    Each training goes through the curriculum; its policy then flies the task of every stage in the MuJoCo
+    Each training goes through the curriculum; its policy then runs the task of every stage in the MuJoCo
     model and in the reference simulator of VEHICLE, as do scripted pilots. Each step is an ordinary command,
     printed as it runs. An interrupted study resumes where it stopped, also within a training.
 
@@ -64,7 +64,7 @@ def study(
 
     Conditions: R_0 without water forces; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
     with the effects of the vehicle file; R_identified with those of a file that was identified from data of
-    the reference simulator. All policies fly the same tasks. Trainings run seed by seed, so that a stopped
+    the reference simulator. All policies run the same tasks. Trainings run seed by seed, so that a stopped
     study has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room,
     and --workers does not count.
 
@@ -96,6 +96,6 @@ def study(
         "condition", "flown_by", "seed", "steps", "plant", "task", "level",
         "success", "success_low", "success_high", "collision", "time_to_goal", "energy",
     )  # fmt: skip
-    print_table(shown, "Flown without exploration, with 95 % intervals")
+    print_table(shown, "Without exploration, with 95 % intervals")
     for want in left:
         message(f"not run: {want}")

@@ -331,13 +331,19 @@ def tell_duration(frame: pl.DataFrame, expected: Expected | None, *, steps: bool
     message(f"hydro: {frame.height:,} rows: {what}{expected} on {on}, longer the more is missing")
 
 
-def tell_provisional(expected: Expected | None) -> Callable[[Provisional], None] | None:
-    """Return a function that prints the provisional best candidate of a long diagnosis; None for a short one.
+def tell_provisional(
+    expected: Expected | None, *, of_change: bool = False
+) -> Callable[[Provisional], None] | None:
+    """Return a function that prints the provisional best candidate of a long diagnosis.
 
     Args:
-        expected: Range of the duration of the diagnosis [s].
+        expected: Range of the duration of the diagnosis [s]; None where nothing is known.
+        of_change: Whether a recording from before a change is given; such a diagnosis is always long.
+
+    Returns:
+        The function; None for a short diagnosis, and where stderr is not a terminal.
     """
-    if not is_long(expected):
+    if not (is_long(expected) or (of_change and sys.stderr.isatty())):
         return None
 
     def tell(best: Provisional) -> None:
@@ -345,9 +351,7 @@ def tell_provisional(expected: Expected | None) -> Callable[[Provisional], None]
         from hydro.report import words
 
         told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)})"
-        message(
-            f"hydro: provisional: {told}, removes {words.percent(best.share)} of the error above the noise"
-        )
+        message(f"hydro: provisional: {told}, removes {words.percent(best.share)} of the error")
 
     return tell
 

@@ -34,7 +34,13 @@ Numbers = Any
 
 
 def interpolated(at: float, points: Numbers, values: Numbers) -> float:
-    """Interpolate linearly between points; constant beyond the ends."""
+    """Interpolate linearly between points, and hold the first and the last value beyond them.
+
+    Args:
+        at: Abscissa of the result.
+        points: Abscissae in ascending order.
+        values: Values at these points.
+    """
     if at <= points[0]:
         return float(values[0])
     for k in range(1, len(points)):
@@ -45,7 +51,16 @@ def interpolated(at: float, points: Numbers, values: Numbers) -> float:
 
 
 def effective(thruster: Numbers, curve: Any, command: Any) -> Any:
-    """Return the command that gives the thrust of a table with a simple curve; itself without a table."""
+    """Return the effective command of a thruster.
+
+    With its simple curve, this command gives the thrust that the thrust table gives for the original command.
+
+    Args:
+        thruster: Row of the thruster table.
+        curve: Commands, thrusts [N] and full thrust ahead and astern [N] of its thrust table; None without
+            a table, where the command itself is returned.
+        command: Command in [-1, 1].
+    """
     if curve is None:
         return command
     commands, thrusts, ahead, astern = curve
@@ -76,7 +91,14 @@ class Model:
 
 
 def targets(model: Model, commands: Numbers) -> Numbers:
-    """Return the lag states that commands in [-1, 1] lead to: thrusts [N] before losses, or rotor speeds."""
+    """Return the values that the lag states of the thrusters approach under constant commands.
+
+    A lag state is the thrust before losses [N], or the rotor speed as a share of full speed.
+
+    Args:
+        model: Vehicle.
+        commands: Commands in [-1, 1], one per thruster.
+    """
     found = []
     for i in range(len(model.thrusters)):
         command = effective(model.thrusters[i], model.curves[i], commands[i])
@@ -85,7 +107,14 @@ def targets(model: Model, commands: Numbers) -> Numbers:
 
 
 def motion_state(model: Model, y: Numbers, time: float, commands: Numbers) -> Numbers:
-    """Return the state of motion that kernels read, given y: position, quaternion, nu, internal states."""
+    """Return the state of motion in the layout that the kernels read (`core.effects.layout`).
+
+    Args:
+        model: Vehicle.
+        y: Position [m] and quaternion w x y z in NED, velocity nu in FRD [m/s, rad/s], internal states.
+        time: Time [s].
+        commands: Commands in [-1, 1], one per thruster.
+    """
     s: Numbers = [0.0] * MOTION
     turned: Numbers = [0.0] * 9
     quaternion_kernel(y[3:7], turned)
@@ -103,7 +132,13 @@ def motion_state(model: Model, y: Numbers, time: float, commands: Numbers) -> Nu
 
 
 def initial_states(model: Model, y: Numbers, time: float) -> Numbers:
-    """Return the internal states of the effects, as if the velocity in y had always been constant."""
+    """Return the initial internal states of the effects, as if the velocity had always been constant.
+
+    Args:
+        model: Vehicle.
+        y: State as for `motion_state`; its internal states are ignored.
+        time: Time [s].
+    """
     s, found = motion_state(model, y, time, []), []
     for _, start, parameters, count in model.effects:
         states = [0.0] * count
@@ -115,7 +150,15 @@ def initial_states(model: Model, y: Numbers, time: float) -> Numbers:
 
 
 def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numbers) -> Numbers:
-    """Return the time derivative of the state y for lag states `rotors`; Fossen (2011), eq. 7.190, 2.2.2."""
+    """Return the time derivative of the state; Fossen (2011), eq. 7.190 and section 2.2.2.
+
+    Args:
+        model: Vehicle.
+        y: State as for `motion_state`.
+        time: Time [s].
+        rotors: Lag states of the thrusters, as for `targets`.
+        commands: Commands in [-1, 1], one per thruster.
+    """
     c = model.flat[HEADER:]
     s = motion_state(model, y, time, commands)
     nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
@@ -156,13 +199,22 @@ def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numb
 
 
 def normalised(y: Numbers) -> Numbers:
-    """Return the state with a normalised quaternion."""
+    """Return a state (as for `motion_state`) with its quaternion scaled to unit length."""
     norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
     return y[:3] + [y[i] / norm for i in range(3, 7)] + y[7:]
 
 
 def runge_kutta(model: Model, y: Numbers, time: float, h: float, lags: Numbers, commands: Numbers) -> Numbers:
-    """Return the state after a classical Runge-Kutta step h [s]; `lags` at its start, middle and end."""
+    """Return the state after one classical Runge-Kutta step.
+
+    Args:
+        model: Vehicle.
+        y: State as for `motion_state`.
+        time: Time at the start of the step [s].
+        h: Length of the step [s].
+        lags: Lag states of the thrusters at the start, the middle and the end of the step.
+        commands: Commands in [-1, 1], one per thruster.
+    """
     size = range(len(y))
     a = rates(model, y, time, lags[0], commands)
     b = rates(model, [y[i] + 0.5 * h * a[i] for i in size], time + 0.5 * h, lags[1], commands)
@@ -177,10 +229,10 @@ def lag_after(thruster: Numbers, state: float, target: float, dt: float) -> floa
 
 
 class Commands:
-    """Commands with the delays of their thrusters.
+    """Memory of commands, from which each thruster reads with its own delay.
 
     Attributes:
-        given: Times and commands, the oldest that still acts first.
+        given: Times [s] and commands, in the order in which they were given.
     """
 
     def __init__(self) -> None:

@@ -266,7 +266,12 @@ def column(log: Log, name: str, where: str) -> pl.Series:
 
 
 def require(log: Log, name: str, where: str) -> None:
-    """Check that a log has a column; arguments as those of `column`.
+    """Check that a log has a column.
+
+    Args:
+        log: The log.
+        name: Name of the column in the map.
+        where: Place in the map, for the error message.
 
     Raises:
         DataError: There is no such column.

@@ -26,7 +26,13 @@ ROWS_PER_GROUP = 131_072
 
 @dataclass(frozen=True)
 class Artefact:
-    """Table that has passed its schema, with its provenance."""
+    """Table that has passed its schema, with its provenance.
+
+    Attributes:
+        kind: Kind of table, such as `raw` or `diagnosis`.
+        frame: Rows of the table.
+        provenance: Command, inputs and hashes that the table was made from; stored in the file's footer.
+    """
 
     kind: str
     frame: pl.DataFrame

@@ -207,9 +207,9 @@ class Process(NamedTuple):
     """Gaussian process of one axis.
 
     Attributes:
-        whole: Covariance including the label's error (N, N).
-        even: Covariance of the part other than drag, d_i d_j at p = 2.
-        noise: Variance of the label's error (N,).
+        whole: Covariance of the labels, their errors included, (N, N).
+        even: Covariance of the forces other than drag, those even in velocity, (N, N).
+        noise: Variance of the label's error, (N,).
     """
 
     whole: Array

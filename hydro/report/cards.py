@@ -1,4 +1,4 @@
-"""Diagnoses in a report: a card for each finding, effects that can be confused, and the next flight."""
+"""Diagnoses in a report: a card for each finding, effects that can be confused, and the next run."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
     return list(rows.values())
 
 
-def to_fly(sources: Sources) -> list[dict[str, str]] | None:
-    """Return the advice for the next flight, from the diagnosis of the chosen step; None without one."""
+def to_record(sources: Sources) -> list[dict[str, str]] | None:
+    """Return the advice for the next run, from the diagnosis of the chosen step; None without one."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None
@@ -122,7 +122,9 @@ def _shares(shown: pl.DataFrame, step: int) -> str:
     """Return the note on the shares of the cards of one diagnosis; empty if they need none."""
     if not has_shares(shown.to_dicts()):
         return ""
-    return f"Shares are of the error that remained after step {step}. {SHARES}" if step else SHARES
+    if not step:
+        return SHARES
+    return f"Shares are of the squared error above the noise after step {step}, and need not sum to 100 %."
 
 
 def _unseen(rows: pl.DataFrame) -> str:

@@ -13,14 +13,14 @@ from hydro.core import toml_text
 from hydro.core.columns import UNITS
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Diagnosis, Prediction
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.status import in_words
+from hydro.core.diagnosis.status import in_words, percent
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sentences import sentence
 from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 from hydro.report.following import Call
-from hydro.report.screen import EMPTY, Block, Following, Text, fitted, table
+from hydro.report.screen import EMPTY, MOST_LINES, Block, Following, Text, fitted, table
 
 TITLES = {
     "log_fault": "The log has a fault",
@@ -40,7 +40,7 @@ SILENT = ("nothing_missing", "not_excited", "not_separable")
 """Verdicts without a block: the headline or the line on effects that are not visible has them."""
 MOST_UNSEEN = 4
 """Maximum number of effects in the line on effects that are not visible."""
-MORE = "{count}: add --details."
+MORE = "{count}, not shown: add --details."
 """Note on findings that do not fit on the screen."""
 SHARES = "Shares are of the squared error above the noise, and need not sum to 100 %."
 """Note on the shares of findings."""
@@ -59,7 +59,7 @@ class Context:
         headline: The status in one line.
         prediction: Errors before and after; None if they are not known.
         changed: Whether findings are changes since a recording before.
-        open: Whether a next flight can be designed.
+        open: Whether a next run can be designed.
         call: The command; None if the answer has no next command.
         learned: Sentences on the hull-force model of a recording before a change; empty without one.
         reversed: Thrusters that push opposite to the file, from 0; empty if columns are swapped as well.
@@ -107,11 +107,12 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     notes = [Text(SHARES)] * has_shares(rows) + look_up([row["effect"] for row in rows])
     tail = [EMPTY, *notes] if notes else []
     tail += [EMPTY, Text(about.learned)] if about.learned else []
-    tail += unseen(frame, about, width)
-    if not rows:
-        tail += _without_findings(about, width)
+    last = list(_without_findings(about, width)) if not rows else []
     blocks = list(_blocks(rows, about))
-    return fitted(head, blocks, tail, width, "" if whole else MORE)
+    complete = fitted(head, blocks, [*tail, *unseen(frame, about, width), *last], width, "")
+    if whole or len(complete) <= MOST_LINES:
+        return complete
+    return fitted(head, blocks, [*tail, *unseen(frame, about, width, short=True), *last], width, MORE)
 
 
 def _has_block(row: Mapping[str, Any]) -> bool:
@@ -158,7 +159,7 @@ def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
 
 
 def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
-    """Yield the title of a finding with its confidence, its sentence if the headline lacks it, and its share.
+    """Yield the title of a finding with its confidence, the sentence on its values, and its share.
 
     Args:
         row: Row of the diagnosis table.
@@ -217,7 +218,7 @@ def facts(row: Mapping[str, Any]) -> str:
     told = _share(row)
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
-        sure = "" if row["confidence"] is None else f" ({words.percent(row['confidence'])} for the first)"
+        sure = "" if row["confidence"] is None else f" ({percent(row['confidence'])} for the first)"
         return f"{told}; this log does not tell which{sure}."
     if rivals:
         return f"{told}; {listed(rivals)} {'fits' if len(rivals) == 1 else 'fit'} as well."
@@ -252,8 +253,15 @@ def look_up(effects: Sequence[str]) -> list[Text]:
     return [Text(f"Look up an effect: hydro effects {known[0]}")] if known else []
 
 
-def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
-    """Yield the effects that the recording cannot show, with the manoeuvre that would show the first one."""
+def unseen(frame: pl.DataFrame, about: Context, width: int, *, short: bool = False) -> Iterator[Text]:
+    """Yield the effects that the recording cannot show, with the manoeuvre that would show the first one.
+
+    Args:
+        frame: Diagnosis table.
+        about: Other data of the answer.
+        width: Columns.
+        short: Whether the command that designs the manoeuvre is only mentioned.
+    """
     names = frame.filter(verdict="not_excited").sort("rank")["effect"].unique(maintain_order=True).to_list()
     if not names:
         return
@@ -262,10 +270,15 @@ def unseen(frame: pl.DataFrame, about: Context, width: int) -> Iterator[Text]:
         shown.append(f"{more} more")
     yield EMPTY
     motion, what = _capital(CATALOGUE[names[0]].excitation), "it" if len(names) == 1 else shown[0]
-    yield Text(f"Not visible in this log: {listed(shown)}. {motion} would show {what}.")
-    if about.open and about.call is not None:
-        flight = about.call.again("diagnose", "--fly", "next.parquet", "-o", "diagnosis.parquet")
-        yield from Following("Design that run:", flight).lines(width)
+    told = f"Not visible in this log: {listed(shown)}. {motion} would show {what}"
+    if not (about.open and about.call is not None):
+        yield Text(f"{told}.")
+    elif short:
+        yield Text(f"{told}; --next-run FILE designs that run.")
+    else:
+        yield Text(f"{told}.")
+        again = about.call.again("diagnose", "--next-run", "next.parquet", "-o", "diagnosis.parquet")
+        yield from Following("Design that run:", again).lines(width)
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:

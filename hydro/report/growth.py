@@ -5,9 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from hydro.core.columns import DOF, VELOCITY, WRENCH
+from hydro.core.discovery.growth import POWERS
 from hydro.report import words
 from hydro.report.figures import TITLES
 from hydro.report.sources import Sources
+
+GRID = float(POWERS[1] - POWERS[0])
+"""Distance of neighbouring powers that were tried."""
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
@@ -25,7 +29,9 @@ def section(sources: Sources) -> dict[str, Any] | None:
 
 
 def _interval(row: dict[str, Any]) -> str:
-    return f"{words.figure(row['low'])} to {words.figure(row['high'])}"
+    """Return the 95 % interval of a power, at least as wide as the grid of powers that were tried."""
+    wider = 0.5 * GRID if row["low"] == row["high"] else 0.0
+    return f"{words.figure(row['low'] - wider)} to {words.figure(row['high'] + wider)}"
 
 
 def _line(row: dict[str, Any]) -> dict[str, Any]:

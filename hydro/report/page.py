@@ -75,7 +75,7 @@ def render(sources: Sources) -> str:
         "replays": [_replay(sources, number, charts) for number in range(len(sources.replays))],
         "metrics": [errors.section(one, number, charts) for number, one in enumerate(sources.metrics)],
         "confusions": cards.confusions(sources),
-        "next": cards.to_fly(sources),
+        "next": cards.to_record(sources),
         "glossary": GLOSSARY,
         "provenance": _provenance(sources),
     }

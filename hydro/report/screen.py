@@ -138,5 +138,5 @@ def fitted(
         shown.pop()
     lines = [line for one in shown for line in one.lines(width)]
     if left():
-        lines += laid([Text(more.format(count=f"{left()} more finding{'s' * (left() > 1)}"))], width)
+        lines += laid([Text(more.format(count=f"{left()} more"))], width)
     return [*begin, *lines, *end]

@@ -16,10 +16,12 @@ from hydro.core.explanation.status import UNCONFIRMED, added
 from hydro.core.explanation.with_hull import FLOOR
 from hydro.report import ladder, words, yardsticks
 from hydro.report.diagnosis import look_up
-from hydro.report.screen import EMPTY, Following, Text, laid, table
+from hydro.report.screen import EMPTY, Block, Following, Text, fitted, table
 
 WHERE = {"fit": "on the recording", "holdout": "on held-out data"}
 """Names of the data sets in sentences."""
+MORE = "{count}, not shown: add --details."
+"""Note on corrections that do not fit on the screen."""
 MOST = 2
 """Maximum number of implausible values with a sentence, so that the answer fits one screen."""
 
@@ -34,6 +36,7 @@ class Outcome:
         headline: Overall result in one line.
         reason: Reason why it ended.
         folder: Folder of its files.
+        corrections: Sentence for each correction of the file, with its values and standard errors.
     """
 
     steps: Sequence[Step]
@@ -41,6 +44,7 @@ class Outcome:
     headline: str
     reason: str
     folder: Path
+    corrections: Sequence[str] = ()
 
     @property
     def file(self) -> Path:
@@ -70,12 +74,12 @@ def answer(study: Outcome, width: int) -> list[Text]:
         study: The study.
         width: Columns.
     """
-    lines = [Text(study.headline, bold=True), EMPTY, *errors(study)]
+    head = [Text(study.headline, bold=True), EMPTY, *errors(study)]
     rungs = study.rungs
     simple = yardsticks.of_ladder(rungs, study.chosen.number, yardsticks.judged_on(rungs))
     if told := yardsticks.sentence(simple):
-        lines.append(Text(told))
-    lines += [EMPTY, Text("Steps; each re-estimates the file's own values, too:", bold=True), *_steps(study)]
+        head.append(Text(told))
+    lines = [EMPTY, Text("Steps; each re-estimates the file's own values, too:", bold=True), *_steps(study)]
     lines += [Text(f"It ends here: {study.reason}."), *look_up(study.chosen_effects), EMPTY]
     beyond = study.beyond
     lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond[:MOST]]
@@ -84,7 +88,16 @@ def answer(study: Outcome, width: int) -> list[Text]:
     lines.append(Text(f"The file to use is {study.file}."))
     page = ["hydro", "report", str(study.folder), "-o", "report.html"]
     lines += Following("All figures on one page:", page).lines(width)
-    return laid(lines, width)
+    return fitted(head, list(_corrections(study)), lines, width, MORE)
+
+
+def _corrections(study: Outcome) -> Iterator[Block]:
+    """Yield a block for each correction, with its standard errors; none if the headline has all of it."""
+    if all(one in study.headline for one in study.corrections):
+        return
+    for place, told in enumerate(study.corrections):
+        title = [EMPTY, Text("Corrections, ± standard error:", bold=True)] if place == 0 else []
+        yield Block([*title, Text(f"{place + 1}. {told}", indent=2)])
 
 
 def errors(study: Outcome) -> Iterator[Text]:

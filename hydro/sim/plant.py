@@ -157,7 +157,7 @@ class StudentPlant:
         self._read(self._all if flying is None else flying)
 
     def _read(self, mask: Mask) -> None:
-        """Update the arrays of some vehicles."""
+        """Update the readings of the vehicles in a mask (N,)."""
         read_kernel(mask, self._motion, self._gravity, self._readings)
         np.copyto(self.thrust, self._force, where=mask[:, None])
 
@@ -179,7 +179,12 @@ class StudentPlant:
 
 @kernel
 def upright(state: Array, pose: Array) -> None:
-    """Write position and quaternion (7,), the quaternion with w >= 0."""
+    """Copy a position and a quaternion, with the sign of the quaternion for which w >= 0.
+
+    Args:
+        state: Position [m] and quaternion w x y z, (7,).
+        pose: The copy, (7,); q and -q are the same attitude.
+    """
     sign = 1.0 if state[3] >= 0.0 else -1.0
     for i in range(7):
         pose[i] = state[i] if i < 3 else sign * state[i]

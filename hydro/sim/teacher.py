@@ -168,7 +168,12 @@ def teacher(
 
 
 def surface_of(vehicle: Vehicle, mesh: tuple[Array, Any] | None) -> tuple[Array, Any]:
-    """Return vertices [m] and faces of a hull: a mesh, or a superellipsoid of the hull's size."""
+    """Return vertices [m] and faces of a hull.
+
+    Args:
+        vehicle: Vehicle file, for the size of the hull.
+        mesh: Vertices and faces of the hull; None for a superellipsoid of the hull's size.
+    """
     size = vehicle.hull
     return superellipsoid(size.length, size.width, size.height, size.center) if mesh is None else mesh
 

@@ -95,7 +95,7 @@ def test_an_answer_fits_one_screen_and_its_commands_parse(found, known):
 
 
 @given(findings())
-def test_a_wide_terminal_has_no_longer_screen(found):
+def test_an_answer_on_a_wide_terminal_fits_one_screen(found):
     assert len(answer(found, width=200).splitlines()) <= MOST_LINES
 
 
@@ -119,13 +119,13 @@ def test_shares_of_several_findings_need_not_sum_to_one():
     assert "need not sum" not in answer([])
 
 
-def test_each_sentence_stands_once():
+def test_each_value_with_its_error_is_printed_once():
     stated, suspected = (
         missing("thruster_gain", standard_errors={"g": [0.01] * 8}),
         replace(missing("net_buoyancy"), verdict="suspect", confidence=0.4),
     )
     text = " ".join(answer([stated, suspected]).split())
-    for words in ("of its modelled thrust", "heavier than modelled"):
+    for words in ("(±1) of its modelled thrust", "heavier than modelled"):
         assert text.count(words) == 1, text
     assert "Net buoyancy, unconfirmed: possible, 40 %." in text
 
@@ -149,7 +149,7 @@ def test_stated_findings_share_the_command_that_adds_all():
     assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
 
 
-def test_what_add_would_refuse_is_not_advised():
+def test_add_is_not_advised_if_it_would_refuse():
     text = answer([missing("thruster_gain")], known=replace(KNOWN, added=0.31))
     assert "hydro add refuses it" in " ".join(text.split())
     assert pasted_from(text) == ["hydro explain 'my vehicle.toml' 'dive 1.parquet' -o study"]
@@ -157,11 +157,11 @@ def test_what_add_would_refuse_is_not_advised():
     assert pasted_from(answer([suspect])) == ["hydro explain 'my vehicle.toml' 'dive 1.parquet' -o study"]
 
 
-def test_a_recording_from_stdin_is_in_no_command():
+def test_no_next_command_is_printed_for_a_recording_from_stdin():
     assert pasted_from(answer([missing("thruster_gain")], call=replace(CALL, measured=("-",)))) == []
 
 
-def test_thrusters_that_contradict_the_file_have_the_option_that_goes_on():
+def test_thrusters_that_contradict_the_file_get_the_command_that_continues():
     fault = Finding("log_fault", members=("cmd_1",), confidence=0.99, advice="thruster 1 is reversed")
     text = answer([fault])
     assert text.count("thruster 1 is reversed") == 1
@@ -190,7 +190,7 @@ WORDS = st.lists(st.text("ab -'|$", min_size=1, max_size=30), min_size=1, max_si
 
 
 @given(WORDS, st.integers(30, 120))
-def test_a_pasted_command_is_read_as_it_was_meant(words, width):
+def test_a_pasted_command_is_parsed_to_the_same_words(words, width):
     line = "\n".join(pasted(quoted(["hydro", *words]), width))
     kept = ["hydro", *("|" if one == "|" else one for one in words)]
     assert shlex.split(line.replace("\\\n", " ")) == kept

@@ -87,7 +87,7 @@ def by_length(value: float, model: str, run: str, variant: str = "") -> dict[str
     return row(model, "all", value, variant=variant) | {"run": run, "minutes": 3.0}
 
 
-def test_less_data_is_told_by_length_and_model_with_the_chance_of_being_behind() -> None:
+def test_errors_with_less_data_are_listed_by_length_and_model() -> None:
     runs = [f"seed {k}" for k in range(3)]
     offline = pl.DataFrame(by_length(1.0 + k, model, run) for k, model in enumerate("ab") for run in runs)
     flown = pl.DataFrame(

@@ -37,7 +37,7 @@ def test_overlay_draws_the_first_session_from_time_zero() -> None:
     assert np.allclose(heave["value"], np.sin(heave["t"].to_numpy() + 2))
 
 
-def test_limits_follow_the_measured_motion_not_a_runaway_variant() -> None:
+def test_axis_limits_follow_the_measured_motion() -> None:
     surge = figures.overlay_table(replay_table(), axes=("u",))
     measured = surge.filter(pl.col("variant") == "measured")["value"]
     low, high = measured.min(), measured.max()
@@ -60,7 +60,7 @@ def test_a_curve_ends_where_its_error_first_exceeds_the_measured_range() -> None
     assert not surge.filter(pl.col("variant") != "MJ0")["lost"].any()
 
 
-def test_long_series_are_thinned_evenly_and_alike() -> None:
+def test_long_series_are_thinned_evenly() -> None:
     table = figures.overlay_table(replay_table(rows=3 * figures.POINTS_IN_PRINT), axes=("u",))
     counts = dict(table.group_by("variant").len().rows())
     assert counts["measured"] == counts["MJ4"] == figures.POINTS_IN_PRINT
@@ -68,7 +68,7 @@ def test_long_series_are_thinned_evenly_and_alike() -> None:
     assert np.allclose(steps, 3 / 50)
 
 
-def test_drawings_become_pictures_and_the_same_bytes_twice(tmp_path: Path) -> None:
+def test_pictures_have_the_same_bytes_every_time(tmp_path: Path) -> None:
     overlay = figures.overlay_table(replay_table())
     for name, draw in {
         "a": lambda: figures.draw_overlay(overlay),

@@ -15,7 +15,7 @@ TABLE = {
 ERRORS = {"force": [0.5], "moment": [0.1], "exponents": [0.01]}
 
 
-def test_numbers_of_a_finding_stand_beside_their_terms():
+def test_numbers_of_a_formula_are_listed_with_their_terms():
     found = words.values("formula", inline(TABLE), inline(ERRORS))
     assert [(one.name, one.value, one.error, one.unit) for one in found] == [
         ("Z u q", 90.1, 0.5, "N"),
@@ -33,13 +33,13 @@ def test_the_lines_of_a_step_say_which_term_has_which_coefficient():
     ]
 
 
-def test_what_a_formula_has_not_has_no_line():
+def test_parts_that_a_formula_lacks_have_no_line():
     alone = {"name": "formula", "forces": [], "force": [], "moments": ["K"], "moment": [2.0], "exponents": []}
     errors = {"force": [], "moment": [0.1], "exponents": []}
     assert list(ladder.values(alone | {"standard_error": errors})) == ["moment: K 2.0 ± 0.1 [N m]"]
 
 
-def test_a_list_that_is_all_near_nothing_is_said_to_be():
+def test_a_list_of_values_near_0_is_called_near_0():
     table = {"name": "offset_drag", "drag": [300.0, 0.1, 0.1], "position": [0.01, 0.0, 0.0]}
     errors = {"standard_error": {"drag": [3.0, 1.0, 1.0], "position": [0.1, 0.1, 0.1]}}
     assert list(ladder.values(table | errors)) == [
@@ -48,7 +48,7 @@ def test_a_list_that_is_all_near_nothing_is_said_to_be():
     ]
 
 
-def test_an_entry_that_the_data_do_not_determine_is_not_said_to_be_near_0():
+def test_an_undetermined_entry_is_not_called_near_0():
     errors = {"standard_error": {"g": [0.06, 0.06, 1.5, 1.5]}}
     assert list(ladder.values({"name": "thruster_gain", "g": [-0.85, 0.01, -0.82, -0.26]} | errors)) == [
         "g: no. 1: -0.85 ± 0.06, not determined: no. 3, 4, all others near 0",

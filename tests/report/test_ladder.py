@@ -30,7 +30,7 @@ def steps(axes: tuple[str, ...], unit: str) -> pl.DataFrame:
 @pytest.mark.parametrize(
     ("axes", "whole", "unit"), [((*VELOCITY, "all"), "all", "m/s"), ((*POSE[2:], "pose"), "pose", "m")]
 )
-def test_errors_are_of_what_was_measured(axes: tuple[str, ...], whole: str, unit: str) -> None:
+def test_the_ladder_shows_errors_of_measured_axes_only(axes: tuple[str, ...], whole: str, unit: str) -> None:
     table = ladder.errors(steps(axes, unit), "fit")
     assert table.columns == ["step", *axes]
     assert table[whole].to_list()[:2] == [2.0, 1.0]

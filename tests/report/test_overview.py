@@ -24,7 +24,7 @@ def recording(seconds: float = 20.0, **nothing: None) -> pl.DataFrame:
     return pl.concat([one, two]).with_columns(**empty)
 
 
-def test_sessions_stand_one_after_another_with_nothing_across_gaps() -> None:
+def test_sessions_are_drawn_in_sequence_with_gaps_left_open() -> None:
     raw = recording()
     rows = overview(raw)
     holes = rows["t"].is_null()
@@ -55,7 +55,9 @@ def test_a_long_recording_is_thinned_to_means() -> None:
         (("x", "y", "z", "u", "v", "w", "phi", "theta", "psi"), ["Angular velocity, body axes"]),
     ],
 )
-def test_panels_are_those_of_the_sensors(missing: tuple[str, ...], titles: list[str], tmp_path: Path) -> None:
+def test_only_measured_channels_have_panels(
+    missing: tuple[str, ...], titles: list[str], tmp_path: Path
+) -> None:
     drawn = draw(overview(recording(**dict.fromkeys(missing))), "dive.bag")
     found = [panel.get_title(loc="left") for panel in drawn.axes]
     assert found[: len(titles)] == titles

@@ -66,7 +66,7 @@ def alone(kind: str, frame: pl.DataFrame) -> Sources:
 # A study.
 
 
-def test_the_story_is_told_in_order(page: dict[str, str]) -> None:
+def test_the_sections_are_in_order(page: dict[str, str]) -> None:
     order = [
         "model",
         "ladder",
@@ -92,14 +92,14 @@ def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> N
     assert "17 % of the error remains" in page["model"]
 
 
-def test_a_diagnosis_of_faults_alone_has_the_first_for_its_headline() -> None:
+def test_a_diagnosis_of_log_faults_alone_has_the_first_fault_as_headline() -> None:
     fault = Finding("log_fault", members=("cmd_1",), advice="thruster 1 pushes opposite to the file")
     found = Diagnosis((fault,), synthetic.vehicle(), (1.0, 1.0, 1.0))
     page = Text(render(alone("diagnosis", found.frame()))).found
     assert "The log has impossible values in cmd_1." in page["head"]
 
 
-def test_places_before_and_after_stand_side_by_side(page: dict[str, str]) -> None:
+def test_failure_regimes_before_and_after_are_side_by_side(page: dict[str, str]) -> None:
     assert "Sway while turning right above 0.8 m/s 60 % in 20 % of the time" in page["places"]
     assert "unexplained force 90.0 N" in page["places"]
     before, after = page["places"].split("With the findings added")
@@ -114,7 +114,7 @@ def test_the_sessions_of_both_recordings_are_listed(page: dict[str, str]) -> Non
     assert "run-3 held-out data 1.50 10.0" in told
 
 
-def test_a_comparison_alone_tells_the_sessions_of_its_recording() -> None:
+def test_a_comparison_alone_lists_the_sessions_of_its_recording() -> None:
     row = studies.comparison().row(0, named=True)
     row |= {"level": "recording", "axis": "t", "by": "session", "place": "run-1", "rows": 1200, "rmse": 0.05}
     frame = studies.comparison().vstack(
@@ -125,7 +125,7 @@ def test_a_comparison_alone_tells_the_sessions_of_its_recording() -> None:
     assert "run-1 1.00 20.0" in page["recorded"]
 
 
-def test_the_force_left_over_is_told_with_its_sign(page: dict[str, str]) -> None:
+def test_the_unexplained_force_is_printed_with_its_sign(page: dict[str, str]) -> None:
     told = page["leftover"]
     assert (
         "X at surge −0.80 m/s: the force of the file is 80.0 N, and 16.0 N (15.0 to 17.0) is unexplained: "
@@ -135,7 +135,7 @@ def test_the_force_left_over_is_told_with_its_sign(page: dict[str, str]) -> None
     assert "Y N v = −0.80 m/s 80.0 16.0 15.0 to 17.0 0 −1.00 to 1.00 6.0" in told
 
 
-def test_a_force_that_could_not_be_found_says_why() -> None:
+def test_a_missing_unexplained_force_has_its_reason() -> None:
     why = {NO_FORCES: "samples are of u in 10%"}
     made = table.make("sessions", studies.sessions(), stage="explain", parameters=why)
     page = Text(render(Sources(sessions=Named("sessions.parquet", made)))).found
@@ -151,13 +151,13 @@ def test_commands_have_a_lane_for_each_thruster(sources: Sources) -> None:
     assert "commands-0" not in render(alone("replay", without))
 
 
-def test_a_simulated_path_is_broken_where_it_begins_anew() -> None:
+def test_a_simulated_path_is_broken_at_each_restart() -> None:
     drawn = {one.name: one for one in plots.path(studies.replay(), "run-1", restart=5.0).data}
     assert np.isnan(drawn["model as given"].y).sum() == 3
     assert not np.isnan(drawn["measured"].y).any()
 
 
-def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
+def test_a_finding_has_its_confidence(page: dict[str, str]) -> None:
     told = page["findings"]
     assert "Without it 41 % (33 to 52 %) of the error returns; tether fits as well." in told
     assert "(certain, 93 %)" in told
@@ -177,7 +177,7 @@ def test_shares_of_findings_have_a_note() -> None:
     assert page["findings"].count(SHARES) == 1
 
 
-def test_the_ladder_is_a_table_too(page: dict[str, str]) -> None:
+def test_the_ladder_is_also_a_table(page: dict[str, str]) -> None:
     assert "0 the file as given the recording 2.00" in page["ladder"]
     assert "1 ocean current held-out data 0.300" in page["ladder"]
     assert "ocean current v_N 0.260 ± 0.012 m/s" in page["ladder"]
@@ -189,25 +189,25 @@ def test_the_overlay_has_the_errors_of_both_models(page: dict[str, str]) -> None
     assert "restarts from the measured motion every 20 s" in page["replay-0"]
 
 
-def test_confusions_tell_rivals_and_what_parts_them(page: dict[str, str]) -> None:
+def test_confusions_list_rivals_and_the_motion_that_separates_them(page: dict[str, str]) -> None:
     assert "ocean current fits as well here tether" in page["confusions"]
     assert "turn slowly through all headings" in page["confusions"]
 
 
-def test_hashes_stand_at_the_foot(page: dict[str, str], sources: Sources) -> None:
+def test_hashes_are_at_the_end_of_the_page(page: dict[str, str], sources: Sources) -> None:
     for one in sources.everything:
         assert one.artefact.provenance.content in page["provenance"]
     assert 'name = "ocean_current"' in page["provenance"]
 
 
-def test_nothing_is_asked_of_a_network(sources: Sources) -> None:
+def test_the_page_needs_no_network(sources: Sources) -> None:
     page = render(sources)
     own = re.sub(r"<script>.*?</script>", "", page, flags=re.S)
     assert "//" not in re.sub(r"/\*.*?\*/", "", own)
     assert "default-src 'none'" in own
 
 
-def test_a_step_too_far_is_not_the_one_to_use(tmp_path: Path) -> None:
+def test_a_step_with_a_higher_held_out_error_is_not_the_one_to_use(tmp_path: Path) -> None:
     studies.write(tmp_path)
     worse = studies.ladder().with_columns(
         rmse=pl.when(pl.col("dataset") == "holdout", pl.col("step") == 1).then(9.0).otherwise("rmse")
@@ -219,7 +219,7 @@ def test_a_step_too_far_is_not_the_one_to_use(tmp_path: Path) -> None:
     assert "With the findings added" not in page["places"]
 
 
-def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+def test_steps_are_sorted_by_number(tmp_path: Path) -> None:
     for step in (10, 2, 0):
         frame = studies.comparison(1.0, f"in step {step}")
         table.write(table.make("comparison", frame, stage="compare"), tmp_path / f"comparison-{step}.parquet")
@@ -243,7 +243,7 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         ("metrics", studies.metrics(), ["metrics-0"], "Errors of models, axis by axis."),
     ],
 )
-def test_a_table_alone_makes_the_sections_that_it_can(
+def test_a_single_table_gives_the_sections_that_it_supports(
     kind: str, frame: pl.DataFrame, sections: list[str], told: str
 ) -> None:
     page = Text(render(alone(kind, frame))).found
@@ -256,7 +256,7 @@ def test_metrics_have_a_row_per_variant() -> None:
     assert "MJ4 0.0100 0.0200 0.0300 0.0400 0.0500 0.0600" in page["metrics-0"]
 
 
-def test_what_to_fly_is_said_once_each() -> None:
+def test_advice_for_the_next_run_has_no_duplicates() -> None:
     page = Text(render(alone("diagnosis", studies.found()))).found
     for advice in (
         "To separate them: fly a powered step.",
@@ -267,13 +267,13 @@ def test_what_to_fly_is_said_once_each() -> None:
     assert "hydro add" not in page["next"]
 
 
-def test_a_comparison_with_an_earlier_one_tells_both() -> None:
+def test_a_comparison_with_an_earlier_one_shows_both_errors() -> None:
     frame = studies.comparison(0.5).with_columns(before=2.0 * pl.col("rmse"))
     page = Text(render(alone("comparison", frame))).found
     assert "With the findings added, the error 5 s ahead falls from 2.00 to 1.00 m/s." in page["head"]
 
 
-def test_values_that_are_no_toml_are_refused() -> None:
+def test_values_that_are_not_toml_are_refused() -> None:
     broken = studies.found().with_columns(parameters=pl.lit("{ v_N = "))
     with pytest.raises(
         DataError, match=r"values of ocean_current are not inline TOML.*run `hydro diagnose` again"
@@ -301,7 +301,7 @@ def test_two_ladders_are_refused(tmp_path: Path) -> None:
         (1.5e-7, "1.50e−07"),
     ],
 )
-def test_three_figures(value: float, text: str) -> None:
+def test_numbers_have_three_significant_figures(value: float, text: str) -> None:
     assert words.figure(value) == text
 
 
@@ -315,7 +315,7 @@ def test_three_figures(value: float, text: str) -> None:
         (12345.0, 2345.0, "12300 ± 2300"),
     ],
 )
-def test_a_value_has_the_places_of_its_error(value: float, error: float | None, text: str) -> None:
+def test_a_value_is_rounded_to_its_standard_error(value: float, error: float | None, text: str) -> None:
     assert words.with_error(words.Value("x", value, error, "")) == text
 
 
@@ -329,12 +329,12 @@ def test_a_value_has_the_places_of_its_error(value: float, error: float | None, 
         ("tether", "{ attachment = [0.1, 0.2, 0.3] }", "attachment z", "m"),
     ],
 )
-def test_entries_are_called_by_their_axes(effect: str, parameters: str, name: str, unit: str) -> None:
+def test_entries_are_named_by_their_axes(effect: str, parameters: str, name: str, unit: str) -> None:
     last = words.values(effect, parameters, "")[-1]
     assert (last.name, last.unit) == (name, unit)
 
 
-def test_prose_is_a_sentence_without_markup_of_its_own() -> None:
+def test_prose_is_an_escaped_sentence() -> None:
     told = words.prose("add <b>ocean_current</b> with `hydro add`; nu_r")
     expected = "Add &lt;b&gt;ocean current&lt;/b&gt; with <code>hydro add</code>; nu_r."
     assert str(told) == expected

@@ -12,7 +12,7 @@ from hydro.core.errors import DataError
 from hydro.report.ranking import agreement, no_better
 
 
-def test_the_same_the_reverse_and_by_hand():
+def test_tau_is_1_for_equal_and_minus_1_for_reversed_orders():
     ranks = [[1.0], [2.0], [3.0], [4.0]]
     assert agreement(ranks, ranks).tau == pytest.approx(1.0)
     assert agreement(ranks, ranks[::-1]).tau == pytest.approx(-1.0)
@@ -39,7 +39,7 @@ def test_means_over_seeds_are_ranked_and_the_interval_is_of_models_and_seeds():
     assert few.low < few.tau < few.high, "seeds agree, and yet there are only four models"
 
 
-def test_a_flight_that_diverged_is_the_worst():
+def test_a_diverged_replay_ranks_last():
     found = agreement([[1.0], [2.0], [3.0]], [[0.1], [0.2], [np.inf]])
     assert found.tau == pytest.approx(1.0)
 
@@ -47,20 +47,20 @@ def test_a_flight_that_diverged_is_the_worst():
 @pytest.mark.parametrize(
     ("first", "second"), [([[1.0], [2.0]], [[1.0], [2.0]]), ([[1.0]] * 3, [[1.0], [1.0], [1.0, 2.0]])]
 )
-def test_what_cannot_be_ranked_is_refused(first, second):
+def test_orders_that_cannot_be_compared_are_refused(first, second):
     with pytest.raises(DataError, match="three models or more"):
         agreement(first, second)
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=3, max_size=9))
-def test_tau_is_that_of_scipy_ties_included(pairs):
+def test_tau_with_ties_equals_that_of_scipy(pairs):
     first, second = zip(*pairs, strict=True)
     found = agreement([[float(one)] for one in first], [[float(one)] for one in second])
     expected = kendalltau(first, second).statistic
     assert found.tau == pytest.approx(expected, nan_ok=True)
 
 
-def test_chance_of_being_behind_is_that_of_the_orders_of_all_networks():
+def test_the_chance_of_being_behind_counts_all_orders_of_the_networks():
     assert no_better([4.0, 5.0, np.inf], [1.0, 2.0, 3.0]) == pytest.approx(1 / 20), "the worst of 20 orders"
     assert no_better([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]) == pytest.approx(1.0)
     assert no_better([2.0], [1.0]) == pytest.approx(0.5), "one seed shows nothing"

@@ -30,7 +30,7 @@ def test_replay_errors_keep_order_and_axes() -> None:
     assert table.rows() == [("MJ4", 5.5, 4.5, 3.5, 2.5, 1.5, 0.5), ("MJ0", 5.5, 4.5, 3.5, 2.5, 1.5, 0.5)]
 
 
-def test_a_diverged_flight_has_no_errors_but_the_time() -> None:
+def test_a_diverged_replay_has_only_its_time() -> None:
     metrics = pl.DataFrame(
         [
             line("MJ0", "u", "rmse_before_divergence", 3.0),
@@ -59,7 +59,7 @@ def test_conditioning_shares_are_of_networks_alone() -> None:
     assert tables.conditioning_shares(metrics.head(1)).is_empty()
 
 
-def test_prediction_errors_are_axes_then_the_single_figures() -> None:
+def test_prediction_errors_list_axes_then_totals() -> None:
     metrics = pl.DataFrame(
         [
             *(line("mlp", axis, "rmse", float(k)) for k, axis in enumerate("XYZKMN")),

@@ -33,7 +33,7 @@ def test_an_even_pace_is_estimated_within_a_factor_of_two(total, factor, share):
     assert left / 2.0 < remaining.seconds < 2.0 * left
 
 
-def test_it_counts_down_between_reports_and_grows_when_one_is_overdue():
+def test_the_remaining_time_counts_down_and_grows_if_a_report_is_overdue():
     clock = Clock()
     remaining = Remaining(100.0, now=clock)
     told = []
@@ -43,7 +43,7 @@ def test_it_counts_down_between_reports_and_grows_when_one_is_overdue():
     assert told[3] == 200.0, "nothing was done for 200 s"
 
 
-def test_a_next_part_begins_with_the_time_of_the_last():
+def test_the_next_part_starts_with_the_duration_of_the_last():
     clock = Clock()
     remaining = Remaining(now=clock)
     assert remaining.seconds is None
@@ -57,7 +57,7 @@ def test_a_next_part_begins_with_the_time_of_the_last():
     assert remaining.seconds is None, "nobody knows"
 
 
-def test_what_is_printed_meanwhile_stands_above_the_bar(monkeypatch):
+def test_printed_lines_are_above_the_bar(monkeypatch):
     """A line on stderr and the bar never share a row."""
     shown = io.StringIO()
     console = Console(file=shown, force_terminal=True, width=80, legacy_windows=False)

@@ -41,7 +41,7 @@ def test_a_ladder_with_predictors_keeps_its_schema():
     rules.check(rules.conform(studies.ladder()), "x")
 
 
-def test_a_model_loses_to_the_best_that_beats_it_on_held_out_data():
+def test_the_best_predictor_that_beats_the_model_is_named():
     frame = judged()
     assert yardsticks.judged_on(frame) == "holdout"
     told = yardsticks.verdict(yardsticks.of_ladder(frame, 1, "holdout"))
@@ -55,20 +55,20 @@ def test_a_model_loses_to_the_best_that_beats_it_on_held_out_data():
     assert "no simple predictor" in yardsticks.sentence(yardsticks.of_ladder(better, 1, "holdout"))
 
 
-def test_without_predictors_nothing_is_said():
+def test_without_simple_predictors_there_is_no_sentence():
     nothing = yardsticks.of_ladder(studies.ladder(), 1, "holdout")
     assert nothing.is_empty()
     assert yardsticks.sentence(nothing) == ""
     assert yardsticks.of_comparison(studies.comparison()).is_empty()
 
 
-def test_the_ladder_of_the_terminal_has_them_above_the_noise():
+def test_the_terminal_ladder_lists_predictors_above_the_noise_floor():
     shown = ladder.errors(judged(), "holdout")
     assert shown["step"].to_list()[-4:] == [ZERO, CONSTANT, LEAST_SQUARES, "noise floor"]
     assert shown.row(-2) == (LEAST_SQUARES, *[0.1] * 7)
 
 
-def test_the_page_tells_who_lost(sources):
+def test_the_page_names_the_predictor_that_beats_the_model(sources):
     page = re.sub(r"<[^>]*>", " ", render(sources).partition("<script>")[0])
     assert "loses to least squares on u, v, w, p, q and r" in page
     assert "on held-out data, of the same predictions" in page
@@ -85,7 +85,7 @@ def recorded(comparison: pl.DataFrame) -> pl.DataFrame:
     return pl.concat([comparison, pl.DataFrame(told, schema=comparison.schema)])
 
 
-def test_the_page_says_what_was_recorded():
+def test_the_page_describes_the_recording():
     made = table.make("comparison", recorded(studies.comparison()), stage="compare")
     page = render(Sources(comparisons=(Named("one.parquet", made),)))
     text = " ".join(re.sub(r"<[^>]*>", " ", page.partition("<script>")[0]).split())
@@ -93,7 +93,7 @@ def test_the_page_says_what_was_recorded():
     assert "u 0.012 m/s v none found m/s" in text
 
 
-def test_what_was_added_is_not_advised_again(sources):
+def test_an_added_finding_is_not_advised_again(sources):
     found = cards.findings(sources, Charts())
     assert found is not None
     added, *_ = found["groups"]

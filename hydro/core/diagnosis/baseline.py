@@ -219,7 +219,13 @@ def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputEr
 
 
 def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
-    """Return the longest shots on which the vehicle's predictions stay bounded, without those that do not.
+    """Cut a recording into shots, as long as possible, and drop those whose predictions diverge.
+
+    Shots are shortened until most predictions of the vehicle stay bounded.
+
+    Args:
+        vehicle: Vehicle file.
+        log: Preprocessed recording.
 
     Raises:
         DataError: The recording is too short.

@@ -30,6 +30,7 @@ from hydro.core.diagnosis.contenders import (
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model
+from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
     CHANCE,
@@ -64,6 +65,7 @@ def diagnose_change(
     hull: Hull,
     progress: Progress,
     further: bool = False,
+    told: Told | None = None,
 ) -> Diagnosis:
     """Find the changes: sensor errors that kinematics shows first, then changes of the forces.
 
@@ -74,18 +76,21 @@ def diagnose_change(
         hull: Hull-force model learnt from the earlier recording.
         progress: Called with a short text and the share of the work done.
         further: Whether the vehicle has changes already, so that the next one must be larger.
+        told: Called with the best candidate after the first fits, or with a sensor error found before them.
     """
     given = Compared.of(log, problem, hull, vehicle)
     errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
     if not errors:
-        return as_diagnosis(*given, find(*given, progress, further), further)
+        return as_diagnosis(*given, find(*given, progress, further, told=told), further)
     read = extended(vehicle, [one.table for one in errors])
     compared, first = Compared.of(log, stable_shots(read, log), hull, read)
     names = [one.effect for one in errors]
-    found = as_diagnosis(compared, first, find(compared, first, progress, further, names), further)
     alone = given[0].chi2(given[1])
     share = 1.0 - compared.chi2(first) / alone
     sensor_findings = [sensor_finding(one, share, log.record.dt, vehicle) for one in errors]
+    if told is not None:
+        told(Provisional(sensor_findings[0].effect, sensor_findings[0].confidence, share))
+    found = as_diagnosis(compared, first, find(compared, first, progress, further, names), further)
     rest = [one for one in found.findings if one.verdict not in ("nothing_missing", "log_fault")]
     return replace(found, findings=(*log.faults, *sensor_findings, *rest), chi2=(alone, alone, found.chi2[2]))
 
@@ -197,6 +202,7 @@ def find(
     progress: Progress,
     further: bool = False,
     without: Sequence[str] = (),
+    told: Told | None = None,
 ) -> Changes:
     """Find the changes, the greatest first.
 
@@ -206,12 +212,21 @@ def find(
         progress: Called with a short text and the share of the work done.
         further: Whether the vehicle has changes already, so that the next one must be larger.
         without: Effects that are not tried.
+        told: Called once, with the best candidate after the first fits.
     """
+    given = compared.chi2(first)
+
+    def tell(fits: Mapping[str, Contender]) -> None:
+        if told is not None and (best := Change.of(compared, first, fits)) is not None:
+            share = min(max(best.score, 0.0), 1.0)
+            told(Provisional(best.best.effect, best.confidence(given), share))
+
     last, changes, refused = first, list[Change](), None
     while len(changes) < MOST_FINDINGS and not ((further or changes) and compared.chi2(last) <= 1.0):
         here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
         here(f"{len(changes)} changes found, looking for more", 0.0)
-        rivals = contend(compared, last, [*without, *(one.best.effect for one in changes)], here)
+        taken = [*without, *(one.best.effect for one in changes)]
+        rivals = contend(compared, last, taken, here, None if changes else tell)
         change = Change.of(compared, last, rivals)
         if change is None or not change.seen(further=further or bool(changes)):
             refused = change

@@ -35,7 +35,7 @@ DISTURBANCES = tuple(name for name, one in CATALOGUE.items() if one.family == "s
 ADVICE = (
     "commands answer to the motion: {words}. The controller counteracts disturbances, so damping, gains and "
     "added mass may absorb them. The findings allow for disturbances that are steady for {stretch:g} s; to "
-    "exclude others, fly planned commands without feedback"
+    "exclude others, run planned commands without feedback"
 )
 IMITATES = (
     "under feedback: {share:.0%} of it vanishes with steady disturbances free, so this recording cannot "

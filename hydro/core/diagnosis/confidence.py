@@ -288,7 +288,7 @@ def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) ->
         return finding
     warning = (
         f"; no effect explains {rest:.0%} of the error, and this estimate may absorb a part of it: if the "
-        "commands react to waves or other disturbances, fly without feedback before you trust its values"
+        "commands react to waves or other disturbances, record without feedback before you trust its values"
     )
     sure = finding.confidence * finding.share / (finding.share + rest)
     return replace(finding, confidence=sure, advice=finding.advice + warning)

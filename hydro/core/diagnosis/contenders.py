@@ -7,7 +7,7 @@ that remove less than their penalty are dropped.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -186,7 +186,11 @@ class Compared:
 
 
 def contend(
-    compared: Compared, last: Model, chosen: Sequence[str], progress: Progress
+    compared: Compared,
+    last: Model,
+    chosen: Sequence[str],
+    progress: Progress,
+    first_fits: Callable[[Mapping[str, Contender]], None] | None = None,
 ) -> dict[str, Contender]:
     """Fit the candidates with the best scores by one Gauss-Newton step, and all effects of the flow.
 
@@ -195,6 +199,7 @@ def contend(
         last: Vehicle with the changes so far.
         chosen: Effects that are in it as changes already.
         progress: Called with a short text and the share of the work done.
+        first_fits: Called once, with the fits of the best candidates by one step.
     """
     vehicle, reach = last.vehicle, compared.log.track
     tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
@@ -209,6 +214,8 @@ def contend(
         fine = _shapes(compared, last, name)
         table = (scored_by_one_step(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
+    if first_fits is not None:
+        first_fits(fits)
     if _least(fits) > right:
         others = {name: scored for name, scored in ranked.items() if name not in always}
         for number, table in enumerate(_at_finer_places(compared, last, others), len(always)):

@@ -153,8 +153,7 @@ def diagnose_log(
             residual is still above FAR_FROM_NOISE, candidates are then ranked by transfer at once.
         beyond: Function that extends a diagnosis without a finding before it is answered; not with `file`.
         progress: Called with a short text and the share of the work done.
-        provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`; not
-            with a hull.
+        provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`.
     """
     progress = progress or silent
     if file is not None:
@@ -208,7 +207,7 @@ def _found_in(
         return _misdirected(vehicle, log)
     progress("shots", 0.0)
     if hull is not None:
-        return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
+        return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further, provisional)
     start, problem = stable_start(vehicle, log)
     progress("baseline fit", 0.05)
     calm = replace(refit(vehicle, log, problem, start), file=file)
@@ -263,7 +262,7 @@ def _searched_for(
     outcome = refine(baseline, outcome)
     progress("verdicts", 0.88)
     findings = verdicts(baseline, outcome)
-    progress("what to fly next", 0.95)
+    progress("design of the next run", 0.95)
     models = (baseline.given, baseline.refitted, outcome.model)
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = outcome.fit.vehicle if outcome.fit else vehicle

@@ -81,7 +81,7 @@ class Finding:
             the share of held-out error that it removes; NaN where none is stated.
         error_added: Held-out prediction error with this finding alone added to the file [m/s], see
             `Prediction`; NaN where it was not computed.
-        sentence: Its values in plain words, see `diagnosis.status`; empty without values.
+        sentence: Its values and standard errors in plain words, see `diagnosis.status`; empty without values.
     """
 
     verdict: Verdict
@@ -150,7 +150,7 @@ class Status:
     Attributes:
         kind: Kind of result.
         title: Result in a few words.
-        sentences: Stated effects, a sentence or two for each.
+        sentences: Stated effects, one or two short sentences for each, without standard errors.
     """
 
     kind: Kind

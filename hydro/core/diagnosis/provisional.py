@@ -1,4 +1,4 @@
-"""The best candidate of a search so far, which a long diagnosis reports before its answer."""
+"""Best candidate of a search so far, which a long diagnosis reports before its answer."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from hydro.core.progress import Progress
 
 @dataclass(frozen=True)
 class Provisional:
-    """The best candidate after the first fits.
+    """Best candidate after the first fits.
 
     Attributes:
         effect: Its name.
         confidence: Probability that the name is right, by these fits alone.
-        share: Part of the error beyond the noise that it explains.
+        share: Share of the error that it explains: of the error beyond the noise, or of the held-out error
+            where a recording from before a change is given.
     """
 
     effect: str

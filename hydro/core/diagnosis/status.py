@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Diagnosis, Finding, Prediction, Status
-from hydro.core.diagnosis.settings import RIGHT, SURE
+from hydro.core.diagnosis.settings import LIKELY, MOST_STATED, RIGHT, SURE
 from hydro.core.effects.phrases import UNCLEAR
 from hydro.core.effects.sentences import sentence
 from hydro.core.vehicle.description import Vehicle
@@ -78,8 +78,16 @@ def in_words(confidence: float) -> str:
     """Return a confidence in words and percent; a formula, which has none, is possible."""
     if np.isnan(confidence):
         return "possible"
-    word = "certain" if confidence >= SURE else "likely" if confidence > 0.5 else "possible"
-    return f"{word}, {100.0 * confidence:.0f} %"
+    word = "certain" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
+    return f"{word}, {percent(confidence)}"
+
+
+def percent(confidence: float) -> str:
+    """Return a confidence in percent, up to the greatest one that the benchmarks support."""
+    if confidence > MOST_STATED:
+        return f"more than {100.0 * MOST_STATED:.0f} %"
+    told = f"{100.0 * confidence:.0f} %"
+    return "less than 1 %" if told == "0 %" else told
 
 
 def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
@@ -103,7 +111,7 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
     """Return a finding's sentence for the headline, with the effects that would fit as well."""
     if not one.parameters:
         return f"The file's {one.effect.replace('_', ' ')} does not fit this log."
-    told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt)
+    told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt, brief=True)
     if one.verdict in STATED and told.endswith(UNCLEAR) and told.count(". ") == 0:
         told = f"{one.effect.replace('_', ' ').capitalize()} explains a part of the error. {told}"
     others = [name.replace("_", " ") for name in one.members if name != one.effect]

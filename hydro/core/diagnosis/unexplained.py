@@ -251,8 +251,8 @@ class Leftover:
         grown = self._steepest()
         if grown:
             return (
-                f"to identify it, fly one velocity at a time, {DOF[grown[0]]} first, at four speeds or more "
-                "in both directions, and coast down without thrust after each"
+                f"to identify it, record one velocity at a time, {DOF[grown[0]]} first, at four speeds or "
+                "more in both directions, and coast down without thrust after each"
             )
         return (
             f"to identify it, stay without thrust at several headings, tilts and depths, then run each "

@@ -1,7 +1,7 @@
 """Prediction errors of vehicle files 5 s ahead, where another vehicle file or a recording is the truth.
 
-Without a recording the true vehicle flies the manoeuvres of the library without noise.  The error of another
-file on these flights is due to its differences only.
+Without a recording the manoeuvres of the library are simulated with the true vehicle, without noise.  The
+error of another file on these runs is due to its differences only.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Errors:
             raw: Raw table of a recording of it.
 
         Raises:
-            DataError: The vehicle cannot fly, or the recording does not fit it.
+            DataError: The motion of the vehicle diverges, or the recording does not fit it.
         """
         self._recorded = raw is not None
         true = self._logged(vehicle)

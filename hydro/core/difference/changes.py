@@ -89,7 +89,7 @@ def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> p
         files have different numbers of commands.
 
     Raises:
-        DataError: The second vehicle cannot fly, or the recording does not fit it.
+        DataError: The motion of the second vehicle diverges, or the recording does not fit it.
     """
     found = changes(first, second)
     same = len(first.thruster) == len(second.thruster)

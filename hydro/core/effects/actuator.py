@@ -14,7 +14,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects.case import Case
 from hydro.core.effects.gains import gains_sentence
-from hydro.core.effects.phrases import Sentence, beyond, shortened, smaller, undetermined
+from hydro.core.effects.phrases import Sentence, beyond, more, shortened, undetermined
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -152,7 +152,17 @@ def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str, source: str) -> Plausible:
-    """Return the plausible range of a thruster's number, given the value in the file."""
+    """Return the plausible range of a change of a thruster's number.
+
+    The sum of the file's value and the change must lie between `low` and `high`.
+
+    Args:
+        low: Minimum of the sum.
+        high: Maximum of the sum.
+        of: Function that returns the file's value of a thruster.
+        words: Description of the range.
+        source: Source of the range.
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         given = [of(thruster) for thruster in thrusters(vehicle)] or [0.0]
@@ -162,7 +172,7 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 
 
 def within(room: Room) -> Limits:
-    """Return the bounds of a fit."""
+    """Return the bounds of a fit, from a function of the vehicle that returns them."""
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return room(rest.vehicle)
@@ -254,7 +264,7 @@ def torque_sentence(case: Case) -> str:
             for i, one in clear[:count]
         ]
         verb = "changes" if case.in_file else "is missing"
-        told = listed([*named, *smaller(len(clear) - count)])
+        told = listed([*named, *more(len(clear) - count)])
         return f"Reaction torque of the propellers on the hull, seen along their thrust, {verb}: {told}."
 
     return shortened(render)

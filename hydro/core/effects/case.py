@@ -79,6 +79,7 @@ class Case:
         errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
         dt: Sample time of the log [s].
         before: The file's table of the effect; None if it has none.
+        brief: Whether the sentence is for a headline: only the most significant of several entries.
     """
 
     vehicle: Vehicle
@@ -87,6 +88,7 @@ class Case:
     errors: Mapping[str, Any]
     dt: float
     before: Mapping[str, Any] | None
+    brief: bool = False
 
     @property
     def in_file(self) -> bool:

@@ -21,7 +21,7 @@ from hydro.core.effects.words import DEPTHS, DISTANCES, HEADINGS, PASSES
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
 
-TIDAL = between(-3.0, 3.0, "m/s", "strong tidal streams; vehicles do not fly against more")
+TIDAL = between(-3.0, 3.0, "m/s", "strong tidal streams; vehicles do not run against more")
 VERTICAL = between(-1.0, 1.0, "m/s", "overfalls; elsewhere centimetres per second")
 SHEARED = between(
     -0.3, 0.3, "1/s", "boundary layers of tidal streams; elsewhere centimetres per second and metre"

@@ -73,7 +73,7 @@ def plausible(parameter: Parameter) -> str:
 
 
 def when_left_out(effect: Effect, parameter: Parameter) -> str:
-    """Return the meaning of a missing parameter in a vehicle file."""
+    """Return, in words, the value of a parameter that a vehicle file does not give."""
     if parameter.name in effect.one_of:
         others = [name for name in effect.one_of if name != parameter.name]
         return f"give {' or '.join(others)} instead"

@@ -132,7 +132,12 @@ def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
 
 @kernel
 def plate(along: float, across: float, stall: float) -> tuple[float, float]:
-    """Return the force per 1/2 rho A along the chord and the normal of a fin from its velocity [m^2/s^2].
+    """Return the force on a fin along its chord and along its normal, each divided by 1/2 rho A [m^2/s^2].
+
+    Args:
+        along: Velocity through the water along the chord [m/s].
+        across: Velocity through the water along the normal [m/s].
+        stall: Angle of attack at which the flow separates [rad].
 
     The angle of attack is a = atan2(across, along).  The lift coefficient is SLOPE a up to the stall.  Then
     it changes to that of a flat plate, sin(2 a), for either leading edge. The drag coefficient is
@@ -313,7 +318,7 @@ def fin_sentence(case: Case) -> str:
         ]
         entries += [Entry("the fin's stall angle", "", stall, "°")]
         entries += [Entry(f"the fin's deflection at full {name}", "", one, "°") for name, one in turned]
-        return changed("the fin", entries)
+        return changed("the fin", entries, case.brief)
     if not area.clear:
         return undetermined(case, "the area of a fin", area.text("m^2"))
     where = place([one.value for one in point], [one.error for one in point])

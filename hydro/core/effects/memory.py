@@ -101,7 +101,9 @@ def memory_sentence(case: Case) -> str:
         entries.append(Entry(f"{axis} fluid memory{over}", f"in {axis}{over}", one, unit))
     if case.in_file:
         return changed(
-            "the fluid memory", [*entries, *(Entry("a rate of decay", "", one, "1/s") for one in rates)]
+            "the fluid memory",
+            [*entries, *(Entry("a rate of decay", "", one, "1/s") for one in rates)],
+            case.brief,
         )
     return missing(case, "fluid memory", entries)
 

@@ -9,7 +9,9 @@ from typing import NamedTuple
 from hydro.core.effects.case import Case, Quantity, estimate
 from hydro.core.effects.wording import (
     AXES,
+    CLOSE_DIGITS,
     LEAST_PART,
+    MOST_DIGITS,
     capital,
     compass,
     known,
@@ -19,12 +21,17 @@ from hydro.core.effects.wording import (
     sides,
     superscript,
     uncertainty,
+    without_uncertainty,
 )
 
 LONGEST = 220
 """Maximum length of a sentence in characters: three lines of a terminal."""
 MOST_ENTRIES = 3
-"""Maximum number of entries in a sentence."""
+"""Maximum number of entries with a standard error in a sentence."""
+MOST_OTHERS = 5
+"""Maximum number of further entries in a sentence: with the first one, all six axes."""
+CLOSE_RATIO = 0.1
+"""Relative change below which a value is written with CLOSE_DIGITS digits."""
 PLAIN_RATIO = 100.0
 """Largest ratio to the file's value that is written as a ratio."""
 COORDINATES = frozenset({"m", "s", "rad", "°"})
@@ -63,7 +70,7 @@ def undetermined(case: Case, subject: str, value: str) -> str:
     """
     if case.in_file:
         return f"{capital(subject)} {UNCLEAR[1]}"
-    said = f", {value}," if case.finite else ""
+    said = f", {value}," if case.finite and not case.brief else ""
     return f"{capital(subject)}{said} is {UNCLEAR[0]}"
 
 
@@ -74,10 +81,33 @@ def most_telling(entries: Iterable[Entry]) -> list[Entry]:
 
 def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
     """Return a sentence with as many entries as fit into `LONGEST` characters, at least one."""
-    for count in range(most, 1, -1):
-        if len(text := render(count)) <= LONGEST:
-            return text
-    return render(1)
+    return first_that_fits(render(count) for count in range(most, 0, -1))
+
+
+def first_that_fits(sentences: Iterable[str]) -> str:
+    """Return the first of some sentences that fits into `LONGEST` characters, or else the last one."""
+    text = ""
+    for text in sentences:
+        if len(text) <= LONGEST:
+            break
+    return text
+
+
+def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], str]) -> str:
+    """Return a sentence that lists entries, the most significant ones with their standard errors.
+
+    Args:
+        clear: Entries, the most significant first.
+        brief: Whether only the first entry is written, and the others are counted.
+        render: Returns the sentence from the number of entries with standard errors, and from whether the
+            others are written or counted.
+    """
+    if brief:
+        return render(1, False)
+    counts = range(min(MOST_ENTRIES, len(clear)), 0, -1)
+    forms = [(count, whole) for whole in (True, False) for count in counts]
+    forms = [(count, whole) for count, whole in forms if not whole or len(clear) - count <= MOST_OTHERS]
+    return first_that_fits(render(*form) for form in forms)
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
@@ -88,11 +118,11 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
         noun: Name of the force or inertia, as in `quadratic damping`.
         entries: All entries.
     """
-    return changed(noun, entries) if case.in_file else missing(case, noun, entries)
+    return changed(noun, entries, case.brief) if case.in_file else missing(case, noun, entries)
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State entries missing in the file: "Quadratic damping of 284 N s²/m² (±6) in heave is missing."."""
+    """State the entries that the file lacks: "Quadratic damping of 284 N s²/m² (±6) in heave is missing"."""
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
@@ -102,11 +132,11 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
     if len(clear) == 1:
         return f"{capital(noun)} of {valued(clear[0])} is missing."
 
-    def render(count: int) -> str:
-        named = [valued(one) for one in clear[:count]]
-        return f"{capital(noun)} is missing: {listed([*named, *smaller(len(clear) - count)])}."
+    def render(count: int, whole: bool) -> str:
+        rest = [without_error(one) for one in clear[count:]] if whole else more(len(clear) - count, "value")
+        return f"{capital(noun)} is missing: {listed([*map(valued, clear[:count]), *rest])}."
 
-    return shortened(render)
+    return listing(clear, case.brief, render)
 
 
 def valued(entry: Entry) -> str:
@@ -114,8 +144,19 @@ def valued(entry: Entry) -> str:
     return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
 
 
-def changed(noun: str, entries: Sequence[Entry]) -> str:
-    """State entries that differ from the file: "Heave drag is 1.3 times the file's value (…)"."""
+def without_error(entry: Entry) -> str:
+    """Write the value of an entry with its unit and place, but without its standard error."""
+    return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
+
+
+def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
+    """State entries that differ from the file, as in "Heave drag is 1.3 times the file's value (…)".
+
+    Args:
+        noun: Name of the force or inertia.
+        entries: All entries.
+        brief: Whether only the most significant entry is written.
+    """
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not clear:
@@ -123,16 +164,23 @@ def changed(noun: str, entries: Sequence[Entry]) -> str:
             return f"{capital(noun)} is as in the file."
         return f"{capital(against_file(order[0], first=True))}, within its uncertainty."
 
-    def render(count: int) -> str:
+    if brief:
+        count = len(clear) - 1
+        others = f"; {count} more value{'s' * (count > 1)} change{'s' * (count == 1)}" if count else ""
+        return f"{capital(against_file(clear[0], first=True))}{others}."
+
+    def render(count: int, whole: bool) -> str:
         named = [against_file(one, first=not place) for place, one in enumerate(clear[:count])]
-        return capital(listed([*named, *smaller(len(clear) - count, "change")])) + "."
+        rest = [against_file(one, first=False) for one in clear[count:]] if whole else []
+        rest = [*map(without_uncertainty, rest)] or more(len(clear) - count, "change")
+        return capital(listed([*named, *rest])) + "."
 
-    return shortened(render)
+    return listing(clear, False, render)
 
 
-def smaller(left: int, noun: str = "one") -> list[str]:
-    """Count the omitted entries, as the last item of a list."""
-    return [f"{left} smaller {noun}{'s' * (left > 1)}"] if left > 0 else []
+def more(left: int, noun: str = "") -> list[str]:
+    """Count the omitted entries, as the last item of a list: `3 more values`."""
+    return [f"{left} more {noun}{'s' * (left > 1 and bool(noun))}".strip()] if left > 0 else []
 
 
 def against_file(entry: Entry, first: bool) -> str:
@@ -143,17 +191,18 @@ def against_file(entry: Entry, first: bool) -> str:
         first: Whether it is the first of its sentence, which names the comparison.
     """
     value, error, before = entry.quantity
-    is_, was = "is " if first else "", number(before)
     unit = superscript(entry.unit)
     ratio = value / before if before else math.inf
+    digits = CLOSE_DIGITS if abs(ratio - 1.0) < CLOSE_RATIO else MOST_DIGITS
+    is_, was = "is " if first else "", number(before, most=digits)
     if entry.unit in COORDINATES or not 1.0 / PLAIN_RATIO <= ratio <= PLAIN_RATIO:
         now, _, doubt = quantity(value, error, entry.unit).partition(" (")
         old = quantity(before, unit=entry.unit)
         return f"{entry.label} {is_}{now} ({doubt.replace(')', ', ')}was {old})"
-    times = f"{ratio:.2g}" if f"{ratio:.2g}" != "1" else f"{ratio:.3g}"
-    doubt = f" ± {uncertainty(value, error)}" if known(error) else ""
+    times = next((text for n in (2, 3, 4) if (text := f"{ratio:.{n}g}") != "1"), f"{ratio:.5g}")
+    doubt = f" ± {uncertainty(value, error, digits)}" if known(error) else ""
     gap = "" if unit in ("", "°") else " "
-    both = f"({number(value, error)}{doubt}, was {was}{gap}{unit})"
+    both = f"({number(value, error, digits)}{doubt}, was {was}{gap}{unit})"
     of = "the file's value " if first else ""
     return f"{entry.label} {is_}{times} times {of}{both}"
 

@@ -1,4 +1,4 @@
-"""Program of a vehicle: one flat vector of numbers, and the dispatchers that run its effects from it.
+"""Program of a vehicle: one flat vector of numbers, and the functions that compute its effects from it.
 
 The vector contains a header, the constants `c`, one row per wrench effect, all parameters, the thruster
 table, and the waves of a sea if one was drawn.  A row has the effect's place in the catalogue and the ranges
@@ -96,7 +96,12 @@ def assemble(
 
 
 def in_sea(program: Program, harmonics: Array) -> Program:
-    """Return a program of a calm sea with waves added, rows of `core.effects.waves`, (H, COMPONENT)."""
+    """Return the program with waves added.
+
+    Args:
+        program: Program of a vehicle in a calm sea.
+        harmonics: Harmonics of the waves, one per row, (H, COMPONENT), as in `core.effects.waves`.
+    """
     flat = np.concatenate([program.flat, harmonics.ravel()])
     flat[[SEA, SEA_SIZE]] = program.flat.size, harmonics.size
     return replace(program, flat=flat)
@@ -113,7 +118,13 @@ def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Ar
 
 
 def waves(vehicle: Vehicle, listed: Sequence[Entry], seeds: Sequence[int]) -> Array:
-    """Return the waves of a random sea, (H, COMPONENT)."""
+    """Return the harmonics of a random sea, one per row, (H, COMPONENT).
+
+    Args:
+        vehicle: Vehicle file.
+        listed: Its effects, see `entries`.
+        seeds: Seeds of the random phases.
+    """
     rng = np.random.default_rng(seeds)
     return np.concatenate([np.zeros((0, COMPONENT)), *(drawn(sea, rng) for sea in seas(vehicle, listed))])
 
@@ -149,10 +160,16 @@ def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
 
 
 def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
-    """Return programs of the effects that `other` adds to `flat`, and of those that it removes.
+    """Return the difference of two vehicles as two programs: added effects, and removed effects.
 
-    Added effects may have internal states, which follow those of `flat` in `other`.  The result is None if
-    anything else differs.
+    Args:
+        flat: Program of the first vehicle.
+        other: Program of the second vehicle.
+
+    Returns:
+        The effects that only the second vehicle has, and those that only the first one has; None if the
+        vehicles differ in anything else.  Added effects may have internal states, if these follow the states
+        of the first vehicle; removed effects must not have any.
     """
     if not np.array_equal(constants_of(flat), constants_of(other)):
         return None
@@ -167,12 +184,22 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
 
 
 def remembering(flat: Array) -> Array:
-    """Return the program of the effects with internal states alone, which evolve as in the whole program."""
+    """Return the program of those effects of a program that have internal states.
+
+    Their states evolve as in the whole program.
+    """
     return _program(flat, [(row, p) for row, p in _effects(flat) if row[3] != row[4]], 0.0)
 
 
 def same_memories(flat: Array, other: Array) -> bool:
-    """Return whether the same motion gives two programs the same internal states, for any thrusters."""
+    """Return whether two programs have the same internal states in the same motion.
+
+    Their thrusters may differ.
+
+    Args:
+        flat: Program of the first vehicle.
+        other: Program of the second vehicle.
+    """
     mine, its = (
         [(row[0], row[3], row[4], p.tobytes()) for row, p in _effects(one) if row[3] != row[4]]
         for one in (flat, other)
@@ -217,7 +244,7 @@ def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> 
 
 @jit
 def constants_of(flat: Array) -> Array:
-    """Return the constants `c` of a program, as a view."""
+    """Return the constants `c` of a program, a view of shape (CONSTANTS,); see `core.effects.layout`."""
     return flat[HEADER : HEADER + layout.CONSTANTS]
 
 

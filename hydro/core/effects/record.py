@@ -114,21 +114,24 @@ class Parameter:
 class Role(Enum):
     """Role of an effect for other parts of the program, in addition to its equation."""
 
-    HULL_WATER = "force of the water on the hull, which the teacher's panels and ellipsoid stand in for"
+    HULL_WATER = "force of the water on the hull, which the simulator's panels and ellipsoid replace"
     COMMANDED = "its force may depend on the commands, which jump at a row"
-    DRAG = "drag that grows faster than speed: every hull has it, whether its file says so or not"
-    COUPLING = "couples axes: drawn back first where a passive hull cannot have what was fitted"
+    DRAG = "drag that grows faster than speed: every hull has it, even if its file does not"
+    COUPLING = "coupling of axes: reduced first if the fitted values are impossible for a passive hull"
     STEADY_LOAD = "a steady force or moment, which the mean thrust of a hovering vehicle balances"
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Shape of an effect: its nonlinear parameters are held at some values, the others are columns.
+    """Linear problem of an effect whose nonlinear parameters are held at trial values.
+
+    A search tries an effect at several shapes, for example a dead band at several widths.  At one shape the
+    force is linear in the remaining parameters.  Each of them is one column of a regression.
 
     Attributes:
-        tables: The `[[effect]]` table with a small amount of each column.
+        tables: For each column, the `[[effect]]` table with a small amount of this parameter.
         steps: These amounts, in units in which 1 is a significant size.
-        begin: Function from amounts (columns,) to the initial table of a fit.
+        begin: Function from fitted amounts (columns,) to the initial table of a nonlinear fit.
     """
 
     tables: tuple[Table, ...]
@@ -137,7 +140,8 @@ class Shape:
 
 
 Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
-"""Shapes of an effect on a vehicle, with positions and times (N, 4) of the recording if known."""
+"""Function that yields the shapes of an effect.  Its arguments are a vehicle, and the positions [m] and times
+[s] of the recording, (N, 4), or None without them."""
 
 
 ABSORBED = 0.3

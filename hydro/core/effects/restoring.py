@@ -165,7 +165,10 @@ def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range up to a fifth of the vehicle's mass, moved from the middle of the hull to its end."""
+    """Return the range of a sliding ballast [kg m].
+
+    The maximum is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
+    """
     hull = vehicle.hull
     return 0.0, 0.1 * vehicle.rigid_body.mass * (hull.length, hull.width)[index[-1]]
 
@@ -236,7 +239,7 @@ def payload_sentence(case: Case) -> str:
     if case.in_file:
         entries = [Entry("the payload's weight in water", "", weight, "N")]
         entries += [*coordinates("the payload's", point), Entry("the payload's dry mass", "", mass, "kg")]
-        return changed("the payload", entries)
+        return changed("the payload", entries, case.brief)
     where = place([one.value for one in point], [one.error for one in point])
     dry = mass.clear and mass.value > 0.0
     if not weight.clear:
@@ -257,7 +260,7 @@ def ballast_sentence(case: Case) -> str:
         entries = [Entry(f"sliding ballast in {axis}", "", one, "kg m") for axis, one in slides]
         entries += [Entry("the tilt that moves the ballast", "", tilt, "°")]
         entries += [Entry("the ballast's time constant", "", lag, "s")]
-        return changed("the sliding ballast", entries)
+        return changed("the sliding ballast", entries, case.brief)
     clear = [f"{one.text('kg m')} in {axis}" for axis, one in slides if one.clear]
     if not clear:
         return undetermined(case, "sliding ballast", f"{slides[0][1].text('kg m')} in surge")
@@ -349,7 +352,7 @@ DRIFTING_BALLAST = Effect(
             required=True,
             scale=(0.2,),
             limits=shown_tilts,
-            plausible=between(LEAST_TILT, MOST_TILT, "rad", "steeper ones are hardly flown"),
+            plausible=between(LEAST_TILT, MOST_TILT, "rad", "vehicles hardly ever tilt more"),
         ),
         Parameter(
             "T",

@@ -11,7 +11,7 @@ from hydro.core.effects.case import Case
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.phrases import Entry, stated
 from hydro.core.effects.record import Effect, Parameter
-from hydro.core.effects.wording import AXES
+from hydro.core.effects.wording import AXES, without_uncertainty
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -21,6 +21,8 @@ def sentence(
     values: Mapping[str, Any],
     errors: Mapping[str, Any],
     dt: float,
+    *,
+    brief: bool = False,
 ) -> str:
     """State the values of an effect in one plain sentence, or two.
 
@@ -32,6 +34,7 @@ def sentence(
         values: The effect's table, in the units of the catalogue.
         errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
         dt: Sample time of the log [s].
+        brief: Whether to leave out standard errors, the file's values and all but the most significant entry.
 
     Returns:
         The sentence, with its full stop.
@@ -42,8 +45,9 @@ def sentence(
     effect = CATALOGUE[effect_name]
     before = next((table for table in vehicle.effect if table.get("name") == effect_name), None)
     given = {key: value for key, value in values.items() if value is not None}
-    case = Case(vehicle, effect_name, given, errors, dt, before)
-    return generic(effect, case) if effect.sentence is None else effect.sentence(case)
+    case = Case(vehicle, effect_name, given, errors, dt, before, brief)
+    told = generic(effect, case) if effect.sentence is None else effect.sentence(case)
+    return without_uncertainty(told) if brief else told
 
 
 def generic(effect: Effect, case: Case) -> str:

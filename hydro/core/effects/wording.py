@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 """Names of the six degrees of freedom (SNAME)."""
 POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
 """Points of the compass, clockwise from north."""
-MOST_DIGITS = 4
-"""Maximum significant digits of a value, for any standard error."""
+MOST_DIGITS = 3
+"""Maximum significant digits of a value, for any standard error: two fits of one log differ in the fourth."""
+CLOSE_DIGITS = 4
+"""Maximum significant digits of a value that is compared with a close one: three would hide the change."""
+UNCERTAINTY = re.compile(r" \([^()]*(?:±|\bwas )[^()]*\)")
+"""Pattern of a standard error or of the file's value in parentheses."""
 PLAIN_DIGITS = 3
 """Significant digits of a value without a standard error."""
 LEAST_PLACE, PLACE_DECIMALS = 0.005, 2
@@ -33,13 +38,19 @@ def superscript(unit: str) -> str:
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
-def decimals(value: float, error: float = math.nan) -> int:
-    """Return the decimals for rounding a value: one digit of its error, or three digits of the value."""
+def decimals(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> int:
+    """Return the decimals for rounding a value: one digit of its error, or three digits of the value.
+
+    Args:
+        value: Value.
+        error: Its standard error; NaN, 0 and infinity mean unknown.
+        most: Maximum number of significant digits.
+    """
     size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
     if not known(error):
-        return PLAIN_DIGITS - 1 - size
+        return max(PLAIN_DIGITS, most) - 1 - size
     last = -int(f"{error:.0e}".partition("e")[2])
-    return min(last, MOST_DIGITS - 1 - size) if abs(value) > error else last
+    return min(last, most - 1 - size) if abs(value) > error else last
 
 
 def plain(value: float, places: int) -> str:
@@ -51,17 +62,17 @@ def plain(value: float, places: int) -> str:
     return text.removeprefix("-") if not float(text) else text
 
 
-def number(value: float, error: float = math.nan) -> str:
+def number(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> str:
     """Write a value rounded to its standard error, or to three significant digits if that is unknown."""
-    text = plain(value, decimals(value, error))
+    text = plain(value, decimals(value, error, most))
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text and not known(error) else text
 
 
-def uncertainty(value: float, error: float) -> str:
+def uncertainty(value: float, error: float, most: int = MOST_DIGITS) -> str:
     """Write a standard error to the last digit of its value, rounded up to that digit; nothing if unknown."""
     if not known(error):
         return ""
-    places = decimals(value, error)
+    places = decimals(value, error, most)
     return plain(max(round(error, places), 10.0**-places), places)
 
 
@@ -76,6 +87,11 @@ def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
     written, doubt = superscript(unit), uncertainty(value, error)
     gap = "" if written in ("", "°") else " "
     return f"{number(value, error)}{gap}{written}" + (f" (±{doubt})" if doubt else "")
+
+
+def without_uncertainty(text: str) -> str:
+    """Leave out the standard errors and the file's values of a sentence."""
+    return UNCERTAINTY.sub("", text)
 
 
 def capital(text: str) -> str:

@@ -16,7 +16,7 @@ CHIRP = (
 DRIFT = "straight runs at several drift angles, at half and at full speed, then turns on the spot"
 TILTS = "hold still at tilts of 10 to 20 degrees in roll and pitch, both ways, at two depths"
 DEPTHS = "hold one thrust and heading at several depths, as far apart as the vehicle may dive"
-PASSES = "fly the same legs at the beginning and at the end of a long session, in the same headings"
+PASSES = "run the same legs at the beginning and at the end of a long session, in the same headings"
 DISTANCES = "straight runs ahead and sideways, there and back, over distances known from the pose"
 COASTING = "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust"
 

@@ -154,4 +154,4 @@ def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) 
     hidden = ", ".join(entries) or CATALOGUE[effect].name.replace("_", " ")
     shows = flight is not None and flight.difference >= CLEAR
     motion = _predicted(flight) if flight is not None and shows else CATALOGUE[effect].excitation
-    return f"this recording does not show {hidden}; fly {motion}"
+    return f"this recording does not show {hidden}; record {motion}"

@@ -1,4 +1,4 @@
-"""Next flight: commands that separate the rivals of a diagnosis within limits of thrust, depth and space.
+"""Next run: commands that separate the rivals of a diagnosis within limits of thrust, depth and space.
 
 Manoeuvres of the library are simulated at several thrusts and durations.  A manoeuvre is allowed only if
 every predicted position of every rival stays within the limits.  The flight is built greedily: each step adds
@@ -94,7 +94,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Question:
-    """Open questions of a diagnosis, and the noise and start pose of the next flight.
+    """Open questions of a diagnosis, and the noise and start pose of the next run.
 
     Attributes:
         ties: Groups of rivals that explain the recording about equally well.
@@ -140,7 +140,7 @@ class Flight:
         return pl.concat([one.table() for one in numbered])
 
     def lines(self) -> Iterator[str]:
-        """Describe the flight and its predicted results, line by line."""
+        """Describe the run and its predicted results, line by line."""
         length = sum(one.seconds for one in self.sessions)
         yield (
             f"{len(self.sessions)} sessions, {length:g} s in all, each from rest, level, heading north, "
@@ -197,7 +197,7 @@ def advise(question: Question, limits: Limits) -> Flight:
     """Return the flight that gives most information on the open questions of a diagnosis.
 
     Raises:
-        DataError: No question is open, the vehicle cannot fly, or no manoeuvre stays within the limits.
+        DataError: No question is open, the motion diverges, or no manoeuvre stays within the limits.
     """
     if question.ties:
         groups = question.ties
@@ -215,7 +215,7 @@ def advise(question: Question, limits: Limits) -> Flight:
         ]
     else:
         if not question.hidden:
-            raise DataError("the diagnosis leaves nothing open that a flight could answer")
+            raise DataError("the diagnosis leaves nothing open that another run could answer")
         asked = unseen(question.model.vehicle, question.hidden, question.reach)
         options = list(_options(((question.model,),), limits, question, asked))
         model = question.model

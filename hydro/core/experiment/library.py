@@ -1,4 +1,4 @@
-"""Open-loop manoeuvres that a vehicle's thrusters can fly: named command tables.
+"""Open-loop manoeuvres that a vehicle's thrusters can run: named command tables.
 
 Each excites the differences between some effects.  Heading sweeps show a current, coasting separates the
 kinds of damping, and drift angles show lift.  Static tilts show weight and trim, chirps show lags and added
@@ -93,12 +93,12 @@ def powers(vehicle: Vehicle) -> Array:
 def library(
     vehicle: Vehicle, seconds: float = FLIGHT_LENGTH, *, by_hand: bool = True
 ) -> tuple[Manoeuvre, ...]:
-    """Return the open-loop manoeuvres that a vehicle's thrusters can fly.
+    """Return the open-loop manoeuvres that a vehicle's thrusters can run.
 
     Args:
         vehicle: The vehicle.
         seconds: Duration of each [s].
-        by_hand: Return only manoeuvres that a pilot can fly without a command table.
+        by_hand: Return only manoeuvres that a pilot can steer without a command table.
 
     Raises:
         DataError: The vehicle has no thrusters, or an effect or thruster of its file is invalid.
@@ -118,7 +118,7 @@ def library(
         words = "each thruster on its own, half ahead and half astern, in turn"
         flown.append(Manoeuvre("single thrusters", words, _single_thrusters(len(vehicle.thruster), rows)))
     if not flown:
-        raise DataError(f"vehicle {vehicle.name} has no thrusters, so there is nothing to fly")
+        raise DataError(f"vehicle {vehicle.name} has no thrusters, so it cannot run a manoeuvre")
     return tuple(replace(one, vehicle=vehicle) for one in flown)
 
 

@@ -51,13 +51,11 @@ def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
     if not tables:
         unproven = [_unproven(one) for one in findings(chosen.diagnosis)] if len(steps) > 1 else None
         return status(unproven or findings(chosen.diagnosis), file, dt, left)
-    known = {name: sure for name, sure in added(steps[: chosen.number + 1]).items() if name in tables}
-    names = [name for name, sure in known.items() if sure]
-    names += [name for name in retuned(steps[0]) if name in tables and name not in known]
-    confirmed = [_finding(tables[name], bool(file.effects(name))) for name in names]
+    names = _corrected(steps, chosen)
+    confirmed = [_finding(tables[name], bool(file.effects(name))) for name, sure in names.items() if sure]
     told = [
-        f"{sentence(file, name, *_values(tables[name]), dt).rstrip('.')} ({UNCONFIRMED})."
-        for name, sure in known.items()
+        f"{sentence(file, name, *_values(tables[name]), dt, brief=True).rstrip('.')} ({UNCONFIRMED})."
+        for name, sure in names.items()
         if not sure
     ]
     if not confirmed:
@@ -67,6 +65,30 @@ def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
     return replace(
         found, sentences=(*found.sentences[: len(confirmed)], *told, *found.sentences[len(confirmed) :])
     )
+
+
+def corrections(steps: Sequence[Step], chosen: Step, dt: float) -> list[str]:
+    """Return a sentence with values and standard errors for each correction of a study, confirmed ones first.
+
+    Args:
+        steps: All steps.
+        chosen: The one to use.
+        dt: Sample time of the recording [s].
+    """
+    file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
+    told = []
+    for name, sure in _corrected(steps, chosen).items():
+        text = sentence(file, name, *_values(tables[name]), dt)
+        told.append(text if sure else f"{text.rstrip('.')} ({UNCONFIRMED}).")
+    return told
+
+
+def _corrected(steps: Sequence[Step], chosen: Step) -> dict[str, bool]:
+    """Return every corrected effect of the chosen step, and whether it is confirmed; confirmed ones first."""
+    there = {table["name"] for table in chosen.tables}
+    known = {name: sure for name, sure in added(steps[: chosen.number + 1]).items() if name in there}
+    new = {name: True for name in retuned(steps[0]) if name in there and name not in known}
+    return dict(sorted((known | new).items(), key=lambda one: not one[1]))
 
 
 def findings(diagnosis: pl.DataFrame) -> list[Finding]:

@@ -122,7 +122,7 @@ def position(log: SessionLog, block: Position, at: Array) -> Array:
 
 
 def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Return the rotation from FRD to NED, shape (N, 3, 3)."""
+    """Return the rotation from FRD to NED, shape (N, 3, 3), at the times `at` [s], shape (N,)."""
     return in_frames(block, own_attitude(log, block, at))
 
 
@@ -132,7 +132,15 @@ def own_attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
 
 
 def in_frames(block: Attitude, turned: Array) -> Array:
-    """Return the rotation from FRD to NED, shape (..., 3, 3), from that between the block's axes."""
+    """Return the rotation from FRD to NED.
+
+    Args:
+        block: Attitude block of the map, with the frames of body and world.
+        turned: Rotation from this body frame to this world frame, shape (..., 3, 3).
+
+    Returns:
+        Shape (..., 3, 3).
+    """
     return np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
 
 
@@ -150,7 +158,7 @@ def velocity(log: SessionLog, block: Velocity, at: Array, R: Array) -> Array:
 
 
 def rates(log: SessionLog, block: Rates, at: Array) -> Array:
-    """Return the angular velocity, FRD [rad/s], shape (N, 3)."""
+    """Return the angular velocity in FRD [rad/s], shape (N, 3), at the times `at` [s], shape (N,)."""
     return _vector(log, block, at)
 
 

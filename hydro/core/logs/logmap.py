@@ -259,23 +259,27 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
 def named(source: Number) -> Column:
-    """Return a column; a name alone has scale 1 and offset 0."""
+    """Return a column of a map; a name alone means scale 1 and offset 0."""
     return source if isinstance(source, Column) else Column(source)
 
 
 def command(source: str | Command) -> Command:
-    """Return a thruster's column; a name alone is not reversed."""
+    """Return the command column of a thruster; a name alone means a column that is not reversed."""
     return source if isinstance(source, Command) else Command(source)
 
 
 def conditions(given: Condition | tuple[Condition, ...]) -> tuple[Valid, ...]:
-    """Return the conditions of a sensor; a column alone must not be 0."""
+    """Return the conditions under which a sample of a sensor is valid.
+
+    Args:
+        given: Condition or conditions of the map; the name of a column alone means that it must not be 0.
+    """
     every = given if isinstance(given, tuple) else (given,)
     return tuple(one if isinstance(one, Valid) else Valid(one) for one in every)
 
 
 def stretches(given: LogMap) -> tuple[Use, ...]:
-    """Return the parts to use; empty if all is used."""
+    """Return the parts of a log that the map selects; empty if the whole log is used."""
     return given.use if isinstance(given.use, tuple) else (given.use,)
 
 

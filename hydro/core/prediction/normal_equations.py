@@ -59,7 +59,7 @@ class Normal:
         return replace(self, gram=gram, follow=self.follow[..., kept])
 
     def some(self, kept: NDArray[np.bool_]) -> Normal:
-        """Return the problem of the pieces of a mask (S,)."""
+        """Return the problem of the pieces that a mask (S,) selects."""
         compared = None if self.compared is None else self.compared[kept]
         rest = (self.gram[kept], self.freedoms[kept], self.channels[kept], self.follow[kept])
         return Normal(*rest, compared)
@@ -104,7 +104,7 @@ class Normal:
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Which pieces' predictions diverge, (S,); these are ignored in the noise."""
+        """Mask of the pieces whose predictions diverge, (S,); `chi2` ignores them."""
         return ~np.isfinite(self.gram[:, -1, -1])
 
     @property
@@ -115,11 +115,11 @@ class Normal:
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
-    """Eliminate the first unknowns of pieces [Z, X, e]^T [Z, X, e].
+    """Eliminate the unknowns of single pieces from least-squares problems e = Z z + X p.
 
     Args:
-        gram: (S, first + P + 1, first + P + 1).
-        first: Number of unknowns Z of each piece.
+        gram: Gram matrix [Z, X, e]^T [Z, X, e] of each piece, (S, first + P + 1, first + P + 1).
+        first: Number of unknowns z of each piece; the P parameters p are common to all pieces.
         known: Prior information on them, (first,) or (S, first); unknowns that a piece does not determine
             stay in place.
 
@@ -135,11 +135,13 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
 
 
 def taken(gram: Array, first: int, known: Array) -> Array:
-    """Return the number of independent residuals used by the first unknowns of each piece, (S,).
+    """Return the degrees of freedom that the eliminated unknowns of each piece use, (S,).
+
+    It is `first` if the data alone determine the unknowns, and less if the prior does.
 
     Args:
-        gram: As for `eliminate`.
-        first: Number of unknowns.
+        gram: Gram matrices of the pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
+        first: Number of unknowns that are eliminated from each piece.
         known: Prior information on them, (S, first).
     """
     own = gram[:, :first, :first]
@@ -151,7 +153,14 @@ def taken(gram: Array, first: int, known: Array) -> Array:
 
 
 def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
-    """Return the step d within [low, high] that minimises d^T matrix d - 2 score^T d; matrix is definite."""
+    """Return the step d within [low, high] that minimises d^T matrix d - 2 score^T d.
+
+    Args:
+        matrix: Positive definite matrix, (P, P).
+        score: Right-hand side, (P,).
+        low: Least steps, (P,).
+        high: Greatest steps, (P,).
+    """
     if not score.size:
         return score
     scale = 1.0 / np.sqrt(np.diag(matrix))

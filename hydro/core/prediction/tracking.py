@@ -178,9 +178,10 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
 
 
 def shot_seconds(record: Recording) -> float:
-    """Return the length of a recording's shots [s]: longer where initial states are poorly measured.
+    """Return the length of the shots into which a recording is cut [s].
 
-    Position is ignored, since hardly any force depends on it.
+    Shots are longer if the sensors determine their initial states poorly.  Position is ignored for this,
+    because hardly any force depends on it.
     """
     if record.seen is None:
         return SHOT_SECONDS

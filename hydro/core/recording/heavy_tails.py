@@ -86,8 +86,8 @@ class Tail:
     Attributes:
         channel: Its name.
         freedom: Degrees of freedom nu.
-        scale: s, in the channel's unit.
-        width: Samples of the local cubic that represents the channel's motion, odd.
+        scale: Scale s of the distribution, in the channel's unit.
+        width: Number of samples, odd, of the local cubic polynomial that represents the channel's motion.
     """
 
     channel: str
@@ -96,12 +96,12 @@ class Tail:
     width: int
 
     def score(self, z: Array) -> Array:
-        """Return psi(z) = (nu + 1) z/(nu + z^2)."""
+        """Return the score psi(z) = (nu + 1) z/(nu + z^2) of errors z, in units of the scale."""
         psi: Array = (self.freedom + 1.0) * z / (self.freedom + z**2)
         return psi
 
     def slope(self, z: Array) -> Array:
-        """Return psi'(z)."""
+        """Return the derivative psi'(z) of the score."""
         square = z**2
         slope: Array = (self.freedom + 1.0) * (self.freedom - square) / (self.freedom + square) ** 2
         return slope
@@ -113,7 +113,17 @@ class Tail:
 
 
 def heavy_tails(record: Recording) -> dict[int, Tail]:
-    """Return the channels, pose then velocity, with Student's t noise and a motion that a cubic follows."""
+    """Find the channels whose noise has heavy tails, and fit Student's t distribution to it.
+
+    Channels whose motion is too fast for a local cubic polynomial are left out, because their noise cannot be
+    separated from the motion.
+
+    Args:
+        record: Recording.
+
+    Returns:
+        Noise of each such channel, by its number: 0 to 5 pose, 6 to 11 velocity.
+    """
     steep = bool((np.cos(record.eta[:, 4]) <= LEVEL).any())
     found = {}
     for i, parts in enumerate(samples(record)):

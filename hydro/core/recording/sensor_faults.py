@@ -243,7 +243,13 @@ def _implausible(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, found: 
 
 
 def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[Fault]:
-    """Yield each kind of faulty reading: columns, number, and place of the first."""
+    """Yield a description of each kind of faulty reading: columns, number, and place of the first one.
+
+    Args:
+        raw: Raw table.
+        record: The table as arrays.
+        found: Masks of the faulty readings.
+    """
     kinds = (
         (found.jumps, "jump away and back within a few samples, which no force does"),
         (found.marks, "hold a value that keeps coming back, as a sensor writes where it has no reading"),

@@ -39,12 +39,14 @@ NEGLIGIBLE_WEIGHT = 1e-3  # share of the largest weight below which a weight is 
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """Filter of one vehicle's velocity measurements.
+    """Settings of the Kalman filter for one vehicle's velocity measurements.
 
     Attributes:
         dt: Sample time [s].
-        ratio: q dt^3 / R of each axis, shape (6,).
-        noise: Standard deviation sqrt(R) of each axis, shape (6,) [m/s, rad/s]; no gain depends on it.
+        ratio: Ratio q dt^3 / R of each axis, shape (6,), dimensionless: spectral density q of the jerk
+            against the variance R of a measurement.  A large ratio means little smoothing.
+        noise: Standard deviation sqrt(R) of a measurement on each axis, shape (6,) [m/s, rad/s].  The gains
+            do not depend on it.
     """
 
     dt: float
@@ -67,7 +69,7 @@ class Design:
 
 
 class Gains(NamedTuple):
-    """Gains by row since the start of a segment; the last row holds afterwards.
+    """Gains of filter and smoother by row since the start of a segment; the last row applies afterwards.
 
     `forward` (n, 6, 2): gains of (nu, nu_dot) from the innovation, the second in 1/s. `backward` (n, 6, 4):
     row-major 2 x 2 gain of the smoother, in SI units.

@@ -17,7 +17,15 @@ from hydro.core.vehicle.thrusters import curve_power, nominal_voltage, table_of,
 
 
 def recorded_commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """Return the effective commands of a raw or commands table, (N, n).
+    """Return the effective commands of a raw or commands table.
+
+    Args:
+        vehicle: Vehicle with n thrusters.
+        raw: Table with N rows, with the columns cmd_1 ... cmd_n in [-1, 1] and possibly `voltage` [V].
+
+    Returns:
+        Shape (N, n).  The effective command of a thruster with a thrust table gives the table's thrust at the
+        supply voltage; that of any other thruster is the logged command.
 
     Raises:
         DataError: The commands do not fit the thrusters, or a curve is invalid.
@@ -28,10 +36,17 @@ def recorded_commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
 
 
 def supply_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> Array | None:
-    """Return the supply voltage of each row [V], (N,); None if no thrust depends on it or it is not logged.
+    """Return the supply voltage of each row [V].
 
     A row without a reading has the last one of the session; rows before the first reading have the first.  A
     session without readings has the nominal voltage.
+
+    Args:
+        vehicle: Vehicle file.
+        raw: Raw table with N rows.
+
+    Returns:
+        Shape (N,); None if no thruster's thrust depends on the voltage, or if it was not logged.
     """
     if VOLTAGE not in raw.columns or not voltage_matters(vehicle):
         return None
@@ -42,7 +57,15 @@ def supply_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> Array | None:
 
 
 def unknown_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> str:
-    """Return a warning if a recording lacks the voltage that the thrust curves need; else empty."""
+    """Return a warning if a recording lacks the supply voltage that the thrust curves need.
+
+    Args:
+        vehicle: Vehicle file.
+        raw: Raw table.
+
+    Returns:
+        One sentence; an empty string if the voltage is known, or if no thrust depends on it.
+    """
     if not voltage_matters(vehicle):
         return ""
     rows = raw.height
@@ -59,7 +82,7 @@ def unknown_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> str:
 
 
 def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | None = None) -> Array:
-    """Return the effective commands of given ones.
+    """Return the effective commands of logged commands.
 
     Args:
         vehicle: The vehicle.

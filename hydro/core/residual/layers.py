@@ -54,9 +54,14 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 
 @kernel
 def run(program: Array, weights: Array32, nu: Array, work: Array32, scratch: Array) -> None:
-    """Run a program (steps, COLUMNS) on a workspace whose inputs are in place.
+    """Run the program of a network on a workspace, whose first values are the inputs.
 
-    nu (6,) is the velocity; scratch (`mirrors.SCRATCH`,) is for sums in float64.
+    Args:
+        program: Operations, one per row, (operations, COLUMNS), from `core.residual.lowering`.
+        weights: All weights in one vector.
+        nu: Velocity in body axes (6,) [m/s, rad/s].
+        work: Workspace; its last six values are the wrench afterwards.
+        scratch: Memory for sums in float64, (`mirrors.SCRATCH`,).
     """
     for step in range(program.shape[0]):
         row = program[step]

@@ -52,24 +52,32 @@ class TrainedModel(Protocol):
 
 
 class Place(NamedTuple):
-    """Block of values in the workspace."""
+    """Block of values in the workspace of a network.
+
+    Attributes:
+        at: Index of its first value.
+        length: Number of its values.
+    """
 
     at: int
     length: int
 
     def part(self, start: int, length: int) -> Place:
-        """Return a part of the block."""
+        """Return the part of the block of `length` values that begins at its value `start`."""
         return Place(self.at + start, length)
 
 
 class Writer:
-    """Writer of a program and its weights, step by step.
+    """Writer of a network's program: the list of layer operations, and all weights in one vector.
+
+    The operations read and write one workspace, a vector of float32 values.
 
     Attributes:
-        model: The artefact.
-        inputs: Place of the standardised inputs.
-        room: Size of the workspace in values.
-        passive: For a passive model, the place of the root A of its damping and the offset of its weights.
+        model: Trained model that is compiled.
+        inputs: Block of the workspace with the standardised inputs.
+        room: Number of values reserved in the workspace so far.
+        passive: Only for a model that is passive by construction: start of the block with A, where A A^T is
+            its damping matrix, and start of its weights.  None for any other model.
         physical: Whether the wrench is already in N and N m, so that no scaler follows.
     """
 
@@ -83,7 +91,7 @@ class Writer:
         self._weights: list[Array32] = []
 
     def program(self) -> Array:
-        """Return the steps, (steps, COLUMNS)."""
+        """Return the operations, one per row, (operations, layers.COLUMNS)."""
         return np.array(self._steps, dtype=np.float64).reshape(-1, layers.COLUMNS)
 
     def weights(self) -> Array32:
@@ -118,7 +126,7 @@ class Writer:
         return tensor
 
     def place(self, length: int) -> Place:
-        """Reserve workspace for more values."""
+        """Reserve a block of `length` values in the workspace, at the start of a cache line."""
         found = Place(_line_after(self.room), length)
         self.room = found.at + length
         return found

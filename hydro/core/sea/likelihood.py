@@ -89,7 +89,16 @@ class Coefficients:
 
 
 def coefficients(water: Array, record: Recording, gravity: float) -> Coefficients | None:
-    """Return the Fourier coefficients of the water's motion, or None if the recording is too short."""
+    """Return the Fourier coefficients of the water's motion.
+
+    Args:
+        water: Velocity of the water in the world, north, east and down, (N, 3) [m/s].
+        record: Recording, for its segments and depths.
+        gravity: Gravity [m/s^2].
+
+    Returns:
+        The coefficients of all segments; None if the recording is too short.
+    """
     parts = list[tuple[Array, Any, Array, Any]]()
     longest = 0.0
     for begin, end in record.segments:
@@ -241,7 +250,14 @@ def _velocity_spectrum(seen: Coefficients, height: float, top: float, raised: fl
 
 
 def spectra(seen: Coefficients, at: Array) -> Array:
-    """Return the spectral matrices of continua and sea, (F, 3, 3)."""
+    """Return the expected spectral matrix at each frequency, (F, 3, 3).
+
+    It is the sum of the waves and of a continuum on each axis, see the module.
+
+    Args:
+        seen: Fourier coefficients of the recording.
+        at: Parameters of the waves and of the continua, in the order of this module.
+    """
     floor, sea = at[:-4], at[-4:]
     d = _orbit(sea[2])
     g = _velocity_spectrum(seen, math.exp(sea[0]), sea[1], sea[3])

@@ -40,15 +40,17 @@ DAMPING_RATIO = np.array([0.7, 0.5, 0.5, 0.7])
 
 @dataclass(frozen=True)
 class Mixing:
-    """Conversion of demands to commands of one vehicle.
+    """Constants of one vehicle that convert a demanded wrench to thruster commands.
+
+    A hold is a weak proportional-derivative controller that keeps the depth, roll, pitch or heading.
 
     Attributes:
         authority: Maximum wrench on each axis alone (6,) [N, N m]; 0 where the thrusters cannot actuate it.
-        allocation: Pseudo-inverse of B (n, 6).
+        allocation: Pseudo-inverse (n, 6) of the configuration matrix B of the n thrusters.
         table: Thruster table (n, columns) of `vehicle.thrusters`.
         gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading [N/m, N s/m; N
             m/rad, N m s/rad].
-        righting: Stiffness (2,) in roll and pitch of the holds, weight and buoyancy together [N m/rad].
+        righting: Total stiffness (2,) in roll and in pitch [N m/rad], of the hold and of weight and buoyancy.
     """
 
     authority: Array

@@ -180,7 +180,13 @@ def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
 
 
 def panel_wrench(hull: Panels, nu_r: ArrayLike, density: float) -> Array:
-    """Return the panel wrench on the vehicle about CO (6,) [N, N m] for one relative velocity nu_r (6,)."""
+    """Return the drag of a hull of flat panels, as a wrench on the vehicle about CO, (6,) [N, N m].
+
+    Args:
+        hull: Panels of the hull.
+        nu_r: Velocity of CO through the water in body axes (6,) [m/s, rad/s].
+        density: Density of the water [kg/m^3].
+    """
     out = np.zeros(6)
     panel_wrench_kernel(np.array(nu_r, dtype=np.float64), loaded_facets(hull, density), out)
     return out

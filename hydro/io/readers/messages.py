@@ -126,7 +126,7 @@ def fields(message: Any) -> Sequence[str]:
 
 
 def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]:
-    """Return a function that extracts the values at some paths from messages like an example.
+    """Return a function that extracts the values at some paths from messages of one type.
 
     Plain attributes are fetched in one call; other paths are followed step by step.
     """
@@ -144,7 +144,15 @@ def tokens(path: str) -> list[str | int]:
 
 
 def follow(message: Any, steps: Sequence[str | int]) -> Any:
-    """Return the value at a path; None if there is none."""
+    """Return the value at a path inside a message.
+
+    Args:
+        message: Message, as an object with attributes or as a mapping.
+        steps: Path as names and indices, see `tokens`.
+
+    Returns:
+        The value; None if the message has no such path.
+    """
     for step in steps:
         try:
             if isinstance(step, int) or isinstance(message, Mapping):

@@ -86,7 +86,10 @@ def sense_kernel(
 def sense(
     k: int, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
-    """Compute the observation of vehicle `k`; arguments as for `sense_kernel`, with its own noise (36,)."""
+    """Compute the observation of vehicle `k`.
+
+    The arguments are those of `sense_kernel`, with the noise (36,) of this vehicle alone.
+    """
     for i in range(senses.sigma.size):
         noise[i] *= senses.sigma[i]
     quaternion_kernel(motion.pose[k, 3:7], motion.rotation[k])
@@ -95,7 +98,12 @@ def sense(
 
 @kernel
 def power_share(table: Array, thrust: Array) -> float:
-    """Return the power of all thrusters as a share of the power at full thrust; thrust (n,) [N]."""
+    """Return the power of all thrusters as a share of their power at full thrust.
+
+    Args:
+        table: Thruster table (n, columns) of `vehicle.thrusters`.
+        thrust: Thrust of each thruster (n,) [N].
+    """
     total = 0.0
     for i in range(thrust.size):
         limit = table[i, MAX_THRUST] if thrust[i] > 0.0 else table[i, MAX_REVERSE]
@@ -133,7 +141,10 @@ def step_kernel(
 def score(
     k: int, rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, action: Array, outcome: Outcome
 ) -> None:
-    """Compute reward, flags and totals of vehicle `k`; arguments as for `step_kernel`, its action (6,)."""
+    """Compute reward, flags and totals of vehicle `k`.
+
+    The arguments are those of `step_kernel`, with the action (6,) of this vehicle alone.
+    """
     w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
     away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])
     totals[AGE] += 1.0
@@ -164,7 +175,17 @@ def score(
 def mark_ends(
     rules: Rules, motion: Motion, scenes: Scenes, k: int, away: float, totals: Array, flags: Mask
 ) -> None:
-    """Write the flags of vehicle `k` at a distance `away` [m] from its goal, with its episode's totals."""
+    """Write the flags of one vehicle: arrived, collided, diverged, too fast, terminated, truncated.
+
+    Args:
+        rules: Constants by which a step is judged.
+        motion: Motion of all vehicles after the step.
+        scenes: Tasks of all vehicles.
+        k: Index of the vehicle.
+        away: Its distance from the goal [m].
+        totals: Totals of its episode, such as its age in control steps.
+        flags: Flags of all vehicles, (flags, N); column `k` is written.
+    """
     ends, velocity = scenes.ends[k], motion.velocity[k]
     failed = bool(motion.diverged[k])
     touched = not failed and collision_kernel(

@@ -38,10 +38,10 @@ POOL = 16_384
 
 
 class GpuFleet:
-    """Vehicles that fly their episodes in parallel on a GPU.
+    """Vehicles that run their episodes in parallel on a GPU.
 
     Attributes:
-        settings: All choices.
+        settings: Settings of world, sensors, reward and task.
         plant: Simulator of the vehicles.
         count: Number of vehicles N.
         task: Task of all vehicles.

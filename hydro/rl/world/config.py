@@ -69,7 +69,7 @@ class Noise:
     Attributes:
         velocity: Each component of the DVL [m/s].
         rate: Each component of the gyroscope [rad/s].
-        depth: [m].
+        depth: Pressure sensor, as depth [m].
         range: Each beam of the sonar [m].
     """
 
@@ -84,26 +84,26 @@ class Reward:
     """Weights of the reward (paper eq. 8); all except success and collision apply per control step.
 
     Attributes:
-        shaping: phi_s, the potential lost over `distance`.
-        distance: d_max [m].
+        shaping: phi_s: the potential phi falls by this much over the distance `distance` from the goal.
+        distance: d_max, the distance over which the potential falls by `shaping` [m].
         discount: gamma of the shaping term gamma phi_t - phi_{t-1}.  With 1, as in the paper, its sum depends
             only on the first and last state.
-        heading: w_a, for pointing at the target in the horizontal plane.
+        heading: w_a, the reward for pointing at the target in the horizontal plane.
         blind: Horizontal distance to the target below which the heading term is zero [m].
-        upright: w_u, for a level attitude.
-        success: R_s; it must exceed the reward of loitering for a whole episode.
+        upright: w_u, the reward for a level attitude.
+        success: R_s, given once at the goal; it must exceed the reward of loitering for a whole episode.
         obstacle: w_d, the cost at the range `near`; it decays with exp(-1.5 (d - near)) up to `far`.
-        near: d_c [m].
-        far: d_w [m].
-        collision: w_col, once if an episode ends in a collision; each step within `near` costs a hundredth of
-            it.
+        near: d_c, the range of an obstacle at which its cost is greatest [m].
+        far: d_w, the range of an obstacle beyond which it costs nothing [m].
+        collision: w_col, the cost of a collision, which ends the episode; each step within `near` costs a
+            hundredth of it.
         energy: Cost of full thrust of all thrusters.
         action: Cost of an action with all components at their limit.
         smoothness: Cost of a change of all components of the action by their limit.
-        path: w_c, of the cross-track cost (eq. 9).
-        hold: Cost of the distance from a goal that is held or followed, by the function of eq. 9.
-        alignment: Reward for the heading of the dock, within `close` of it.
-        close: [m].
+        path: w_c, the weight of the cost of the distance from the path (eq. 9).
+        hold: Weight of the cost of the distance from a goal that is held or followed (function of eq. 9).
+        alignment: Reward for the heading of the dock, within the distance `close` of it.
+        close: Distance from the dock within which `alignment` counts [m].
         haste: Cost of each m/s above the speed that the distance to the dock allows.
     """
 

@@ -102,7 +102,13 @@ def stonefish_teacher(
     hidden: Sequence[Mapping[str, Any]] = (),
     launch: Launch = Program,
 ) -> StonefishTeacher:
-    """Return a vehicle for recordings in Stonefish; arguments as of `sim.teacher.teacher`.
+    """Return a vehicle for recordings in Stonefish.
+
+    Args:
+        vehicle: Vehicle file.
+        mesh: Vertices and faces of the hull; None for an ellipsoid, see `sim.teacher.teacher`.
+        hidden: `[[effect]]` tables that the simulated vehicle has in addition to its file.
+        launch: Function that starts Stonefish.
 
     Raises:
         DataError: The embedded simulator refuses the vehicle, or Stonefish cannot represent a part of it.

@@ -33,7 +33,7 @@ def begun_from(excess: float) -> Baseline:
 
 
 @given(st.floats(1.0, 1e6), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_what_explains_more_matters_no_less(first: float, left: float, part: float):
+def test_a_larger_gain_stays_material(first: float, left: float, part: float):
     """More of the same residual explained is never less of a finding, and what cannot be seen is none."""
     baseline, before = begun_from(first), leaving(left * first)
     gain = part * before.excess
@@ -42,7 +42,7 @@ def test_what_explains_more_matters_no_less(first: float, left: float, part: flo
         assert gain >= VISIBLE * RESIDUALS
 
 
-def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_what_is_left():
+def test_a_significant_gain_is_material_if_it_is_a_large_share_of_the_present_residual():
     """A third effect is not passed over because the first one was a thousand times the noise."""
     baseline, before = begun_from(1000 * RESIDUALS), leaving(0.13 * RESIDUALS)
     plain = FURTHER * before.excess
@@ -52,7 +52,7 @@ def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_
 
 
 @pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, SHOTS), (2e3, 148, 148), (50.0, 300, 300)])
-def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: int, left: int):
+def test_only_a_part_of_the_shots_is_used_far_from_the_noise(chi2: float, shots: int, left: int):
     """Both models and the problem keep the same of them; a recording near the noise keeps all."""
     costs = np.arange(shots, dtype=float)
 
@@ -83,7 +83,7 @@ FIRST, RESUMED, FILED = "first", "resumed", "filed"
         (50.0, 50.0, [FIRST, FILED], FIRST),  # it had not
     ],
 )
-def test_the_files_values_are_tried_before_a_second_effect_joins_far_from_the_noise(
+def test_far_from_the_noise_the_search_starts_from_the_file_before_it_adds_a_second_effect(
     monkeypatch, left: float, filed: float, order: list[str], answer: str
 ):
     asked: list[str] = []
@@ -102,7 +102,7 @@ def test_the_files_values_are_tried_before_a_second_effect_joins_far_from_the_no
 
 
 @pytest.mark.parametrize(("effect", "fitted"), [("thruster_deadband", True), ("ocean_current", False)])
-def test_the_shapes_of_a_grid_tell_but_a_part_of_what_a_curved_effect_explains(effect: str, fitted: bool):
+def test_a_nonlinear_effect_between_two_grid_shapes_is_fitted(effect: str, fitted: bool):
     """A dead band between two widths of the grid is fitted, though neither width alone explains enough."""
     baseline, before = begun_from(0.03 * RESIDUALS), leaving(0.03 * RESIDUALS)
     screening = cast(Any, SimpleNamespace(gains={effect: 0.5 * VISIBLE * RESIDUALS}))
@@ -112,7 +112,7 @@ def test_the_shapes_of_a_grid_tell_but_a_part_of_what_a_curved_effect_explains(e
 @pytest.mark.parametrize(
     ("kept", "goes_on"), [(["payload"], False), (["buoyancy_offset"], True), ([], False)]
 )
-def test_a_search_goes_on_only_where_another_effect_has_taken_the_place(monkeypatch, kept, goes_on):
+def test_a_search_continues_only_after_an_effect_was_replaced(monkeypatch, kept, goes_on):
     """A swap leaves less, of which more can be told; and what then joins is reconsidered with the others."""
 
     def outcome(effects: list[str]) -> Outcome:

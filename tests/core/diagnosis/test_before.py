@@ -64,7 +64,7 @@ def diagnosed(vehicle, raw, hull):
     return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull)
 
 
-def test_of_all_candidates_of_a_step_one_is_chosen():
+def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
     """The best change of a step that was taken, and of one that was refused the model without any."""
     model = cast(Any, SimpleNamespace(vehicle=damped(WEAK, OFFSET), values=np.zeros(1)))
     rivals = {name: Contender(name, model, np.ones(8)) for name in (GAINS, "buoyancy_offset")}
@@ -76,16 +76,16 @@ def test_of_all_candidates_of_a_step_one_is_chosen():
         assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
 
 
-def test_the_hull_is_learnt(hull):
+def test_the_hull_model_halves_the_residual_of_the_file(hull):
     assert hull.left < 0.5 * hull.given, "the library takes most of the file's error away"
 
 
-def test_a_recording_before_that_is_too_short(before):
+def test_a_too_short_earlier_recording_raises_an_error(before):
     with pytest.raises(DataError, match=r"too short|too few"):
         hull_of(damped(), before.head(1000))
 
 
-def test_a_change_of_what_the_file_has_and_is_not_linear_is_named():
+def test_a_changed_nonlinear_effect_of_the_file_is_named():
     late = {"name": "command_delay", "d": 0.02}
     later = late | {"d": 0.2}
     found = diagnose(damped(late), half(flown(later, seed=40)), before=flown(late, seed=10)).findings[0]
@@ -94,7 +94,7 @@ def test_a_change_of_what_the_file_has_and_is_not_linear_is_named():
     assert found.parameters["d"] == pytest.approx(0.2, abs=4.0 * found.standard_errors["d"] + 1e-3)
 
 
-def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(hull, monkeypatch):
+def test_a_tether_that_only_a_finer_grid_shows_is_named(hull, monkeypatch):
     """A cable's coarse places may say nothing of it: the pull of one with slack is not linear in them."""
     cable = {
         "name": "tether",
@@ -117,7 +117,7 @@ def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(h
     assert (found.verdict, found.effect) == ("missing", "tether")
 
 
-def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeypatch):
+def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hull, monkeypatch):
     """A change that turns a vehicle over takes more steps than a quick fit has."""
     fit, least = contenders.fit_model, contenders._least
     quick, long, first_change = set[str](), list[str](), list[dict]()
@@ -140,7 +140,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
     assert len(quick) > 2 * MOST_CONTENDERS
 
 
-def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):
+def test_a_large_change_of_balance_is_the_only_finding(hull):
     """What the hull does beside the file moves a vehicle of another drag or balance otherwise."""
     found = diagnosed(damped(), flown(OFFSET, seed=40), hull)
     assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
@@ -148,7 +148,7 @@ def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):
     assert found.chi2[2] < RIGHT, "no more is left than the law of the hull leaves"
 
 
-def test_of_two_fins_the_one_that_was_turned_is_named():
+def test_the_turned_one_of_two_fins_is_named():
     stern, rudder = FIN | {"label": "stern"}, FIN | {"label": "rudder", "roll": np.pi / 2}
     file = told_apart(damped(stern, rudder))
     earlier, later = flown(stern, rudder, seed=10), flown(stern, rudder | {"deflection": 0.2}, seed=40)
@@ -164,7 +164,7 @@ def test_of_two_fins_the_one_that_was_turned_is_named():
     assert float(told[1]) == pytest.approx(found.parameters["deflection"], rel=0.01)
 
 
-def test_a_velocity_log_that_was_turned_is_told_by_kinematics(hull):
+def test_a_turned_dvl_is_named_by_kinematics(hull):
     """Far below what the model of the hull leaves, and whatever else has changed."""
     raw, yaw = flown(WEAK, seed=40), 0.06
     u, v = pl.col("u"), pl.col("v")
@@ -184,7 +184,9 @@ def test_a_velocity_log_that_was_turned_is_told_by_kinematics(hull):
         (42, {"cmd_6": -pl.col("cmd_6")}, "minus cmd_6 drives thruster 6"),
     ],
 )
-def test_an_order_of_the_commands_is_told_with_the_drag_of_the_hull_known_or_not(drag, seed, columns, words):
+def test_swapped_command_columns_are_detected_with_and_without_the_drag_in_the_file(
+    drag, seed, columns, words
+):
     raw = flown(seed=seed).with_columns(**columns)
     for hull in (None, drag):
         log = preprocess(synthetic.vehicle(), raw, hull)
@@ -203,11 +205,11 @@ def test_an_order_of_the_commands_is_told_with_the_drag_of_the_hull_known_or_not
         [{"name": "thruster_lag", "dT": 0.4}],
     ],
 )
-def test_no_other_change_is_told_as_an_order_of_the_commands(drag, changes):
+def test_other_changes_are_not_reported_as_swapped_command_columns(drag, changes):
     assert preprocess(synthetic.vehicle(), flown(*changes, seed=40), drag).wiring is None
 
 
-def test_commands_exchanged_since_are_the_first_finding(drag):
+def test_command_columns_exchanged_since_are_the_first_finding(drag):
     raw = half(flown(seed=40)).with_columns(**EXCHANGED)
     fault, *others = diagnosed(synthetic.vehicle(), raw, drag).findings
     assert (fault.verdict, fault.members) == ("log_fault", ("cmd_1", "cmd_2"))

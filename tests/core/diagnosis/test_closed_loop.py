@@ -43,7 +43,7 @@ def steady(push: float) -> list[dict]:
     return [steady_pull(push, np.array([1.0, 0.0, 0.0]), np.zeros(3))] if push else []
 
 
-def test_damping_that_is_there_stays_and_damping_that_stands_for_a_force_goes():
+def test_real_damping_keeps_its_share_and_damping_that_imitates_a_force_loses_it():
     assert told(0.0, 2.0) > 0.9
     assert told(40.0, 1.0) < NEARLY_EQUAL
 
@@ -51,9 +51,7 @@ def test_damping_that_is_there_stays_and_damping_that_stands_for_a_force_goes():
 @pytest.mark.parametrize(
     ("count", "tells", "stays"), [(1, 5.0, 0), (1, 20.0, 1), (6, 20.0, 0), (6, 120.0, 1)]
 )
-def test_an_effect_stays_only_where_the_recording_tells_enough_of_each_of_its_parameters(
-    monkeypatch, count, tells, stays
-):
+def test_an_effect_stays_only_if_each_parameter_gains_enough(monkeypatch, count, tells, stays):
     """Twice what is told in all, and so the mean square of chance for each, is not enough for many."""
     file = damped()
     unknown = free(file, ["linear_damping"])
@@ -71,14 +69,14 @@ def test_an_effect_stays_only_where_the_recording_tells_enough_of_each_of_its_pa
 
 
 @pytest.mark.parametrize(("own", "verdict"), [(0.9, "missing"), (0.3, "suspect")])
-def test_what_a_disturbance_takes_is_suspected_only(own, verdict):
+def test_an_effect_that_a_disturbance_can_replace_is_only_suspected(own, verdict):
     found = Finding("missing", "added_mass", ("added_mass",), 0.5, confidence=1.0, advice="add it")
     judged = closed_loop._judged(found, {"added_mass": own})
     assert judged.verdict == verdict
     assert judged.confidence == (1.0 if own > NEARLY_EQUAL else pytest.approx(0.3))
 
 
-def test_a_refit_that_a_disturbance_takes_has_no_values_to_add():
+def test_new_values_that_a_disturbance_can_replace_are_not_offered():
     found = Finding("retune", "linear_damping", ("linear_damping",), 0.5, parameters={"diagonal": [1.0] * 6})
     judged = closed_loop._judged(found, {"linear_damping": 0.1})
     assert judged.verdict == "not_separable"

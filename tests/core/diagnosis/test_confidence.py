@@ -43,7 +43,7 @@ def fitted(columns: np.ndarray, error: np.ndarray) -> Fitted:
     return Fitted(Normal(gram, ROWS, gram[:, -1:, -1], np.zeros((SHOTS, 0, P + 1))), amounts)
 
 
-def test_costs_are_those_of_fits_without_the_session():
+def test_left_out_costs_equal_refits_without_the_session():
     columns, noise = drawn()
     error = columns @ [0.5, -0.3, 0.0] + noise
     found = left_out_costs(fitted(columns, error), SESSION)
@@ -54,7 +54,7 @@ def test_costs_are_those_of_fits_without_the_session():
         np.testing.assert_allclose(found[out], expected, rtol=1e-4)
 
 
-def test_an_effect_that_is_there_explains_every_session():
+def test_a_real_effect_explains_every_session():
     columns, noise = drawn()
     error = columns @ [1.5, 0.0, 0.0] + noise
     nothing = fitted(np.zeros((SHOTS, ROWS, 0)), error)
@@ -69,7 +69,7 @@ def test_an_effect_that_is_there_explains_every_session():
     assert found["not"].share < 0.05
 
 
-def test_many_parameters_gain_nothing_where_they_were_not_fitted():
+def test_many_parameters_gain_nothing_on_held_out_sessions():
     columns, noise = drawn(columns=80)
     error = 1.1 * noise
     many = fitted(columns, error)
@@ -78,7 +78,7 @@ def test_many_parameters_gain_nothing_where_they_were_not_fitted():
     assert scores(nothing, {"many": many}, SESSION)["many"].share == 0.0
 
 
-def test_what_one_session_alone_tells_explains_no_session_left_out():
+def test_an_effect_in_one_session_alone_explains_no_held_out_session():
     columns, noise = drawn(columns=1)
     columns[SESSION != 2] = 0.0
     error = columns @ [2.0] + noise
@@ -87,7 +87,7 @@ def test_what_one_session_alone_tells_explains_no_session_left_out():
     assert found.by_fold[2] == pytest.approx(0.0, abs=0.01)
 
 
-def test_stretches_where_sessions_are_few():
+def test_a_recording_of_few_sessions_is_cut_into_stretches():
     np.testing.assert_array_equal(folds([4, 4, 7, 7, 9]), [0, 0, 1, 1, 2])
     stretches = folds(np.repeat([0, 1], 30))
     np.testing.assert_array_equal(np.bincount(stretches), [10] * 6)
@@ -97,7 +97,7 @@ def test_stretches_where_sessions_are_few():
         folds([0])
 
 
-def test_shots_that_left_all_bounds_count_for_nobody():
+def test_diverged_shots_count_for_no_rival():
     columns, noise = drawn()
     model = fitted(columns, columns @ [0.5, 0.0, 0.0] + noise)
     model.normal.gram[7] = 0.0
@@ -125,7 +125,7 @@ def rival(costs: np.ndarray) -> Rival:
     )
 
 
-def test_equal_rivals_are_selected_as_often():
+def test_equal_rivals_are_selected_equally_often():
     costs = rng.chisquare(100, RESAMPLED)
     one, other = costs + rng.normal(0, 1, RESAMPLED), costs + rng.normal(0, 1, RESAMPLED)
     other += one.sum() / RESAMPLED - other.sum() / RESAMPLED
@@ -135,13 +135,13 @@ def test_equal_rivals_are_selected_as_often():
     assert sum(found.values()) == pytest.approx(1.0)
 
 
-def test_a_clear_winner_stands_alone():
+def test_a_clear_winner_has_no_tied_rivals():
     costs = rng.chisquare(100, RESAMPLED)
     found = confidence.selection_frequency({"worse": rival(costs + 5.0), "best": rival(costs)}, "best")
     assert found == {"best": 1.0}
 
 
-def test_a_change_of_the_files_values_wins_as_often_as_it_is_needed():
+def test_changed_values_win_half_of_the_resamples_at_the_threshold():
     columns, noise = drawn(3)
     for truth, expected in ((0.0, 0.0), (1.0, 1.0)):
         model = fitted(columns, columns @ [0.5, -0.3, truth] + noise)
@@ -157,7 +157,7 @@ def test_a_change_of_the_files_values_wins_as_often_as_it_is_needed():
     assert confidence.change_frequency(model.normal, [2], model.amounts[[2]]) == pytest.approx(0.5, abs=0.15)
 
 
-def test_other_parameters_move_to_where_least_squares_has_them_beside_the_files_values(monkeypatch):
+def test_other_parameters_are_refitted_if_an_effect_keeps_the_files_values(monkeypatch):
     columns, noise = drawn(4)
     columns[..., 1] += columns[..., 2]  # what one loses the other takes up
     error = columns @ [0.5, -0.3, 0.1] + noise
@@ -169,7 +169,7 @@ def test_other_parameters_move_to_where_least_squares_has_them_beside_the_files_
     np.testing.assert_allclose(seen[0][:, 1], without.normal.gram[:, -1, -1], rtol=1e-5)
 
 
-def test_the_interval_of_a_share_covers_it_as_often_as_promised():
+def test_the_interval_of_a_share_has_its_nominal_coverage():
     covered = []
     for seed in range(150):
         draw = np.random.default_rng(seed)
@@ -181,25 +181,25 @@ def test_the_interval_of_a_share_covers_it_as_often_as_promised():
     assert np.mean(covered) > 0.88
 
 
-def test_a_share_lies_between_nothing_and_everything():
+def test_a_share_is_clipped_to_0_and_1():
     assert confidence.explained_share(np.full(RESAMPLED, 3.0), np.full(RESAMPLED, 2.0), 4) == (1.0, 1.0, 1.0)
     assert confidence.explained_share(np.full(RESAMPLED, -1.0), np.full(RESAMPLED, 2.0), 4)[0] == 0.0
 
 
-def test_a_share_that_is_the_same_of_every_shot_is_told_as_it_is():
+def test_a_share_equal_in_every_shot_has_an_interval_of_zero_width():
     excess = np.random.default_rng(0).exponential(10.0, RESAMPLED)
     assert confidence.explained_share(0.3 * excess, excess, 1) == pytest.approx((0.3, 0.3, 0.3))
 
 
 @pytest.mark.parametrize(("rest", "sure"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
-def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, sure):
+def test_a_large_unexplained_error_lowers_the_confidence_of_a_finding(rest, sure):
     named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
     found = discounted_by_unexplained(named, [Finding("none_of_the_known", share=rest)])
     assert found.confidence == pytest.approx(sure)
-    assert ("fly without feedback" in found.advice) == (rest >= 0.15)
+    assert ("record without feedback" in found.advice) == (rest >= 0.15)
 
 
-def test_effects_that_stand_for_one_another_share_what_they_explain_together():
+def test_overlapping_effects_split_their_common_share():
     lag = Finding("missing", "thruster_lag", share=0.05, low=0.04, high=0.06)
     delay = Finding("missing", "command_delay", share=0.07, low=0.06, high=0.08)
     first, second = shared([lag, delay], 0.96)
@@ -209,7 +209,7 @@ def test_effects_that_stand_for_one_another_share_what_they_explain_together():
     assert "adds 5%" in first.advice
 
 
-def test_effects_that_stand_for_themselves_keep_their_shares():
+def test_effects_that_do_not_overlap_keep_their_shares():
     both = [Finding("missing", "payload", share=0.5), Finding("missing", "tether", share=0.45)]
     assert shared(both, 1.0) == both
     assert shared([], 0.0) == []
@@ -224,7 +224,7 @@ def test_effects_that_stand_for_themselves_keep_their_shares():
         ("cannot_tell_apart", 0.5, 0.6, "suspect"),
     ],
 )
-def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, support, told):
+def test_a_finding_of_low_confidence_becomes_a_suspect(verdict, sure, support, told):
     words = "add it with `hydro add`; a lift"
     found = stated(
         Finding(verdict, "body_lift", ("body_lift",), 0.5, confidence=sure, support=support, advice=words)
@@ -233,7 +233,7 @@ def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, support, told):
     assert ("--effect body_lift" in found.advice) == (told == "suspect")
 
 
-def test_what_explains_little_beside_another_is_less_sure_where_no_model_is_right():
+def test_smaller_findings_lose_confidence_if_no_model_fits():
     first = Finding("missing", "payload", share=0.8, confidence=0.86)
     second = Finding("missing", "coupled_damping", share=0.2, confidence=0.86)
     assert discounted_by_largest([first, second], 1.5) == [first, second]

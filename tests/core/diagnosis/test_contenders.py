@@ -45,7 +45,7 @@ def change(rivals: list[Contender], whole: float) -> Change:
 
 
 @given(NAMES, st.floats(0.0, 1.0), st.integers(1, 6), st.integers(1, 6), FLOORS)
-def test_a_further_parameter_has_to_remove_something(name, share, fewer, more, whole):
+def test_a_further_parameter_must_reduce_the_residual_to_win(name, share, fewer, more, whole):
     """Data left out do not tell a larger effect from a smaller one where a hull's error is alike on all."""
     other = next(one for one in sorted(CATALOGUE) if one != name and _absorbs(one) == _absorbs(name))
     few, many = rival(name, share * whole, fewer), rival(other, share * whole, fewer + more)
@@ -57,7 +57,9 @@ def test_a_further_parameter_has_to_remove_something(name, share, fewer, more, w
 
 
 @given(st.sampled_from(ABSORBING), st.sampled_from(PLAIN), st.floats(0.0, 1.0), st.integers(1, 6), FLOORS)
-def test_what_follows_a_hulls_error_has_to_remove_more(drag, other, share, parameters, whole):
+def test_a_drag_formula_must_reduce_the_residual_more_than_a_weight_to_win(
+    drag, other, share, parameters, whole
+):
     """A formula of drag fits the error of a law of drag; weight and thrust do not."""
     both = [rival(drag, share * whole, parameters), rival(other, share * whole, parameters)]
     assert change(both, whole).best.effect == other
@@ -71,7 +73,7 @@ def pair(left: float, ahead: float, whole: float) -> Change:
 
 
 @given(st.floats(0.1, 20.0), st.floats(0.0, 20.0), st.floats(0.0, 20.0), st.floats(1.0, 100.0))
-def test_confidence_grows_with_the_margin_alone(left, ahead, more, further):
+def test_confidence_grows_with_the_margin(left, ahead, more, further):
     """It is a probability; of two names that leave as much, the one farther ahead is the surer."""
     whole = left + ahead + more + 1.0
     near, far = pair(left, ahead, whole), pair(left, ahead + more, whole)
@@ -80,7 +82,7 @@ def test_confidence_grows_with_the_margin_alone(left, ahead, more, further):
 
 
 @given(st.floats(0.1, 20.0), st.floats(0.01, 5.0))
-def test_a_little_more_left_makes_a_name_a_little_less_sure(left, ahead):
+def test_confidence_is_continuous_in_the_remaining_residual(left, ahead):
     """No limit is passed at which confidence jumps."""
     whole = left + 2.0 * ahead + 1.0
     here, there = (pair(one, ahead, whole).confidence(whole) for one in (left, left + 1e-4))
@@ -88,17 +90,17 @@ def test_a_little_more_left_makes_a_name_a_little_less_sure(left, ahead):
 
 
 @pytest.mark.parametrize(("left", "sure"), [(0.9, True), (1.9, False)])
-def test_a_name_that_leaves_much_needs_a_lead(left, sure):
+def test_a_candidate_with_a_large_residual_needs_a_lead_to_be_stated(left, sure):
     """Where it leaves more than a model that is right, another that leaves almost as much could be it."""
     assert (pair(left, 0.3, 10.0).confidence(10.0) > SURE) is sure
     assert pair(left, 5.0, 10.0).confidence(10.0) > SURE
 
 
-def test_what_is_no_better_than_no_change_has_no_confidence():
+def test_a_candidate_no_better_than_no_change_has_confidence_0():
     assert pair(1.0, 0.5, 1.001).confidence(1.001) == 0.0
 
 
-def test_at_finer_places_the_most_promising_effects_come_first(monkeypatch):
+def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkeypatch):
     """A finer place counts where it promises more than the coarse one."""
     coarse = {"a": (0.1, {"name": "a"}), "b": (0.5, {"name": "b"}), "c": (0.3, {"name": "c"})}
     finer = {"a": (0.4, {"name": "a", "fine": True}), "c": (0.2, {"name": "c", "fine": True})}
@@ -124,7 +126,7 @@ class _Kept(Exception):
         ((0.8, -0.7, 0.6), None),
     ],
 )
-def test_entries_that_explain_nothing_are_held_at_the_values_of_the_file(monkeypatch, amounts, held):
+def test_needless_entries_keep_the_values_of_the_file(monkeypatch, amounts, held):
     """Three of eight thrusters are fitted; each needed one explains what no other column does."""
     rng, vehicle = np.random.default_rng(0), damped()
     whole = free(vehicle, ["thruster_gain"])

@@ -83,7 +83,7 @@ def recorded(vehicle: Vehicle, **how) -> pl.DataFrame:
     return pl.concat([flown(vehicle, seed=i, session=name, **how) for i, name in enumerate("ab")])
 
 
-def test_what_is_held_against_a_hull_is_its_first_change_unless_said_otherwise(known, monkeypatch):
+def test_a_change_counts_as_the_first_unless_further_is_given(known, monkeypatch):
     """Of a further change more is asked, so that whoever has one already must say so."""
     log = cast(Any, SimpleNamespace(observed=None, misdirected=False))
     monkeypatch.setattr(module, "require_ready", lambda observed: None)
@@ -121,7 +121,7 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
     assert end == pytest.approx(1.0, abs=0.05)
 
 
-def test_no_value_depends_on_how_many_threads_there_are(known, monkeypatch):
+def test_results_do_not_depend_on_the_number_of_threads(known, monkeypatch):
     """The suite runs each worker with one thread; what many do at once must come out the same."""
     raw, found = flown(hiding(known, CURRENT), rows=1000), []
     for threads in ("1", "4"):
@@ -130,7 +130,7 @@ def test_no_value_depends_on_how_many_threads_there_are(known, monkeypatch):
     assert found[0].equals(found[1])
 
 
-def test_progress_goes_on_and_tells_which_effect_is_tried(known):
+def test_progress_grows_and_names_the_tried_effect(known):
     heard: list[tuple[str, float]] = []
     diagnose(
         known,
@@ -145,7 +145,7 @@ def test_progress_goes_on_and_tells_which_effect_is_tried(known):
     }
 
 
-def test_a_known_value_that_the_recording_contradicts_is_told_and_kept(known):
+def test_a_contradicted_known_value_is_reported_but_not_refitted(known):
     """Quadratic damping a quarter wrong and held as known: no values for `add`, but which they would be."""
     wrong = misjudged(known)
     held = (t | {"known": t["name"] == "quadratic_damping"} for t in wrong.effect)
@@ -164,7 +164,7 @@ def with_band(vehicle: Vehicle, width: float) -> Vehicle:
 
 
 @pytest.mark.parametrize(("true", "file"), [(0.03, 0.15), (0.15, 0.0)], ids=["narrower", "wider"])
-def test_a_dead_band_is_found_where_a_derivative_says_nothing(known, true, file):
+def test_a_dead_band_is_found_although_its_derivative_at_zero_vanishes(known, true, file):
     """The cost has corners: only a search along the width comes to the true one."""
     raw = recorded(with_band(known, true))
     first = diagnose(misjudged(with_band(known, file)), raw).findings[0]
@@ -172,7 +172,7 @@ def test_a_dead_band_is_found_where_a_derivative_says_nothing(known, true, file)
     assert first.parameters["d"] == pytest.approx(true - file, abs=0.002)
 
 
-def test_nothing_hidden_is_nothing_missing(known):
+def test_a_complete_file_gives_nothing_missing(known):
     found = diagnose(known, recorded(known))
     assert found.findings[0].verdict == "nothing_missing"
     assert {one.verdict for one in found.findings[1:]} <= {"not_excited"}
@@ -181,7 +181,7 @@ def test_nothing_hidden_is_nothing_missing(known):
         tables(table)
 
 
-def test_what_makes_a_good_files_small_error_is_told_though_it_is_small_beside_the_noise(known):
+def test_the_cause_of_an_error_far_below_the_noise_is_named(known):
     """Sway damping 3 % wrong: the error is a small part of the noise, and all that the file has wrong."""
     damping = known.effects("quadratic_damping")[0]
     wrong = damping | {"diagonal": [d * (1.03 if i == 1 else 1.0) for i, d in enumerate(damping["diagonal"])]}
@@ -193,8 +193,8 @@ def test_what_makes_a_good_files_small_error_is_told_though_it_is_small_beside_t
     assert told[0].parameters["diagonal"][1] == pytest.approx(damping["diagonal"][1], rel=0.01)
 
 
-def test_an_effect_is_named_behind_the_faults_of_its_log(known):
-    """Two command columns exchanged, a frozen velocity log and spikes of a gyro: the thrusters come first."""
+def test_an_effect_is_named_after_the_faults_of_the_log(known):
+    """Two command columns exchanged, a frozen DVL and spikes of a gyro: the thrusters come first."""
     raw = recorded(hiding(known, CURRENT))
     wrong = {name: raw[name].to_numpy().copy() for name in "uvwp"}
     wrong["p"][100::500] += 1.0
@@ -219,7 +219,7 @@ def searching(known: Vehicle, raw: pl.DataFrame, sensors: dict) -> Search:
     return Search(Baseline(known, (), log, problem, model, model, sensors))
 
 
-def test_a_strong_current_is_reached_from_the_file_though_no_derivative_leads_to_it(datasets):
+def test_a_strong_current_is_found_by_a_restart_from_the_file(datasets):
     """A vehicle with fins meets the water from elsewhere: drag and lift of its own hide the current."""
     file = files.read(datasets / "vehicles" / "remus100.toml")[0]
     true, parts = CURRENT | {"v_N": -0.6, "v_E": 0.6}, []
@@ -258,7 +258,7 @@ def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
     assert joined.normal.cost <= first.normal.cost
 
 
-def test_a_contender_that_diverges_is_passed_over(known, monkeypatch):
+def test_a_diverging_candidate_is_skipped(known, monkeypatch):
     search = searching(known, recorded(hiding(known, {"name": "net_buoyancy", "dB": 8.0}), rows=1000), {})
     first, true = search.baseline.refitted, Search.joined
     screening = search.screen(first, [])
@@ -274,7 +274,7 @@ def test_a_contender_that_diverges_is_passed_over(known, monkeypatch):
     assert "net_buoyancy" not in fits
 
 
-def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch):
+def test_a_diverging_joint_fit_keeps_the_previous_model(known, monkeypatch):
     def diverging(*given, **how):
         raise Diverges("it does")
 
@@ -289,7 +289,7 @@ def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch)
     assert [outcome.fit.chi2, len(outcome.warnings)] == [1.0, 1]
 
 
-def test_a_file_that_diverges_begins_from_damping_of_its_hull(known):
+def test_a_diverging_file_is_fitted_from_an_estimate_of_its_damping(known):
     """Damping in the wrong unit, so stiff that no step of the integration holds it."""
     stiff = {"name": "linear_damping", "diagonal": [1e6] * 6}
     others = tuple(effect for effect in known.effect if effect["name"] != "linear_damping")
@@ -304,7 +304,7 @@ def test_a_file_that_diverges_begins_from_damping_of_its_hull(known):
     assert "diverges" in baseline.warnings[0]
 
 
-def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
+def test_a_sensor_bias_refuted_by_kinematics_is_replaced_by_forces(known, monkeypatch):
     """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
     hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
     monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda test: True)
@@ -321,7 +321,7 @@ def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
 
 
 @pytest.mark.parametrize("times", [1.2, 80.0])
-def test_values_beyond_belief_are_told_however_little_they_cost(known, times):
+def test_implausible_new_values_are_reported_even_with_a_small_gain(known, times):
     """Damping refitted to eighty times its value, for a thousandth of what is left."""
     unknown = free(known, ["linear_damping"])
     values = unknown.starts[0] * [times, 1.0, 1.0, 1.0, 1.0, 1.0]
@@ -340,7 +340,7 @@ def test_values_beyond_belief_are_told_however_little_they_cost(known, times):
         assert "times the uncertainty of the file's value" in one.advice
 
 
-def test_heave_alone_shows_little(known):
+def test_effects_that_heave_alone_cannot_show_are_listed(known):
     """Four vertical thrusters in step: what only surge, sway and yaw would show is named as not shown."""
     t = np.arange(2 * ROWS) * 0.02
     demand = {f"cmd_{i}": (0.5 * np.sin(t) if i > 4 else 0.0 * t) for i in range(1, 9)}
@@ -356,7 +356,7 @@ def test_heave_alone_shows_little(known):
     assert not unseen["body_lift"].excited
 
 
-def test_an_effect_that_no_catalogue_has(known):
+def test_an_error_outside_the_catalogue_is_far_from_the_noise(known):
     """A current that is another one in each session."""
     parts = [
         flown(hiding(known, {"name": "ocean_current", "v_N": n, "v_E": e}), seed=i, session=f"s{i}", rows=500)
@@ -369,7 +369,7 @@ def test_an_effect_that_no_catalogue_has(known):
 
 
 @pytest.mark.parametrize("rows", [300, 60])
-def test_a_short_recording(known, rows):
+def test_a_short_recording_raises_an_error(known, rows):
     with pytest.raises(DataError, match="too short for a diagnosis; record at least 8 s"):
         diagnose(known, flown(known, rows=rows).with_columns(pl.col("z") + 10.0))
 
@@ -379,35 +379,35 @@ def without_every(period, whole):
     return whole.with_row_index().filter(pl.col("index") % period != period - 1).drop("index")
 
 
-def test_lost_messages_that_leave_pieces_of_two_seconds_do_not_end_a_diagnosis(known):
+def test_gaps_every_two_seconds_do_not_prevent_a_diagnosis(known):
     raw = without_every(120, recorded(hiding(known, CURRENT)))
     first = diagnose(known, raw).findings[0]
     assert (first.verdict, first.effect) == ("missing", "ocean_current")
 
 
-def test_a_recording_that_lost_messages_cut_to_pieces(known):
+def test_pieces_shorter_than_a_shot_raise_an_error(known):
     """Pieces of 0.4 s are shorter than any shot."""
     with pytest.raises(DataError, match="89 gaps cut the log to pieces: `hydro import` bridges"):
         diagnose(known, without_every(20, flown(known, rows=1800)))
 
 
-def test_the_commands_of_another_vehicle(known):
+def test_commands_of_another_vehicle_raise_an_error(known):
     with pytest.raises(DataError, match="7 command columns"):
         diagnose(known, flown(known, rows=100).drop("cmd_8"))
 
 
-def test_a_delay_of_one_sample_is_a_convention():
+def test_a_delay_of_one_sample_is_called_a_convention_of_the_log():
     assert "convention" in advice.adding("command_delay", {"d": 0.02}, 0.02)
     assert "convention" not in advice.adding("command_delay", {"d": 0.1}, 0.02)
 
 
-def test_a_tie_comes_with_the_motion_that_ends_it():
+def test_the_advice_for_tied_effects_has_a_separating_motion():
     assert "all headings" in advice.separating(["ocean_current", "tether"])
     assert "tilts" in advice.separating(["net_buoyancy", "payload"])
     assert CATALOGUE["tether"].excitation in advice.separating(["tether", "thruster_lag"])
 
 
-def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all(known):
+def test_far_from_the_noise_candidates_are_ranked_on_few_shots_and_fitted_to_all(known):
     """Suspects are ranked alike on a part of the shots; the models compared at last are of all of them."""
     raw = recorded(hiding(known, CURRENT), rows=2 * FEW_SHOTS * 100 + 200)
     search = searching(known, raw, {})
@@ -422,12 +422,12 @@ def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all
     assert leader(fits) == "ocean_current"
 
 
-def test_near_the_noise_all_shots_are_asked(known):
+def test_near_the_noise_candidates_are_ranked_on_all_shots(known):
     search = searching(known, recorded(known, rows=2 * FEW_SHOTS * 100 + 200), {})
     assert search.fewer(search.baseline.refitted) is search.baseline.refitted
 
 
-def test_stretches_left_out_want_what_is_missing_and_nothing_needless(known):
+def test_the_held_out_error_falls_for_the_missing_effect_but_not_for_needless_ones(known):
     """Sixty seconds of a current: with it noise is left; fifteen numbers more leave no less."""
     log = preprocess(known, recorded(hiding(known, CURRENT), rows=1500))
     problem = stable_shots(known, log)
@@ -441,7 +441,7 @@ def test_stretches_left_out_want_what_is_missing_and_nothing_needless(known):
     assert errors[2] > 0.995 * errors[1]
 
 
-def test_what_the_log_misreads_a_little_does_not_end_the_search(known):
+def test_a_small_sensor_error_does_not_end_the_search(known):
     """Kinematics shows it first, and it explains less than what is found must explain on average."""
     arm = {"name": "sensor_lever_arm", "r": [0.12, -0.12, 0.1]}
     cable = {"name": "tether", "k": 6.0, "slack": 2.3, "attachment": [0.15, -0.17, -0.04]}
@@ -453,7 +453,7 @@ def test_what_the_log_misreads_a_little_does_not_end_the_search(known):
     assert found.chi2[-1] == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_fit_that_ran_away_is_begun_again_from_the_file(known):
+def test_a_fit_with_runaway_values_restarts_from_the_file(known):
     """A roll damping of seven hundred answers to nothing, and no step leads back from there."""
     file = misjudged(known)
     log = preprocess(file, recorded(hiding(known, CURRENT)))
@@ -474,7 +474,7 @@ def test_a_fit_that_ran_away_is_begun_again_from_the_file(known):
     assert again.baseline.at_file().vehicle == file
 
 
-def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(known, monkeypatch):
+def test_after_a_failed_search_names_by_transfer_come_first_far_from_the_noise(known, monkeypatch):
     """Near it a search is made all the same: less is missing than was."""
     log = preprocess(known, flown(hiding(known, CURRENT), seed=3, rows=1700))
     said = Diagnosis((), known, (9.0, 9.0, 9.0))
@@ -487,7 +487,7 @@ def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(kn
         diagnose_log(known, log, in_vain=True)
 
 
-def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypatch):
+def test_a_search_without_a_fit_restarts_from_the_file(known, monkeypatch):
     file = misjudged(known)
     log = preprocess(file, recorded(hiding(known, CURRENT)))
     start, problem = stable_start(file, log)
@@ -506,7 +506,7 @@ def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypa
     assert other.model.normal.chi2 == pytest.approx(outcome.model.normal.chi2, rel=1e-3)
 
 
-def test_a_search_goes_the_way_of_another_while_it_finds_the_same_and_leaves_no_less():
+def test_two_searches_count_as_the_same_while_they_find_the_same_effects():
     def found(effect, cost):
         return Found(effect, 0.0, {effect: SimpleNamespace(normal=SimpleNamespace(cost=cost))})
 
@@ -527,7 +527,7 @@ def test_a_search_goes_the_way_of_another_while_it_finds_the_same_and_leaves_no_
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
-def test_a_payload_gives_way_to_what_it_nearly_is(known, hidden, named):
+def test_a_payload_is_replaced_by_nearly_equal_buoyancy_effects(known, hidden, named):
     log = preprocess(known, recorded(hiding(known, hidden)))
     start, problem = stable_start(known, log)
     baseline = refit(known, log, problem, start)

@@ -30,18 +30,18 @@ def found(known: Vehicle, *effects: dict) -> dict[str, tuple[str, ...]]:
     return aliases(Model(unknown, 1.1 * unknown.starts[0], None, None), names)
 
 
-def test_a_payload_is_buoyancy_and_its_place(known):
+def test_a_payload_is_an_alias_of_net_buoyancy_and_buoyancy_offset(known):
     assert {name: set(of) for name, of in found(known, LIFT, TRIM).items()} == {
         "payload": {"net_buoyancy", "buoyancy_offset"}
     }
 
 
-def test_and_buoyancy_is_a_payload(known):
+def test_buoyancy_effects_are_aliases_of_a_payload(known):
     assert found(known, LOAD) == dict.fromkeys(("net_buoyancy", "buoyancy_offset"), ("payload",))
 
 
 @pytest.mark.parametrize("effects", [(), (LIFT,), (TRIM,)])
-def test_parts_of_it_are_no_alias(known, effects):
+def test_a_part_of_the_combination_is_not_an_alias(known, effects):
     assert found(known, *effects) == {}
 
 

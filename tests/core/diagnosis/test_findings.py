@@ -22,7 +22,7 @@ def tied() -> Diagnosis:
     return Diagnosis((one, Finding("not_excited", "body_lift", ("body_lift",))), Vehicle, (9.0, 5.0, 1.0))
 
 
-def test_what_a_diagnosis_adds():
+def test_tables_return_values_and_standard_errors_of_stated_findings():
     (table,) = tables(tied().frame())
     assert table == {
         "name": "ocean_current",
@@ -37,12 +37,12 @@ def test_what_a_diagnosis_adds():
     ("wanted", "words"),
     [("tether", "tied with ocean_current"), ("payload", "no finding payload"), ("body_lift", "no finding")],
 )
-def test_what_it_cannot_add(wanted, words):
+def test_tables_refuse_findings_without_values(wanted, words):
     with pytest.raises(DataError, match=words):
         tables(tied().frame(), [wanted])
 
 
-def test_a_suspect_is_added_by_its_name_alone():
+def test_a_suspect_is_added_only_by_its_name():
     values = {"v_N": 0.2}
     sure = Finding("missing", "body_lift", ("body_lift",), 0.5, confidence=0.95, parameters=values)
     unsure = Finding("suspect", "ocean_current", ("ocean_current",), 0.8, confidence=0.62, parameters=values)
@@ -55,7 +55,7 @@ def test_a_suspect_is_added_by_its_name_alone():
         tables(alone)
 
 
-def test_a_name_with_impossible_values_is_not_sure(datasets):
+def test_impossible_values_limit_the_confidence(datasets):
     vehicle = files.read(datasets / "vehicles" / "bluerov2_heavy.toml")[0]
     beyond = msgspec.structs.replace(vehicle, effect=({"name": "ocean_current", "v_N": -40.0},))
     assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 0.1}) == DOUBTFUL
@@ -63,7 +63,7 @@ def test_a_name_with_impossible_values_is_not_sure(datasets):
     assert limited_confidence(1.0, beyond, "ocean_current", {"v_N": 30.0}) == 1.0
 
 
-def test_tables_take_the_place_of_their_name(datasets):
+def test_new_tables_replace_effects_of_the_same_name(datasets):
     known = files.read(datasets / "vehicles" / "auv151.toml")[0]
     matrix = np.eye(6).tolist()
     new = extended(known, [CURRENT, {"name": "linear_damping", "diagonal": None, "matrix": matrix}])

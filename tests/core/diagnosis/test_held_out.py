@@ -32,7 +32,7 @@ def checked(raw, *findings):
     return predicted(Diagnosis(findings, damped(), (1.0, 1.0, 1.0)), damped(), log)
 
 
-def test_the_right_effect_brings_the_error_to_the_noise(heavy):
+def test_the_right_effect_lowers_the_held_out_error_to_the_noise(heavy):
     found = checked(heavy, FOUND, replace(CURRENT, verdict="suspect"))
     known = found.prediction
     assert known.falls
@@ -45,8 +45,8 @@ def test_the_right_effect_brings_the_error_to_the_noise(heavy):
     assert second.error_added > 1.5 * first.error_added
 
 
-def test_the_floor_is_that_of_the_samples_there_are(heavy):
-    """A velocity log of every fourth row leaves the same noise in each of its samples."""
+def test_the_noise_floor_does_not_depend_on_the_sampling_rate(heavy):
+    """A DVL of every fourth row leaves the same noise in each of its samples."""
     rare = (pl.int_range(pl.len()) % 4) == 0
     sparse = heavy.with_columns(pl.when(rare).then(pl.col(name)).alias(name) for name in ("u", "v", "w"))
     full, few = (checked(raw, FOUND).prediction for raw in (heavy, sparse))
@@ -54,28 +54,28 @@ def test_the_floor_is_that_of_the_samples_there_are(heavy):
     assert few.added == pytest.approx(few.floor, rel=0.3)
 
 
-def test_a_wrong_effect_does_not_help_a_right_file():
+def test_a_wrong_effect_does_not_lower_the_error_of_a_right_file():
     known = checked(noisy(moved(damped(), rows=4000), 2), CURRENT).prediction
     assert not known.falls
     assert known.added == pytest.approx(known.given, rel=0.2)
 
 
-def test_nothing_stated_changes_nothing(heavy):
+def test_without_stated_findings_both_errors_are_equal(heavy):
     known = checked(heavy, replace(FOUND, verdict="suspect")).prediction
     assert (known.added, known.spread, known.falls) == (known.given, 0.0, False)
 
 
-def test_a_session_too_short_for_a_prediction_has_no_error(heavy):
+def test_sessions_shorter_than_the_horizon_have_no_prediction(heavy):
     assert checked(heavy.head(1400)).prediction is None
 
 
-def test_an_error_falls_only_by_more_than_its_standard_error():
+def test_a_fall_within_the_standard_error_does_not_count():
     assert Prediction(5.0, 0.3, 0.2, 0.05, 0.01).falls
     assert not Prediction(5.0, 0.3, 0.27, 0.05, 0.01).falls
     assert not Prediction(5.0, 0.3, 0.4, 0.05, 0.01).falls
 
 
-def test_waves_change_no_prediction(heavy):
+def test_added_waves_do_not_change_the_prediction(heavy):
     """They act by chance: hydro add adds them without a check."""
     waves = {"height": 0.2, "period": 4.0, "direction": 0.0, "peak": 2.3}
     known = checked(heavy, Finding("missing", "ocean_waves", ("ocean_waves",), parameters=waves)).prediction

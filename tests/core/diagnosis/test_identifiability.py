@@ -52,27 +52,27 @@ def told(effect: str, open_: list[int]) -> tuple[str, ...] | None:
         ("quadratic_damping", [0, 1, 2, 3, 4, 5], None),
     ],
 )
-def test_words(effect, open_, words):
+def test_undetermined_entries_are_named_in_words(effect, open_, words):
     assert told(effect, open_) == words
 
 
 @pytest.mark.parametrize(
     "name", [name for name, effect in CATALOGUE.items() if not (effect.is_written or effect.is_random)]
 )
-def test_every_entry_of_the_catalogue_has_words_of_its_own(name):
+def test_every_entry_of_the_catalogue_has_distinct_words(name):
     found = entries(name)
     words = [told(name, [i]) for i in range(len(found))]
     assert len(found) == 1 or len({one[0] for one in words}) == len(found)
 
 
-def test_what_is_known_of_their_sum_alone():
+def test_thrusters_of_which_only_the_sum_is_known_are_reported():
     found = entries("thruster_gain")
     covariance = 0.01**2 * np.eye(8)
     covariance[4:, 4:] = 25.0 * (np.eye(4) - 0.25) + 0.01**2
     assert undetermined(found, covariance) == {"thruster_gain": ("thrusters 5-8 (one from another)",)}
 
 
-def test_an_alias_is_told_as_one_and_not_as_what_the_recording_does_not_show(monkeypatch):
+def test_an_alias_is_not_separable_instead_of_not_excited(monkeypatch):
     """The recording says nothing of either effect; the payload is what the model has by other names."""
     vehicle = damped(
         {"name": "net_buoyancy", "dB": 3.0}, {"name": "buoyancy_offset", "dx": 0.01, "dy": 0.0, "dz": 0.0}
@@ -105,17 +105,17 @@ def gains(raw):
     return undetermined(entries("thruster_gain"), Evidence.of(normal).covariance([], range(8), normal.chi2))
 
 
-def test_thrusters_that_never_ran():
+def test_thrusters_that_never_ran_are_not_determined():
     assert gains(noisy(moved(damped(), rows=1500, thrusters=range(4)), 0)) == {
         "thruster_gain": ("thrusters 5-8",)
     }
 
 
-def test_thrusters_that_all_ran():
+def test_thrusters_that_all_ran_are_determined():
     assert gains(noisy(moved(damped(), rows=1500), 0)) == {}
 
 
-def test_the_covariance_of_a_group_is_that_of_least_squares():
+def test_the_covariance_of_a_group_equals_that_of_least_squares():
     columns = np.random.default_rng(0).standard_normal((30, 40, 6)) * [1.0, 10.0, 0.1, 1.0, 3.0, 1.0]
     gram = columns.transpose(0, 2, 1) @ columns
     evidence = Evidence.of(Normal(gram, 40, gram[:, -1:, -1], np.zeros((30, 0, 6))))

@@ -39,7 +39,7 @@ def named(x: float) -> Finding:
 
 
 @pytest.mark.parametrize(("lengths", "verdict"), [(0.3, "missing"), (1.7, "suspect")])
-def test_a_payload_that_hangs_beside_the_vehicle_is_only_suspected(lengths: float, verdict: str):
+def test_a_payload_at_an_implausible_place_is_only_suspected(lengths: float, verdict: str):
     """What transfers with a value beyond what physics leaves stands for something else."""
     vehicle = files.read(VEHICLES / "auv151.toml")[0]
     finding = named(lengths * vehicle.hull.length)
@@ -49,7 +49,7 @@ def test_a_payload_that_hangs_beside_the_vehicle_is_only_suspected(lengths: floa
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_a_name_is_surer_the_more_it_removes_and_the_farther_it_is_ahead(score, more, rival):
+def test_transfer_confidence_grows_with_score_and_lead(score, more, rival):
     """And where another removes as much, nothing is stated, however little is left."""
     here = by_transfer_confidence(score, [rival])
     assert here <= by_transfer_confidence(score, [])
@@ -59,7 +59,7 @@ def test_a_name_is_surer_the_more_it_removes_and_the_farther_it_is_ahead(score, 
     assert by_transfer_confidence(1.0, [0.5]) >= SURE
 
 
-def test_a_name_by_evidence_is_surer_the_farther_it_is_ahead():
+def test_evidence_confidence_grows_with_the_lead():
     sure = [by_evidence_confidence(lead + 20.0, [20.0, -5.0]) for lead in (0.0, 3.0, 20.0, 200.0)]
     assert sure == sorted(sure)
     assert sure[0] < 0.1 < sure[1] < 0.5
@@ -105,7 +105,7 @@ def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> 
     return found.by_evidence, [rival.effect for rival in found.rivals]
 
 
-def test_evidence_orders_names_where_it_tells(monkeypatch):
+def test_evidence_ranks_names_if_it_is_large_enough(monkeypatch):
     scores = {"thruster_inflow": 0.5, "payload": 0.4, "tether": -0.1}
     evidence = {"thruster_inflow": -80.0, "payload": -40.0, "tether": -np.inf}
     assert order(monkeypatch, evidence, scores) == (True, ["payload", "thruster_inflow", "tether"])
@@ -115,7 +115,7 @@ def test_evidence_orders_names_where_it_tells(monkeypatch):
     assert order(monkeypatch, evidence, scores) == (False, list(scores)), "chance alone gives as much"
 
 
-def test_none_of_what_is_told_beside_a_name_is_surer_than_it():
+def test_further_names_have_no_more_confidence_than_the_first():
     """Two that have all but the same evidence: neither is likely, and the better is not the less sure."""
     table = {"v_N": 0.2, "v_E": 0.1}
     vehicle = extended(files.read(VEHICLES / "auv151.toml")[0], [{"name": "ocean_current", **table}])

@@ -69,7 +69,7 @@ def named(explained: Any) -> Any:
     return explained[1][0]
 
 
-def test_waves_are_named_and_nothing_false_beside_them(named: Any) -> None:
+def test_waves_are_the_only_finding_if_nothing_else_is_missing(named: Any) -> None:
     waves = named.findings[0]
     assert (waves.verdict, waves.effect) == ("missing", "ocean_waves")
     for name, value in SEA.items():
@@ -81,7 +81,7 @@ def test_waves_are_named_and_nothing_false_beside_them(named: Any) -> None:
     assert not others
 
 
-def test_what_is_missing_beside_waves_is_found_too(vehicle: Any) -> None:
+def test_a_missing_effect_is_found_in_waves(vehicle: Any) -> None:
     found = diagnose(vehicle, flown(vehicle, SEA, STREAM, seed=3)).findings
     assert found[0].effect == "ocean_waves"
     named = {one.effect: one for one in found[1:] if one.parameters}
@@ -91,13 +91,15 @@ def test_what_is_missing_beside_waves_is_found_too(vehicle: Any) -> None:
     assert not [one for one in named.values() if one is not stream and one.confidence >= 0.9]
 
 
-def test_a_file_with_its_waves_leaves_nothing_to_name(vehicle: Any, in_waves: pl.DataFrame) -> None:
+def test_a_file_with_the_waves_has_nothing_missing(vehicle: Any, in_waves: pl.DataFrame) -> None:
     whole = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, SEA))
     found = diagnose(whole, in_waves).findings
     assert not [one for one in found if one.verdict == "missing"]
 
 
-def test_a_fit_that_knows_of_the_waves_is_surer_and_right(vehicle: Any, in_waves: pl.DataFrame) -> None:
+def test_a_fit_with_known_waves_has_smaller_and_correct_standard_errors(
+    vehicle: Any, in_waves: pl.DataFrame
+) -> None:
     whole = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, SEA))
     blind, aware = (fit(one, in_waves, ["linear_damping"]) for one in (vehicle, whole))
     true = np.array(next(iter(vehicle.effects("linear_damping")))["diagonal"])
@@ -107,7 +109,9 @@ def test_a_fit_that_knows_of_the_waves_is_surer_and_right(vehicle: Any, in_waves
     assert aware.chi2 < 1.3
 
 
-def test_the_floor_of_a_comparison_holds_the_waves_of_the_file(vehicle: Any, in_waves: pl.DataFrame) -> None:
+def test_the_noise_floor_of_a_comparison_includes_the_waves_of_the_file(
+    vehicle: Any, in_waves: pl.DataFrame
+) -> None:
     whole = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, SEA))
     rows = [
         compare(one, in_waves).filter(level="replay", by="all", axis="all", horizon=5.0)
@@ -129,7 +133,7 @@ def test_explain_adds_waves_once(vehicle: Any, explained: Any) -> None:
     }
 
 
-def test_waves_that_what_is_missing_explains_are_not_named(vehicle: Any, monkeypatch: Any) -> None:
+def test_a_swing_due_to_buoyancy_is_not_named_as_waves(vehicle: Any, monkeypatch: Any) -> None:
     """A vehicle that its buoyancy turns over swings: what it lacks is named, and no sea that is not there."""
     sea = SeaState(np.array([*list(SEA.values())[1:]]), 1e-4 * np.eye(4), 500.0, 200.0, 0.1)
     monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda *given: sea)

@@ -1,4 +1,4 @@
-"""A velocity log that is late: what it shows at the beginning of a shot was so before it."""
+"""A DVL that is late: what it shows at the beginning of a shot was so before it."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def recorded():
     return noisy(late(moved(damped(), rows=4000)), 1)
 
 
-def test_kinematics_say_how_late_it_is(recorded):
+def test_kinematics_measure_the_delay_of_the_dvl(recorded):
     assert preprocess(damped(), recorded).lateness == pytest.approx(LATE, abs=0.01)
     assert preprocess(damped(), noisy(moved(damped(), rows=4000), 1)).lateness == 0.0
 
 
-def test_the_right_model_leaves_noise_alone(recorded):
+def test_the_right_model_reaches_the_noise_with_late_velocities(recorded):
     """Without what was before a shot it left half as much again, and no name could be stated."""
     log, right = preprocess(damped(), recorded), damped(DELAY)
     shots = log.shots(2.0)
@@ -42,7 +42,7 @@ def test_the_right_model_leaves_noise_alone(recorded):
     assert unfitted(right, OutputError.of(shots, right)).normal.chi2 == pytest.approx(1.0, abs=0.05)
 
 
-def test_the_audit_sees_the_velocities_at_their_own_times(recorded):
+def test_the_audit_corrects_late_velocities(recorded):
     """Late accelerations lag behind the commands that made them: thrusters seemed weaker."""
     log = preprocess(damped(), recorded)
     assert log.audit is not None

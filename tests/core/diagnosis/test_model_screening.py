@@ -21,7 +21,7 @@ def noise(seed: int) -> Normal:
     return Normal(both.transpose(0, 2, 1) @ both, ROWS, channels, own)
 
 
-def test_an_effect_of_many_shapes_alarms_no_more_often_than_others(monkeypatch):
+def test_an_effect_with_many_shapes_has_the_nominal_false_alarm_rate(monkeypatch):
     monkeypatch.setattr(module, "moved", lambda unknown, values: ([], []))
     shapes = [Suspect("thruster_deadband", (None,), (1.0,), dict) for _ in range(SHAPES)]
     found = []

@@ -23,7 +23,7 @@ def model(cost: float) -> Any:
     ("costs", "kept"),
     [((500.0, 100.5), False), ((100.5, 500.0), False), ((500.0, 500.0), True), ((100.5, 100.5), False)],
 )
-def test_the_best_goes_where_one_plainer_effect_does_as_well(monkeypatch, costs, kept):
+def test_the_best_effect_is_dropped_if_a_simpler_one_fits_equally_well(monkeypatch, costs, kept):
     tables = [{"name": "first", "cost": costs[0]}, {"name": "second", "cost": costs[1]}]
     monkeypatch.setattr(search, "leader", lambda _: "best")
     monkeypatch.setattr(search, "plainer", lambda *_: tables)

@@ -25,20 +25,20 @@ def first(given, true, seed=0):
 
 
 @pytest.mark.parametrize("hidden", DAMPING, ids=[effect["name"] for effect in DAMPING])
-def test_plain_damping_keeps_its_name(hidden):
+def test_linear_and_quadratic_damping_are_not_named_as_power_drag(hidden):
     """One of linear and quadratic damping is in the file, the other hidden."""
     found = first(vehicle(*(one for one in DAMPING if one is not hidden)), vehicle(*DAMPING))
     assert (found.verdict, found.effect) == ("missing", hidden["name"])
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_file_without_damping_lacks_the_plain_one_though_a_power_of_2_fits_as_well(seed):
+def test_quadratic_damping_is_named_instead_of_power_drag_with_power_2(seed):
     found = first(vehicle(), vehicle(DAMPING[1]), seed)
     assert (found.verdict, found.members) == ("missing", ("quadratic_damping",))
 
 
 @pytest.mark.parametrize("n", [1.5, 3.0])
-def test_drag_of_another_power_is_named_with_it(n):
+def test_drag_of_another_power_is_named_with_its_power(n):
     """Beside the linear damping that the file has."""
     found = first(vehicle(DAMPING[0]), vehicle(DAMPING[0], {**STRONG, "n": n}))
     assert (found.verdict, found.effect) == ("missing", "power_drag")

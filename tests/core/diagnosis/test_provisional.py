@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
 from recordings import damped, moved, noisy
 
+from hydro.core.diagnosis import before
+from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.provisional import Provisional
+from hydro.core.progress import silent
 
 HEAVY = {"name": "net_buoyancy", "dB": -8.0}
 
 
-def test_the_best_candidate_is_told_once_and_early():
+def test_the_best_candidate_is_reported_once_and_early():
     raw = noisy(moved(damped(HEAVY), rows=1500), 1)
     told, shares = [], []
     found = diagnose_log(
@@ -28,3 +37,24 @@ def test_the_best_candidate_is_told_once_and_early():
     assert max(shares[:-1]) < 1.0, "what is reported as done is followed by nothing"
     again = diagnose_log(damped(), preprocess(damped(), raw))
     assert again.frame().equals(found.frame())
+
+
+def test_the_best_change_is_reported_after_the_first_fits(monkeypatch):
+    one = cast(Any, SimpleNamespace(values=np.zeros(1)))
+    fits = {
+        name: Contender(name, one, np.full(20, left)) for name, left in (("payload", 1.0), ("tether", 3.0))
+    }
+    compared = SimpleNamespace(
+        chi2=lambda model: 4.0, left_out=lambda normal: np.full(20, 4.0), floor=lambda model: 20.0
+    )
+    first = SimpleNamespace(normal=SimpleNamespace(of=lambda columns: None))
+
+    def contend(compared, last, taken, progress, first_fits):
+        first_fits(fits)
+        return {}
+
+    monkeypatch.setattr(before, "contend", contend)
+    told: list[Provisional] = []
+    before.find(cast(Any, compared), cast(Any, first), silent, told=told.append)
+    assert [(best.effect, best.share) for best in told] == [("payload", pytest.approx(0.75))]
+    assert 0.9 < told[0].confidence <= 1.0

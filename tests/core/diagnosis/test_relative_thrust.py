@@ -27,7 +27,7 @@ GAIN = Finding("missing", "thruster_gain", ("thruster_gain",), 0.7, confidence=0
         ("u v p q r", "missing"),
     ],
 )
-def test_a_gain_is_stated_where_a_sensor_shows_force_beside_moment(sampled, verdict):
+def test_a_gain_is_stated_only_if_sensors_show_both_force_and_moment(sampled, verdict):
     vehicle = damped()
     record = recording(vehicle, moved(vehicle, seed=3, rows=200))
     seen = np.tile(np.isin(POSE + VELOCITY, sampled.split()), (record.rows, 1))

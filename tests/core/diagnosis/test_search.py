@@ -22,15 +22,13 @@ def leaving(chi2: float) -> Any:
 @pytest.mark.parametrize(
     ("share", "chi2", "wrong"), [(0.5, 20.0, True), (0.8, 20.0, True), (0.97, 20.0, False), (0.5, 1.0, False)]
 )
-def test_no_model_is_right_that_leaves_more_than_noise_unless_it_explains_almost_all(share, chi2, wrong):
+def test_a_model_above_the_noise_is_wrong_unless_it_explains_almost_all(share, chi2, wrong):
     outcome = SimpleNamespace(model=leaving(chi2), found=("one",), last=SimpleNamespace(significant=False))
     assert Search(explaining(share)).wrong(cast(Any, outcome)) is wrong
 
 
 @pytest.mark.parametrize(("share", "little"), [(0.5, True), (0.8, True), (0.97, False)])
-def test_from_the_files_values_a_search_goes_on_only_where_the_first_effect_explains_almost_all(
-    share, little
-):
+def test_a_search_from_the_file_continues_only_if_its_first_effect_explains_almost_all(share, little):
     found = [cast(Any, SimpleNamespace(effect="net_buoyancy"))]
     assert Search(explaining(share), from_file=True).explains_little(leaving(20.0), found) is little
     assert not Search(explaining(share, sure=True), from_file=True).explains_little(leaving(20.0), found)

@@ -1,4 +1,4 @@
-"""Errors of a velocity log that are new in a recording."""
+"""Errors of a DVL that are new in a recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def names(after, before, vehicle=FILE):
     return [one.effect for one in new_sensor_errors(after, before, vehicle)]
 
 
-def test_what_one_recording_shows_and_the_other_does_not_is_new():
+def test_a_sensor_error_only_in_the_later_recording_is_new():
     assert names(late(0.1), late(0.0)) == ["sensor_delay"]
 
 
@@ -35,20 +35,20 @@ def test_what_one_recording_shows_and_the_other_does_not_is_new():
         ({}, late(0.1)),
     ],
 )
-def test_all_else_is_not(after, before):
+def test_sensor_errors_without_a_significant_change_are_not_new(after, before):
     assert names(after, before) == []
 
 
-def test_what_shows_in_both_and_has_changed_is_new():
+def test_a_changed_sensor_error_is_new():
     assert names(late(0.2), late(0.1)) == ["sensor_delay"]
 
 
-def test_what_the_file_says_is_not_news():
+def test_a_sensor_error_in_the_file_is_not_new():
     assert names(late(0.1), late(0.0), damped({"name": "sensor_delay", "d": 0.1})) == []
     assert names(late(0.2), late(0.0), damped({"name": "sensor_delay", "d": 0.1})) == ["sensor_delay"]
 
 
-def test_the_finding_has_the_values_of_kinematics():
+def test_a_sensor_finding_has_the_values_of_kinematics():
     (test,) = late(0.1).values()
     found = sensor_finding(test, 0.4, 0.02, FILE)
     assert (found.verdict, found.effect, found.share) == ("missing", "sensor_delay", 0.4)
@@ -57,7 +57,7 @@ def test_the_finding_has_the_values_of_kinematics():
     assert sensor_finding(test, 0.4, 0.02, damped({"name": "sensor_delay", "d": 0.02})).verdict == "retune"
 
 
-def test_values_are_of_kinematics_where_they_are_its_own():
+def test_values_count_as_kinematic_only_if_they_equal_the_kinematic_ones():
     tests = late(0.1)
     assert by_kinematics({"name": "sensor_delay", "d": 0.1, "standard_error": {"d": 1e-3}}, tests)
     assert not by_kinematics({"name": "sensor_delay", "d": 0.12}, tests)

@@ -44,7 +44,7 @@ def numbers(text: str) -> Iterator[tuple[str, bool]]:
             yield from ((one.id, told) for one in ast.walk(target) if isinstance(one, ast.Name))
 
 
-def test_each_setting_has_its_line_and_is_used() -> None:
+def test_each_setting_has_a_docstring_and_is_used() -> None:
     found = dict(numbers(Path(settings.__file__).read_text()))
     assert [name for name, told in found.items() if not told] == []
     used = {
@@ -58,11 +58,11 @@ def test_each_setting_has_its_line_and_is_used() -> None:
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
-def test_no_module_hides_a_number(path: Path) -> None:
+def test_no_module_of_the_diagnosis_has_numbers_outside_the_settings(path: Path) -> None:
     assert {name for name, _ in numbers(path.read_text())} == ELSEWHERE.get(path.stem, set())
 
 
-def test_a_planted_number_is_seen() -> None:
+def test_a_planted_number_is_detected() -> None:
     assert list(numbers('A = 0.5\n"""Share."""\nB: int = 3\nC = "text"\nD, E = 1, 2\nF = True')) == [
         ("A", True),
         ("B", False),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recordings import damped
 
 from hydro.core.diagnosis.findings import Finding, Prediction
-from hydro.core.diagnosis.settings import SURE
+from hydro.core.diagnosis.settings import LIKELY, SURE
 from hydro.core.diagnosis.status import in_words, status
 
 STATED = {
@@ -68,7 +68,7 @@ def test_a_headline_contradicts_no_finding(found, left):
         assert not verdicts & {"missing", "retune", "suspect"}
 
 
-def test_effects_are_counted_and_each_has_its_sentence():
+def test_the_headline_counts_the_effects_and_has_a_sentence_for_each():
     found = [
         Finding(
             "missing",
@@ -95,13 +95,15 @@ def test_the_headline_says_that_findings_do_not_lower_the_error(added):
 
 
 def test_confidence_in_words():
+    assert in_words(1.0) == "certain, more than 98 %"
     assert in_words(0.97) == "certain, 97 %"
     assert in_words(SURE - 0.01) == "likely, 89 %"
-    assert in_words(0.3) == "possible, 30 %"
+    assert in_words(LIKELY - 0.01) == "possible, 59 %"
+    assert in_words(0.0) == "possible, less than 1 %"
     assert in_words(math.nan) == "possible"
 
 
-def test_values_that_are_not_clear_do_not_deny_what_is_stated():
+def test_the_headline_of_a_stated_effect_with_unclear_values_says_that_it_explains_error():
     found = Finding(
         "missing", "net_buoyancy", ("net_buoyancy",), parameters={"dB": 3.0}, standard_errors={"dB": 2.0}
     )
@@ -109,13 +111,13 @@ def test_values_that_are_not_clear_do_not_deny_what_is_stated():
     assert text.startswith("1 effect has changed: Net buoyancy explains a part of the error. ")
 
 
-def test_gains_that_are_not_determined_do_not_deny_what_is_stated():
+def test_the_headline_of_undetermined_gains_says_that_they_explain_error():
     found = Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"])
     text = status([found], damped(), 0.02).headline
     assert "Thruster gain explains a part of the error. Thrusters 1 to 8 are not determined" in text
 
 
-def test_a_formula_comes_before_the_force_that_it_replaces():
+def test_the_headline_shows_a_formula_instead_of_the_weight_that_it_replaces():
     formula = Finding("suspect", "formula", ("formula",), parameters={"forces": ["X u^3"], "force": [-300.0]})
     weight = Finding("suspect", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -30.0}, confidence=0.02)
     text = status([formula, weight, Finding("none_of_the_known")], damped(), 0.02).headline

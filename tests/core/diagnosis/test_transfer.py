@@ -74,7 +74,7 @@ def model(columns: np.ndarray, error: np.ndarray, prior: Prior, scales: np.ndarr
 
 
 @pytest.mark.parametrize("weight", [1e-3, 200.0])
-def test_costs_are_those_of_ridge_regressions_without_the_fold(weight):
+def test_left_out_costs_equal_ridge_regressions_without_the_fold(weight):
     columns, error = drawn()
     prior = Prior(np.array([1.0, 0.0, -1.0]), weight * np.array([1.0, 2.0, 3.0]))
     fitted = model(columns, error, prior, np.array([1.0, 10.0, 0.1]))
@@ -86,7 +86,7 @@ def test_costs_are_those_of_ridge_regressions_without_the_fold(weight):
         np.testing.assert_allclose(found[out], expected, rtol=1e-9)
 
 
-def test_an_error_ahead_is_the_root_of_the_weighed_mean_squares_of_velocities():
+def test_the_prediction_error_is_the_weighted_root_mean_square_of_velocities():
     shots = make_shots(recording(damped(), moved(damped(), rows=250)), sigma=np.ones(12))
     weights = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
     buoyant = damped({"name": "net_buoyancy", "dB": 30.0})
@@ -101,7 +101,7 @@ def test_an_error_ahead_is_the_root_of_the_weighed_mean_squares_of_velocities():
     assert squares_ahead(driven, shots).error(weights) > 10.0
 
 
-def test_a_fold_that_has_most_of_the_information_does_not_count():
+def test_a_fold_with_most_of_the_information_does_not_count():
     columns, error = drawn()
     columns[FOLD == 2, :, 0] *= 20.0
     prior = Prior(np.zeros(COLUMNS), np.full(COLUMNS, 1e-3))
@@ -113,7 +113,7 @@ def test_a_fold_that_has_most_of_the_information_does_not_count():
     assert np.isfinite(found[FOLD != 2]).all()
 
 
-def test_what_absorbs_a_hull_must_remove_more_than_that():
+def test_the_absorbed_hull_error_is_subtracted_from_the_score():
     absorbing = [name for name, one in CATALOGUE.items() if one.identification.absorbs > 0.0]
     assert absorbing
     for name in absorbing:
@@ -125,7 +125,7 @@ def test_what_absorbs_a_hull_must_remove_more_than_that():
     assert weighed(Rival(other, False, None, 0.4, 0.2)).score == pytest.approx(0.2)
 
 
-def test_of_evidence_counts_what_goes_with_more_than_such_an_effect_absorbs():
+def test_evidence_counts_only_beyond_the_absorbed_hull_error():
     absorbing = weighed(Rival(CROSS_AXIS, False, None, 0.5, 0.5))
     assert absorbing.beyond == pytest.approx(absorbing.score / 0.5)
     assert weighed(Rival(CROSS_AXIS, False, None, -0.1, 0.2)).beyond == 0.0, "it removes nothing elsewhere"
@@ -140,7 +140,7 @@ def test_laws_of_the_hull_need_more_evidence_for_a_lead():
     assert lead("linear_damping") == lead("body_lift") == lead("added_mass") == 50.0 - LEAST_EVIDENCE
 
 
-def test_the_best_by_evidence_has_a_worth_of_one_and_others_their_share():
+def test_the_worth_of_a_rival_is_its_share_of_the_best_evidence():
     best, other = (Rival("payload", False, None, 0.2, 0.2, evidence=e) for e in (80.0, 20.0))
     surveyed = Survey(cast(Any, None), (best, other), by_evidence=True)
     assert (surveyed.worth(best), surveyed.worth(other)) == (1.0, 0.25)
@@ -156,7 +156,7 @@ class Sized:
     entries: int
 
 
-def test_of_effects_that_are_nearly_as_good_the_one_of_fewest_entries_comes_first():
+def test_of_nearly_equal_effects_the_one_with_fewest_entries_is_first():
     """A gain for each of eight thrusters bends to a curve of one number, and to whatever else is wrong."""
     gains, curve = Sized("thruster_gain", 0.32, 8), Sized("thruster_curve", 0.31, 1)
     assert ranked([gains, curve])[0] is curve
@@ -180,7 +180,7 @@ def stating(vehicle: Vehicle, *names: str) -> Vehicle:
     [((), True), (("linear_damping",), True), (("linear_damping", "quadratic_damping"), False)],
     ids=["nothing", "a part", "all"],
 )
-def test_a_file_that_says_how_well_it_knows_all_of_its_values_keeps_them(known, free):
+def test_values_with_standard_errors_in_the_file_are_kept(known, free):
     """They were fitted to the hull without the change; free, they would take the change up."""
     file = stating(read(bundled("vehicles") / "auv151.toml")[0], *known)
     own = ("linear_damping", "quadratic_damping")
@@ -190,7 +190,7 @@ def test_a_file_that_says_how_well_it_knows_all_of_its_values_keeps_them(known, 
     assert one_change(later).effects == one_change(baseline).effects, "what this recording gave holds nothing"
 
 
-def test_drag_comes_before_what_could_pass_for_it_where_a_file_has_none():
+def test_drag_comes_before_its_lookalikes_if_the_file_has_none():
     drag, loss = Sized(CROSS_AXIS, 0.20, 15), Sized("thruster_inflow", 0.205, 1)
     assert ranked([drag, loss])[0] is loss
     assert ranked([drag, loss], DRAG)[0] is drag
@@ -200,7 +200,7 @@ def test_drag_comes_before_what_could_pass_for_it_where_a_file_has_none():
     assert CROSS_AXIS in DRAG
 
 
-def test_a_file_with_linear_damping_alone_says_nothing_of_drag():
+def test_a_file_with_linear_damping_alone_has_no_drag():
     file = read(bundled("stonefish") / "vehicle.toml")[0]
     assert not has_drag(file)
     linear = msgspec.structs.replace(file, effect=({"name": "linear_damping", "diagonal": [1.0] * 6},))
@@ -209,7 +209,7 @@ def test_a_file_with_linear_damping_alone_says_nothing_of_drag():
     assert has_drag(both)
 
 
-def test_a_velocity_without_samples_is_judged_by_the_way_that_is_gone():
+def test_without_velocity_samples_the_covered_distance_is_compared():
     """Depth alone: heave counts, by the change of depth over five seconds; surge does not."""
     raw = noisy(moved(damped(HEAVY), rows=3000), 1)
     blind = raw.with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("x", "y", "u", "v", "w"))

@@ -26,7 +26,7 @@ from hydro.io import vehicle as files
 SIGMA = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
 
 
-def test_the_velocity_with_which_it_grows_most_is_told_first():
+def test_the_velocity_with_the_largest_growth_is_named_first():
     left = unexplained.Leftover(axis=0, powers=(1.2, None, 2.1, 0.0, 1.6, None))
     assert left.growing() == (
         "; by velocities, it grows with w to the power 2.1, q to the power 1.6, u to the power 1.2"
@@ -76,18 +76,18 @@ def as_searched(log, model):
 
 
 @pytest.mark.parametrize("trusted", [1.0, 0.5, 3.0])
-def test_noise_of_any_size_is_no_force(known, trusted):
+def test_noise_is_not_reported_as_a_force(known, trusted):
     assert abs(left(known, known, noise=1.0, trusted=trusted)) < 0.01
 
 
-def test_a_current_that_the_model_has_not_is_a_force(known):
+def test_a_missing_current_is_reported_as_a_force(known):
     current = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1}
     flown = msgspec.structs.replace(known, effect=(*known.effect, current))
     assert left(known, flown, noise=1.0, trusted=1.0) > 0.3
     assert left(flown, flown, noise=1.0, trusted=1.0) < 0.01
 
 
-def test_a_fit_that_leaves_nine_times_the_noise_is_far_from_it(known):
+def test_a_residual_of_nine_times_the_noise_is_far_from_it(known):
     """White noise of three times its declared size: no test shows structure, and yet it is no fit."""
     log, model = fitted_to_noise(known, trusted=1.0 / 3.0)
     (one,) = unexplained.unexplained(*as_searched(log, model))
@@ -97,7 +97,7 @@ def test_a_fit_that_leaves_nine_times_the_noise_is_far_from_it(known):
     assert unexplained.unexplained(*as_searched(*fitted_to_noise(known, trusted=1.0))) == []
 
 
-def test_what_is_left_tells_where_and_with_which_velocity_it_grows():
+def test_the_unexplained_error_names_the_velocities_it_grows_with():
     left = unexplained.Leftover(1, 0.8, "Y", "above 0.4 m/s", 1.9, (None, 1.2, 0.1, None, None, 2.0))
     assert left.growing() == "; by velocities, it grows with r to the power 2.0, v to the power 1.2"
     assert "yaw first" in left.experiment()
@@ -128,7 +128,7 @@ def test_pulls_span_all_wrenches_at_every_attitude(known):
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
-def test_how_a_force_grows(power):
+def test_growth_returns_the_power_of_a_force(power):
     speed = np.random.default_rng(0).uniform(0.1, 1.5, 400)
     assert unexplained.growth(speed, (3.0 * speed**power) ** 2) == pytest.approx(power, abs=0.1)
     assert unexplained.growth(np.full(400, 0.5), np.ones(400)) is None

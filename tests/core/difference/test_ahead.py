@@ -53,5 +53,5 @@ def test_on_a_recording_they_stand_beside_the_vehicles_own(craft):
 
 
 def test_a_vehicle_without_thrusters_cannot_fly(craft):
-    with pytest.raises(DataError, match="nothing to fly"):
+    with pytest.raises(DataError, match="cannot run a manoeuvre"):
         flights(msgspec.structs.replace(craft, thruster=()))

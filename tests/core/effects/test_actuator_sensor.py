@@ -1,4 +1,4 @@
-"""Effects on the thruster chain and on the velocity log."""
+"""Effects on the thruster chain and on the DVL."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def table(values: dict[str, Any], function: Any) -> dict[str, Any]:
     return {key: mapped(value, function) for key, value in values.items() if key not in WORDS}
 
 
-def told(name: str, kind: str) -> str:
+def told(name: str, kind: str, *, brief: bool = False) -> str:
     """The sentence of an effect for one kind of values and errors."""
     values = TYPICAL[name]
     words = {key: value for key, value in values.items() if key in WORDS}
@@ -114,7 +114,7 @@ def told(name: str, kind: str) -> str:
     if kind.startswith("file"):
         factor = 1.0 if kind == "file same" else 0.75
         vehicle = equipped({"name": name} | words | table(values, lambda one: factor * one))
-    return sentence(vehicle, name, values, errors, 0.02)
+    return sentence(vehicle, name, values, errors, 0.02, brief=brief)
 
 
 def test_every_effect_is_tried() -> None:
@@ -294,6 +294,23 @@ def test_an_effect_without_a_sentence_gets_a_generic_one(
     assert text.endswith(".")
     assert len(text) <= 220
     assert not re.search(r"\bnan\b|\[-?\d[^\]]*, ", text)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_brief_sentence_has_no_standard_errors(name: str, kind: str) -> None:
+    text = told(name, kind, brief=True)
+    assert text.endswith(".")
+    assert "±" not in text
+    assert len(text) <= len(told(name, kind))
+
+
+def test_all_six_entries_are_listed_the_last_ones_without_standard_errors() -> None:
+    values = {"diagonal": [300.0, 280.0, 284.0, 12.0, 50.0, 30.0]}
+    text = of("quadratic_damping", values, SPREAD, DRAG)
+    assert 1 <= text.count("±") <= 3
+    assert sum(axis in text for axis in ("urge", "way", "eave", "oll", "itch", "aw")) == 6
+    assert "more change" not in text
 
 
 def without_sentence(effect: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A velocity log off the origin, and delays of one that are tried."""
+"""A DVL off the origin, and delays of one that are tried."""
 
 from __future__ import annotations
 

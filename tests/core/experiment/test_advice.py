@@ -1,4 +1,4 @@
-"""Advice in words: what to fly, and what is a convention of the log."""
+"""Advice in words: what to record, and what is a convention of the log."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hydro.core.experiment.library import Manoeuvre
 from hydro.core.experiment.manoeuvres import Flight
 
 
-def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():
+def test_advice_names_the_manoeuvre_its_duration_and_the_expected_difference():
     sweep = Manoeuvre("x", "turn slowly", np.zeros((10, 1)))
     clear = advice.separating(["ocean_current", "tether"], Flight(sweep, 42.0))
     assert clear == (

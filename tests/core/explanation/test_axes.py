@@ -19,7 +19,7 @@ def squares(rng: np.random.Generator, sizes: np.ndarray) -> Squares:
     return Squares(rng.chisquare(ROWS, (SHOTS, 6)) * sizes**2, counts)
 
 
-def test_one_axis_that_is_worse_is_named_though_all_together_are_better():
+def test_a_worse_axis_is_named_even_if_the_total_error_falls():
     rng = np.random.default_rng(1)
     before = squares(rng, np.full(6, 0.10))
     after = squares(rng, np.array([0.05, 0.05, 0.05, 0.12, 0.05, 0.05]))
@@ -27,14 +27,14 @@ def test_one_axis_that_is_worse_is_named_though_all_together_are_better():
     assert worse_axes(after, before) == tuple(v for v in VELOCITY if v != VELOCITY[3])
 
 
-def test_a_rise_below_the_bar_does_not_count_however_sure_it_is():
+def test_a_significant_rise_below_the_limit_does_not_count():
     rng = np.random.default_rng(2)
     before = squares(rng, np.full(6, 0.1))
     after = Squares(before.sums * 1.01**2, before.counts)
     assert worse_axes(before, after) == ()
 
 
-def test_equal_predictions_are_called_worse_as_seldom_as_the_level_says():
+def test_equal_predictions_are_called_worse_at_the_nominal_level():
     wrong = 0
     for seed in range(300):
         rng = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ def test_equal_predictions_are_called_worse_as_seldom_as_the_level_says():
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_too_few_stretches_name_nothing(count):
+def test_too_few_stretches_name_no_axis(count):
     one = Squares(np.ones((count, 6)), np.ones((count, 6)))
     assert worse_axes(one, one) == ()
 

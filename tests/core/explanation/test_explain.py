@@ -73,7 +73,7 @@ def hovering(vehicle: Vehicle, seed: int, load: float) -> pl.DataFrame:
     return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])).select(raw.columns)
 
 
-def test_a_thrust_curve_joins_with_the_buoyancy_that_standing_thrust_balances(known, monkeypatch):
+def test_a_thrust_curve_is_added_together_with_the_buoyancy_that_it_balances(known, monkeypatch):
     """Alone it would take the standing thrust away, and the vehicle would rise or sink."""
     hidden = [{"name": "thruster_curve", "da": 1.0}, {"name": "net_buoyancy", "dB": 40.0}]
     true = extended(known, hidden)
@@ -116,7 +116,7 @@ def test_each_step_adds_one_hidden_effect_and_lowers_the_held_out_error(study):
 
 
 @pytest.mark.slow
-def test_all_that_was_added_is_fitted_together(study):
+def test_all_added_effects_are_fitted_together(study):
     assert [{table["name"] for table in step.tables} for step in study[1:]] == [
         {"linear_damping", "quadratic_damping", *study[1].added},
         {"linear_damping", "quadratic_damping", "ocean_current", "thruster_gain"},
@@ -130,7 +130,7 @@ def test_all_that_was_added_is_fitted_together(study):
 
 
 @pytest.mark.slow
-def test_the_ladder_holds_to_its_schema(study):
+def test_the_ladder_fits_its_schema(study):
     ladder = pl.concat(step.ladder for step in study)
     schema.load("ladder").check(ladder, "ladder")
     horizons = ladder.filter(axis="u", dataset="fit", step=1)["horizon"].to_list()
@@ -139,14 +139,14 @@ def test_the_ladder_holds_to_its_schema(study):
 
 
 @pytest.mark.slow
-def test_nothing_hidden_ends_at_the_file_as_given(known):
+def test_a_complete_file_ends_the_study_at_step_0(known):
     steps = list(explain(known, flown(known, 4, 40.0)))
     assert [step.number for step in steps] == [0]
     assert ending(steps) == "nothing more is found"
     assert steps[0].error("holdout") is None
 
 
-def test_a_step_prints_the_standard_errors_of_the_diagnosis(known):
+def test_a_step_has_the_standard_errors_of_the_diagnosis(known):
     """One value, one standard error: noise of the velocities lasts half a second, and both weigh it so."""
     raw, rng = flown(known, 6, 60.0), np.random.default_rng(7)
     slow = lfilter([0.28], [1.0, -0.96], rng.standard_normal((raw.height, 6)), axis=0)
@@ -163,7 +163,7 @@ def test_a_step_prints_the_standard_errors_of_the_diagnosis(known):
         )
 
 
-def test_far_from_the_noise_the_fit_is_taken_that_predicts_better(known):
+def test_far_from_the_noise_the_better_predicting_fit_is_used(known):
     """Damping alone cannot be what a current and weak thrusters do; weighed by noise attitude decides it."""
     raw = flown(extended(known, [CURRENT, WEAK]), 8, 60.0)
     recordings = trials.Recordings.of(known, raw, None, None)
@@ -220,7 +220,7 @@ def staged(monkeypatch, known):
     return run
 
 
-def test_new_values_go_along_with_what_is_missing(staged):
+def test_new_values_are_fitted_with_the_missing_effect(staged):
     missing = finding("missing", "ocean_current", v_N=0.2)
     steps, asked = staged([[missing, finding("retune", "linear_damping", d=1.0)], []], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("ocean_current",)]
@@ -228,7 +228,7 @@ def test_new_values_go_along_with_what_is_missing(staged):
     assert asked == [["quadratic_damping", {"name": "ocean_current", "v_N": 0.2}, begun]]
 
 
-def test_new_values_alone_are_one_step_and_not_two(staged):
+def test_new_values_without_a_missing_effect_make_one_step(staged):
     again = [finding("retune", "quadratic_damping", diagonal=1.0)]
     steps, asked = staged([again, again], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("quadratic_damping",)]
@@ -236,7 +236,7 @@ def test_new_values_alone_are_one_step_and_not_two(staged):
     assert ending(steps) == "nothing more is found"
 
 
-def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
+def test_a_step_that_raises_the_held_out_error_ends_the_study(staged):
     more = [[finding("missing", name, w=1.0)] for name in ("payload", "net_buoyancy", "tether")]
     steps, _ = staged(more, [2.0, 1.0, 1.1])
     assert [step.number for step in steps] == [0, 1, 2]
@@ -244,14 +244,14 @@ def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
     assert best(steps) is steps[1]
 
 
-def test_a_search_that_came_nowhere_near_the_noise_is_not_made_again(staged):
+def test_a_search_that_failed_far_from_the_noise_is_not_repeated(staged):
     missing = [[finding("missing", name, w=1.0)] for name in ("payload", "net_buoyancy")]
     steps, _ = staged([*missing, []], [3.0, 2.0, 1.0], chi2=[2 * FAR_FROM_NOISE, 0.5 * FAR_FROM_NOISE, 1.0])
     assert len(steps) == 3
     assert staged.in_vain == [False, True, False]
 
 
-def test_steps_have_an_end(staged, monkeypatch):
+def test_a_study_ends_at_the_maximum_number_of_steps(staged, monkeypatch):
     monkeypatch.setattr(module, "MOST_STEPS", 2)
     names = ("payload", "net_buoyancy", "tether", "body_lift")
     steps, _ = staged([[finding("cannot_tell_apart", name, w=1.0)] for name in names], [4.0, 3.0, 2.0, 1.0])
@@ -259,7 +259,7 @@ def test_steps_have_an_end(staged, monkeypatch):
     assert "2 steps are the limit" in ending(steps)
 
 
-def test_what_no_effect_explains_is_told(staged):
+def test_a_study_ends_with_the_error_that_no_effect_explains(staged):
     steps, _ = staged([[finding("none_of_the_known")]], [1.0])
     assert ending(steps) == "no effect of the catalogue explains the remaining error"
 
@@ -274,11 +274,11 @@ def left_out(*errors: float) -> pl.DataFrame:
     ("errors", "chosen"),
     [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1), ((3.0, 2.0, 2.03, 2.06), 2)],
 )
-def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, chosen):
+def test_without_held_out_data_the_left_out_error_selects_the_step(errors, chosen):
     assert best_step(left_out(*errors)) == chosen
 
 
-def test_the_row_of_left_out_stretches_is_a_velocity_with_its_noise_floor():
+def test_the_left_out_row_has_the_unit_and_the_noise_floor_of_a_velocity():
     rows = {"step": 1, "effect": "tether", "dataset": "fit", "axis": ["all", "pose", "all"], "rmse": 1.0}
     rows |= {"horizon": [HORIZON, HORIZON, 1.0], "low": 0.5, "high": 2.0, "noise_floor": [0.1, 0.2, 0.3]}
     row = left_out_rung(pl.DataFrame(rows | {"unit": ["m/s", "m", "m/s"]}), 0.4)
@@ -319,9 +319,7 @@ LIKELY = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
 
 
 @pytest.mark.parametrize("best", ["ocean_current", "payload", "command_delay"])
-def test_of_suspects_and_what_else_promises_the_one_joins_that_predicts_what_is_left_out(
-    staged, better, best
-):
+def test_the_suspect_with_the_best_held_out_prediction_is_added(staged, better, best):
     better(best, beside=[{"name": "command_delay", "d": 0.1}])
     beside = replace(finding("suspect", "payload", w=1.0), confidence=0.1)
     steps, asked = staged([[LIKELY, beside], [finding("nothing_missing")]], [2.0, 1.0])
@@ -330,7 +328,7 @@ def test_of_suspects_and_what_else_promises_the_one_joins_that_predicts_what_is_
     assert asked[-1][-1] == {"name": best} | values[best]
 
 
-def test_values_beyond_belief_join_where_nothing_else_would(staged, better):
+def test_implausible_values_are_added_only_without_an_alternative(staged, better):
     better("command_delay", beside=[{"name": "ocean_current", "v_N": 0.1}], others=0.15)
     fanciful = replace(finding("suspect", "command_delay", d=40.0), confidence=0.5)
     steps, _ = staged([[fanciful], [finding("nothing_missing")]], [2.0, 1.0])
@@ -340,7 +338,7 @@ def test_values_beyond_belief_join_where_nothing_else_would(staged, better):
     assert [step.added for step in steps] == [(), ("command_delay",)]
 
 
-def test_a_plainer_effect_is_tried_and_joins_where_it_predicts_as_well(staged, better):
+def test_a_simpler_effect_is_added_if_it_predicts_equally_well(staged, better):
     """All that shows of a payload may be its weight."""
     better("payload net_buoyancy")
     suspect = replace(finding("suspect", "payload", w=2.0), confidence=0.5)
@@ -349,7 +347,7 @@ def test_a_plainer_effect_is_tried_and_joins_where_it_predicts_as_well(staged, b
     assert asked[-1][-1] == {"name": "net_buoyancy", "dB": -2.0}
 
 
-def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, better, monkeypatch):
+def test_a_candidate_with_implausible_fitted_values_is_replaced_by_the_next(staged, better, monkeypatch):
     better("command_delay", beside=[{"name": "ocean_current", "v_N": 0.1}], others=0.15)
     quick_or_last = iter([[], [], [], ["beyond belief"], ["beyond belief"], []])
     monkeypatch.setattr(trials, "implausible", lambda *_: next(quick_or_last))
@@ -360,7 +358,7 @@ def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, bet
     assert steps[1].added == ("ocean_current",)
 
 
-def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
+def test_channels_are_weighted_by_the_residual_of_the_vehicle(known):
     """So that each counts alike, whatever its sensor's noise, as nearly as free beginnings let it."""
     hidden = extended(known, [CURRENT, WEAK])
     recordings = trials.Recordings.of(known, flown(hidden, 10, 90.0), None, None)
@@ -372,35 +370,35 @@ def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
     assert np.ptp(np.log(ahead.shots.sigma / recordings.log.noise)) > np.log(4.0)
 
 
-def test_what_predicts_what_is_left_out_no_better_is_told_and_not_added(staged, better):
+def test_a_suspect_without_a_better_held_out_prediction_is_reported_but_not_added(staged, better):
     better("", beside=[{"name": "command_delay", "d": 0.1}])
     steps, _ = staged([[finding("suspect", "ocean_current", v_N=0.2), finding("far_from_noise")]], [1.0])
     assert [step.added for step in steps] == [()]
     assert ending(steps) == f"{module.NO_BETTER}; only suspected, and not added: ocean_current"
 
 
-def test_what_the_files_own_effects_do_as_well_is_not_added(staged, better):
+def test_a_suspect_is_not_added_if_refitted_file_values_predict_equally_well(staged, better):
     """Damping that is far off hides behind whatever is fitted together with it."""
     better("ocean_current", refit=0.101)
     steps, _ = staged([[LIKELY, finding("far_from_noise")]], [2.0])
     assert [step.added for step in steps] == [()]
 
 
-def test_what_is_stated_joins_though_nothing_predicts_better(staged, better):
+def test_a_stated_effect_is_added_even_without_a_better_prediction(staged, better):
     better("")
     stated = finding("cannot_tell_apart", "payload", w=1.0)
     steps, _ = staged([[LIKELY, stated], [finding("nothing_missing")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("payload",)]
 
 
-def test_of_two_that_predict_alike_the_plainer_joins(staged, better):
+def test_of_two_equal_predictions_the_simpler_effect_is_added(staged, better):
     """A current of the water's three numbers, and a delay of one that predicts 1 % worse."""
     better("ocean_current", beside=[{"name": "command_delay", "d": 0.1}], others=0.101)
     steps, _ = staged([[LIKELY], [finding("nothing_missing")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("command_delay",)]
 
 
-def test_a_suspect_that_explains_more_than_what_is_stated_is_tried_beside_it(staged, better):
+def test_a_suspect_that_explains_more_than_the_stated_effect_is_tried_too(staged, better):
     stated = finding("cannot_tell_apart", "payload", w=1.0)
     for order, added in (([LIKELY, stated], "ocean_current"), ([stated, LIKELY], "payload")):
         better("ocean_current")
@@ -408,7 +406,7 @@ def test_a_suspect_that_explains_more_than_what_is_stated_is_tried_beside_it(sta
         assert [step.added for step in steps] == [(), (added,)]
 
 
-def test_what_is_unlikely_is_told_and_not_tried(staged):
+def test_an_unlikely_suspect_is_reported_but_not_tried(staged):
     unlikely = replace(LIKELY, confidence=0.1)
     steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
@@ -417,7 +415,7 @@ def test_what_is_unlikely_is_told_and_not_tried(staged):
     )
 
 
-def test_drag_of_a_bare_hull_promises_most(known):
+def test_damping_is_the_most_promising_effect_of_a_file_without_damping(known):
     """By one step of all effects about the bare file, damping that it lacks; and what is there it is not."""
     bare = known.without("linear_damping").without("quadratic_damping")
     recordings = trials.Recordings.of(bare, flown(known, 9, 60.0), None, None)
@@ -425,7 +423,7 @@ def test_drag_of_a_bare_hull_promises_most(known):
     assert not {one["name"] for one in recordings.promising(known, DAMPING)} & {*DAMPING}
 
 
-def test_it_goes_on_from_steps_that_are_done(staged):
+def test_a_study_resumes_after_completed_steps(staged):
     found = [[finding("missing", "payload", w=1.0)], [finding("missing", "tether", k=1.0)], []]
     steps, _ = staged(found, [3.0, 2.0, 1.0])
     rest, asked = staged(found[2:], [1.0], done=steps[:2])
@@ -443,7 +441,7 @@ def test_the_recordings_are_preprocessed_once_for_all_steps(staged, monkeypatch)
     assert len(logs) == 1
 
 
-def test_a_shot_that_diverges_hides_no_effect(known, monkeypatch):
+def test_a_diverging_shot_does_not_hide_an_effect(known, monkeypatch):
     """What the others promise counts."""
     bare = known.without("linear_damping").without("quadratic_damping")
     recordings = trials.Recordings.of(bare, flown(known, 9, 60.0), None, None)
@@ -460,7 +458,7 @@ def test_a_shot_that_diverges_hides_no_effect(known, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"), [("cmd_8", "7 command columns"), (None, "no session lasts 5 s")]
 )
-def test_a_held_out_recording_that_will_not_do(known, change, words):
+def test_an_unsuitable_held_out_recording_raises_an_error(known, change, words):
     raw = flown(known, 6, 6.0)
     other = raw.drop(change) if change else raw.head(200)
     with pytest.raises(DataError, match=words):

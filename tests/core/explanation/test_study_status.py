@@ -42,7 +42,7 @@ def test_new_values_of_the_file_are_in_the_headline() -> None:
 
 
 @pytest.mark.parametrize(("confidence", "axis"), [(0.5, "all"), (1.0, FLOOR)])
-def test_values_that_no_test_confirmed_are_not(confidence: float, axis: str) -> None:
+def test_unconfirmed_values_of_the_file_are_not_in_the_headline(confidence: float, axis: str) -> None:
     """Nor are those of a change: the file's own values are held fixed."""
     told = headline(confidence, axis)
     assert "A current of 0.25 m/s" in told

@@ -45,13 +45,13 @@ def more_damped() -> Vehicle:
 
 
 @pytest.mark.parametrize(("count", "enough"), [(LEAST_SHOTS - 1, False), (LEAST_SHOTS, True)])
-def test_a_recording_that_has_just_room_for_the_least_number_of_shots_ahead_gives_them_all(count, enough):
+def test_a_recording_of_minimum_length_gives_all_shots_ahead(count, enough):
     record = recording(damped(), moved(more_damped(), rows=round(count * HORIZON / DT)))
     ahead = recordings(record).ahead(damped(), 100)
     assert (0 if ahead is None else len(ahead.shots.starts)) == (count if enough else 0)
 
 
-def test_an_effect_is_fitted_from_its_own_beginning():
+def test_an_effect_is_fitted_from_its_own_initial_values():
     file, true = damped(), more_damped()
     record = recording(file, moved(true, rows=600))
     problem = OutputError.of(make_shots(record, sigma=np.full(12, 0.01)), file)

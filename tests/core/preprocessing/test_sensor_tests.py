@@ -1,4 +1,4 @@
-"""Errors of the velocity log from kinematics alone: motions that no dynamics made, formulas of their own."""
+"""Errors of the DVL from kinematics alone: motions that no dynamics made, formulas of their own."""
 
 from __future__ import annotations
 
