@@ -23,12 +23,13 @@ TYPES = {
 texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 
 
-def shorten(folder: Path, seconds: float) -> None:
-    """Cut every session of the recordings in a folder to its beginning."""
+def shorten(folder: Path, seconds: float, sessions: int | None = None) -> None:
+    """Cut every session of the recordings in a folder to its beginning; keep all or the first `sessions`."""
     for path in folder.glob("*.parquet"):
         whole = table.read(path, ("raw",))
         since = pl.col("t") - pl.col("t").first().over("session")
-        short = whole.frame.filter(since < seconds)
+        number = pl.col("session").rle_id()
+        short = whole.frame.filter(since < seconds, number < (sessions or whole.frame.height))
         table.write(table.make("raw", short, stage="import", vehicle_text=whole.provenance.vehicle), path)
 
 

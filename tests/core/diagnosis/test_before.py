@@ -142,7 +142,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
 
 def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):
     """What the hull does beside the file moves a vehicle of another drag or balance otherwise."""
-    found = diagnosed(damped(), flown(OFFSET, seed=40), hull)
+    found = diagnosed(damped(), half(flown(OFFSET, seed=40)), hull)
     assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
     assert found.findings[0].confidence >= SURE
     assert found.chi2[2] < RIGHT, "no more is left than the law of the hull leaves"
