@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import polars as pl
@@ -14,9 +16,12 @@ from terminal import fits
 
 import hydro
 from hydro import cli
+from hydro.core.diagnosis import diagnose
 from hydro.core.errors import UsageError
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import table
 from hydro.io import vehicle as vehicles
+from hydro.io.provenance import content_hash
 from hydro.report import change
 from hydro.report.page import render
 from hydro.report.sources import gather
@@ -33,6 +38,25 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, frame in recordings.items():
         hydro.write(frame, folder / f"{name}.parquet", "raw")
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def learnt_once() -> Iterator[None]:
+    """Learn the hull of each recording once for all commands of this file, which mostly read the same one."""
+    learnt: dict[tuple[bytes, str], Any] = {}
+    learn = diagnose.hull_of
+
+    def kept(vehicle: Vehicle, before: pl.DataFrame, law: Any = None) -> Any:
+        if law is not None:
+            return learn(vehicle, before, law)
+        key = msgspec.json.encode(vehicle), content_hash(before)
+        if key not in learnt:
+            learnt[key] = learn(vehicle, before)
+        return learnt[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diagnose, "hull_of", kept)
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -131,7 +131,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
     for folder in ("logs", "hidden"):
         shutil.copytree(ROOT / "datasets" / folder, data.parent / folder)
-    shorten(data.parent / "hidden", 10.0)
+    shorten(data.parent / "hidden", 10.0, sessions=2)
     shorten_text(data.parent / "logs" / "example.csv", 420)
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())

@@ -105,7 +105,7 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     binaries = checkout / ".venv" / "bin"
     binaries.mkdir(parents=True)
     shutil.copytree(ROOT / "datasets", checkout / "datasets")
-    shorten(checkout / "datasets" / "hidden", 10.0)
+    shorten(checkout / "datasets" / "hidden", 10.0, sessions=2)
     shutil.copy(ROOT / "Makefile", checkout)
     shutil.copy(ROOT / "pyproject.toml", checkout)
     (binaries / "activate").write_text(f'export PATH="{binaries}:$PATH"\n')

@@ -353,6 +353,7 @@ def add(
         bool,
         typer.Option("--force", help="Add findings that do not lower the held-out error."),
     ] = False,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     r"""Add the findings of a diagnosis to a vehicle file.

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hydro.commands.as_json import Json, print_json
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import about, read
 from hydro.commands.tables import print_table
 
@@ -26,6 +27,7 @@ def diff(
             help="Recording for the errors; default: manoeuvres.",
         ),
     ] = None,
+    max_expanded: MaxExpanded = None,
     as_json: Json = False,
 ) -> None:
     """Compare two vehicle files and what they predict.

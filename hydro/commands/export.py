@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.places import Output
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import STREAM, about, message, read, refuse_terminal
 from hydro.core.errors import UsageError
 
@@ -44,6 +45,7 @@ def export(
     cost: Annotated[
         bool, typer.Option("--cost/--no-cost", help="Compute the errors from effects that are left out.")
     ] = True,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Export a vehicle file, a network or a policy to other programs.

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hydro.commands.places import SESSIONS
+from hydro.commands.recordings import MaxExpanded
 from hydro.commands.shell import STREAM, message, read
 
 KINDS = ("raw", "labels", "split")
@@ -28,7 +29,7 @@ Folder = Annotated[
 ]
 
 
-def partition(output: Folder, table: Table = STREAM) -> None:
+def partition(output: Folder, table: Table = STREAM, max_expanded: MaxExpanded = None) -> None:
     """Split a table into one file for each session.
 
     Each session becomes DIR/session=NAME/part.parquet. A folder of sessions is given to other commands as a

@@ -38,12 +38,16 @@ def motion_of(exported, commands, eta=(0.0,) * 6, nu=(0.0,) * 6, steps=1):
     return np.array(rows)
 
 
+SHORT = ("bluerov2_heavy", "stonefish")
+"""Vehicles that fly 20 s instead of a minute: Python takes its time with their short steps."""
+
+
 @pytest.mark.parametrize("name", VEHICLES)
-def test_sixty_seconds_are_those_of_simulate(datasets, name):
-    commands, motion = flown(datasets, name)
+def test_the_motion_is_that_of_simulate(datasets, name):
+    commands, motion = (part[: 1000 if name in SHORT else None] for part in flown(datasets, name))
     exported = made(vehicle(datasets, name))
     assert exported.rate == 500.0
-    exported.rate = RATES.get(name, 250.0)  # Python takes its time
+    exported.rate = RATES.get(name, 250.0)
     assert np.abs(motion[:, 6:]).max() > 0.3
     assert apart(motion_of(exported, commands), motion) < 1e-6
 

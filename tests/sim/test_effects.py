@@ -19,7 +19,7 @@ from hydro.sim.student import Physics, Student
 
 PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
 SEGMENTS = 12  # of 5 s
-FEWER = 6
+FEWER = 4
 """Segments of a flight with one effect, which acts in each of them; presets fly the whole minute."""
 
 FIRST_ORDER = ("euler", "implicitfast")

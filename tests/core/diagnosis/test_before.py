@@ -142,7 +142,7 @@ def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hu
 
 def test_a_large_change_of_balance_is_the_only_finding(hull):
     """What the hull does beside the file moves a vehicle of another drag or balance otherwise."""
-    found = diagnosed(damped(), flown(OFFSET, seed=40), hull)
+    found = diagnosed(damped(), half(flown(OFFSET, seed=40)), hull)
     assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
     assert found.findings[0].confidence >= SURE
     assert found.chi2[2] < RIGHT, "no more is left than the law of the hull leaves"

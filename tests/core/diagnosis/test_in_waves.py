@@ -137,7 +137,8 @@ def test_a_swing_due_to_buoyancy_is_not_named_as_waves(vehicle: Any, monkeypatch
     """A vehicle that its buoyancy turns over swings: what it lacks is named, and no sea that is not there."""
     sea = SeaState(np.array([*list(SEA.values())[1:]]), 1e-4 * np.eye(4), 500.0, 200.0, 0.1)
     monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda *given: sea)
-    still = flown(vehicle, {"name": "buoyancy_offset", "dx": 0.02, "dy": 0.01, "dz": 0.01})
+    hidden = {"name": "buoyancy_offset", "dx": 0.02, "dy": 0.01, "dz": 0.01}
+    still = flown(vehicle, hidden).filter(session="0")
     found = [one for one in diagnose(vehicle, still).findings if one.verdict in ("missing", "suspect")]
     assert [one.effect for one in found] == ["buoyancy_offset"]
     assert found[0].confidence > 0.9

@@ -58,7 +58,7 @@ def flown(vehicle: Vehicle, seed: int, seconds: float = 32.0) -> pl.DataFrame:
 def hovering(vehicle: Vehicle, seed: int, load: float) -> pl.DataFrame:
     """One session of a vehicle with quadratic thrust whose mean thrust down balances a load up [N]."""
     raw, most = flown(vehicle, seed, 1.0), 4 * 155.0  # T5 to T8 push down, with so much [N] together
-    t, rng = np.arange(1600) * 0.02, np.random.default_rng(seed)
+    t, rng = np.arange(1100) * 0.02, np.random.default_rng(seed)
     moving = 0.2 * sum(
         np.sin(2 * np.pi * f * t[:, None] + rng.uniform(0, 6, 8))
         for f in rng.uniform([[0.03] * 8, [0.2] * 8], [[0.15] * 8, [0.6] * 8])

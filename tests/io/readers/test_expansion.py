@@ -95,6 +95,10 @@ READERS = (
     "report {comparison} -o page.html",
     "split {labels} -o split.parquet",
     "features {labels} -o features.parquet",
+    "add vehicle.toml {diagnosis} -o vehicle-1.toml",
+    "diff vehicle.toml vehicle.toml --on {raw}",
+    "export {model} --to onnx -o network.onnx",
+    "partition {raw} -o dives",
     "train {split} -o model.parquet",
     "evaluate {model} --labels {split} -o metrics.parquet",
     "rl train vehicle.toml --condition R_MLP --model {model} -o learnt",
@@ -124,7 +128,7 @@ def test_a_table_that_expands_too_much_is_refused_by_every_reader(
 ):
     monkeypatch.chdir(tmp_path)
     shutil.copy(datasets / "vehicles" / "auv151.toml", "vehicle.toml")
-    kinds = ("raw", "comparison", "labels", "split", "model", "run", "policy", "evaluations")
+    kinds = ("raw", "comparison", "diagnosis", "labels", "split", "model", "run", "policy", "evaluations")
     bombs = {kind: flat(kind, tmp_path / f"{kind}.parquet", 20_000) for kind in kinds}
     assert cli.main([*line.format(**bombs).split(), "--max-expanded", "0.0001"]) == 1
     (told,) = capsys.readouterr().err.splitlines()
