@@ -26,17 +26,9 @@ from hydro.core.evaluation.block_resampling import weights
 
 Row = dict[str, Any]
 CONSTANTS = (
-    "settings.RIGHT_ABOVE_CLEAN",
-    "settings.CLEAN",
-    "settings.TIED",
-    "settings.TRANSFER_ODDS",
-    "settings.TRANSFER_BY_SCORE",
-    "settings.TRANSFER_BY_LEAD",
-    "settings.EVIDENCE_BY_LEAD",
-    "settings.EVIDENCE_EVEN",
-    "settings.LEAST_LEAD",
+    "settings.RIGHT_ABOVE",
     "settings.ENTRY_PENALTY",
-    "settings.LEAST_ENTRY",
+    "settings.VISIBLE",
     "settings.ABSORPTION_PENALTY",
     "settings.RIGHT",
     "settings.FIT",
@@ -44,7 +36,6 @@ CONSTANTS = (
     "settings.MATERIAL",
     "settings.CHANCE",
     "settings.UNKNOWN",
-    "settings.INEXACT",
     "settings.FURTHER",
     "settings.NEARLY_EQUAL",
     "settings.DOUBTFUL",

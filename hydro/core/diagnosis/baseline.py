@@ -31,7 +31,6 @@ from hydro.core.diagnosis.settings import (
     FURTHER,
     LEAST_SHOTS,
     MATERIAL,
-    SHORTEST_SHOT,
     SHOTS,
     STEP_SHARE,
     VISIBLE,
@@ -228,7 +227,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
         count = room(record, seconds)
-        if count < LEAST_SHOTS and seconds > SHORTEST_SHOT:
+        if count < LEAST_SHOTS and seconds > SHOT_LENGTHS[-2]:
             continue
         if count < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())

@@ -8,7 +8,6 @@ hull model on held-out stretches of the earlier recording.  Nothing below it is 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +17,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
-from hydro.core.diagnosis.confidence import folds, stated
+from hydro.core.diagnosis.confidence import folds, led, stated
 from hydro.core.diagnosis.contenders import (
     Compared,
     Contender,
@@ -32,16 +31,15 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
+    ALPHA,
     CHANCE,
     CHANGED,
     FURTHER,
-    INEXACT,
     MATERIAL,
     MOST_FINDINGS,
     RESAMPLES,
     RIGHT,
     SURE,
-    TIED,
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
@@ -144,15 +142,15 @@ class Change:
         """Return the probability that the best candidate is the change.
 
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
-        due to chance.  Leads by chance have an exponential distribution.
+        due to chance (`led`).
 
         Args:
             given: Squared residual of the file as given, in floors.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
-        by_chance = CHANCE + UNKNOWN * beyond + INEXACT * removed
-        return self.wins()[self.best.effect] * -math.expm1(-max(self.margin, 0.0) / by_chance)
+        by_chance = CHANCE * (1.0 + removed) + UNKNOWN * beyond
+        return self.wins()[self.best.effect] * led(self.margin, by_chance)
 
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named, as the first or a further one."""
@@ -313,7 +311,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
     fit = widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
-    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
+    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= ALPHA]
     if rivals:
         words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
     if left > RIGHT:

@@ -32,17 +32,16 @@ from hydro.core.diagnosis.findings import (
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding
 from hydro.core.diagnosis.settings import (
-    ABSENT,
     CLOSEST,
     CONTENDERS,
     DOUBTFUL,
     FAR_FROM_PRIOR,
     LEAST_EVIDENCE,
-    LONG_STEPS,
     MATERIAL,
     NEARLY_EQUAL,
     SHOTS,
     SIMILAR,
+    SMALL_STEP,
     SURE,
 )
 from hydro.core.diagnosis.transfer import (
@@ -58,6 +57,7 @@ from hydro.core.diagnosis.transfer import (
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change
 from hydro.core.prediction.normal_equations import block_length
@@ -227,7 +227,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
-    return bool((sizes > ABSENT).any())
+    return bool((sizes > SMALL_STEP).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
@@ -259,7 +259,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
     vehicle, released = rival.model.vehicle, known.releasing(rival.effect)
-    return fit_model(vehicle, [*others, table], baseline.problem, reach, LONG_STEPS, known=released)
+    return fit_model(vehicle, [*others, table], baseline.problem, reach, ITERATIONS, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -267,7 +267,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
-    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LONG_STEPS, known=known)
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, ITERATIONS, known=known)
 
 
 def _finding(

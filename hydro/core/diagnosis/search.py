@@ -37,17 +37,15 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     DISTINCT,
-    FEW_SHOTS,
     FIT,
     FURTHER,
-    HOPELESS,
     MOST_FINDINGS,
     QUICK_STEPS,
     RIGHT,
+    SHOTS,
     SIMILAR,
     SIMILAR_CURVED,
     STEP_SHARE,
-    UNTRUSTED_RATIO,
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
@@ -100,8 +98,8 @@ class Search:
 
     def fewer(self, model: Model) -> Model:
         """Return the model over a few shots where its residual is far above the noise."""
-        enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW_SHOTS
-        return model.some(FEW_SHOTS) if enough else model
+        enough = model.normal.chi2 > RIGHT and len(model.costs) >= SHOTS
+        return model.some(SHOTS // 2) if enough else model
 
     def contend(
         self,
@@ -148,13 +146,13 @@ class Search:
     ) -> dict[str, Model]:
         """Fit some candidates quickly, and the closest of them to convergence; see `contend`."""
         few = screening.model is not model
-        rivals = {name: fit.some(FEW_SHOTS) if few else fit for name, fit in known.items()}
+        rivals = {name: fit.some(SHOTS // 2) if few else fit for name, fit in known.items()}
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
         for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
             progress(f"{name}, fitted to convergence", 0.6 + 0.4 * number / CLOSEST)
-            if beyond_noise(fits[name]) > HOPELESS * least:
+            if beyond_noise(fits[name]) > FIT * least:
                 continue
             if name not in known:
                 try:
@@ -224,7 +222,7 @@ class Search:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
         few = len(quick.costs) < len(before.costs)
-        enough = quick.normal.chi2 * (UNTRUSTED_RATIO if few else 1.0)
+        enough = quick.normal.chi2 * (RIGHT if few else 1.0)
         at_sight = self.baseline.problem.at_measured_states
         along, best = before.problem if few else quick.problem, quick
         for problem, most in ((at_sight(quick.vehicle), enough), (along, np.inf)):

@@ -32,16 +32,15 @@ from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import (
     CORRELATED,
-    FEW_SHOTS,
     FOLDS,
-    LEAST_ENTRY,
     LEAST_EVIDENCE,
     LEAST_INFORMATION,
     NEARLY_EQUAL,
     QUICK_STEPS,
-    REFITS,
     RESOLUTION,
+    SHOTS,
     SUSPECT_SPREAD,
+    VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
@@ -205,7 +204,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         progress: Called with a short text and the share of the work done.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
-    problem = baseline.problem.some(FEW_SHOTS)
+    problem = baseline.problem.some(SHOTS // 2)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
     refitted, known = tempered(baseline, problem)
 
@@ -252,7 +251,7 @@ def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tu
 
     The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
-    order = sorted(rivals, key=lambda one: LEAST_ENTRY * one.entries - one.score)
+    order = sorted(rivals, key=lambda one: VISIBLE * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
         if one.effect in first and one.score >= NEARLY_EQUAL * best > 0.0:
@@ -350,7 +349,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
 
     def predicted(number: int) -> Squares:
         """Return the squared errors of the stretches of one fold."""
-        there = continue_fit(whole.over(fold != number), REFITS).vehicle
+        there = continue_fit(whole.over(fold != number), QUICK_STEPS).vehicle
         return squares_ahead(there, ahead.of(within == number))
 
     sums, counts = np.zeros((2, len(ahead.starts), 6))

@@ -21,7 +21,13 @@ from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import FIT, LEAST_PIECES, MATERIAL, SAME_POWER, SMALL_STEP, SPEED_BINS
+from hydro.core.diagnosis.settings import (
+    FIT,
+    MATERIAL,
+    SAME_POWER,
+    SMALL_STEP,
+    SPEED_BINS,
+)
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
@@ -308,7 +314,7 @@ def growth(speed: Array, square: Array) -> float | None:
         speed: Speed of each piece [m/s], (P,).
         square: Mean squared force beyond the noise of each piece, (P,).
     """
-    if len(speed) < LEAST_PIECES:
+    if len(speed) < SPEED_BINS**2:
         return None
     order = np.array_split(np.argsort(speed), SPEED_BINS)
     v = np.array([speed[part].mean() for part in order])

@@ -22,20 +22,17 @@ from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.settings import (
-    CLEAN,
     CLOSEST,
     FAR_FROM_PRIOR,
     LEAST_INFORMATION,
-    LONG_STEPS,
     MATERIAL,
-    MOST_STEPS,
+    MOST_FINDINGS,
     NEARLY_EQUAL,
+    NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
     SHOTS,
     SMALL_STEP,
-    TERM_PRIOR,
-    TERM_SHARE,
     TERM_SHORTLIST,
     VISIBLE,
 )
@@ -46,7 +43,7 @@ from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
-from hydro.core.identification.levenberg_marquardt import moved
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR, moved
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import deviations, greatest_change, in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
@@ -148,7 +145,7 @@ class Discovery:
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * TERM_PRIOR)])
+        held = np.concatenate([prior.information, np.full(extra, self.known.temper * PRIOR**-2)])
         new = range(len(model.values), len(columns))
         return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
@@ -185,7 +182,7 @@ class Discovery:
                     continue
             least = min(tries, key=lambda one: float(one.costs.max()), default=None)
             noise, left = choice.model.normal.residuals, float(choice.costs.max())
-            if least is None or least.costs.max() - left > max(TERM_SHARE * left, 0.5 * MATERIAL * noise):
+            if least is None or least.costs.max() - left > max(NEGLIGIBLE * left, 0.5 * MATERIAL * noise):
                 return choice
             choice = least
 
@@ -206,7 +203,7 @@ def discovered(
             if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
-    if not unnamed and not diagnosis.chi2[-1] > CLEAN:
+    if not unnamed and not diagnosis.chi2[-1] > RIGHT:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
     equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
@@ -252,9 +249,9 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None
     choice = first
-    while _count(choice.model.vehicle) - _count(vehicle) < MOST_STEPS:
-        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_STEPS
-        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_STEPS))
+    while _count(choice.model.vehicle) - _count(vehicle) < MOST_FINDINGS:
+        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_FINDINGS
+        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_FINDINGS))
         if tried is None or not _worth(first, choice, tried):
             break
         choice = tried
@@ -263,7 +260,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
         return None
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
-    choice = replace(data, known=known).fitted(choice.model.vehicle, LONG_STEPS)
+    choice = replace(data, known=known).fitted(choice.model.vehicle, ITERATIONS)
     return _found(vehicle, first, choice)
 
 

@@ -20,7 +20,11 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
-from hydro.core.diagnosis.settings import RESAMPLES, TERM_SHARE, WIDEST_POWER
+from hydro.core.diagnosis.settings import (
+    NEGLIGIBLE,
+    RESAMPLES,
+    WIDEST_POWER,
+)
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
@@ -85,7 +89,7 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
         gram = _grams(tried, np.column_stack([_beside(nu, axis, against), force]), number)
         left, drag, share = _profile(gram.sum(axis=0))
         best = int(left.argmin())
-        if share[best] < TERM_SHARE or best in (0, len(POWERS) - 1):
+        if share[best] < NEGLIGIBLE or best in (0, len(POWERS) - 1):
             continue
         drawn = _drawn(gram)
         low, high = (float(end) for end in np.quantile(drawn, [0.025, 0.975]))

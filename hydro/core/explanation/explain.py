@@ -19,7 +19,10 @@ from hydro.core.diagnosis.findings import UNEXPLAINED, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
+from hydro.core.diagnosis.settings import (
+    FAR_FROM_NOISE,
+    MOST_FINDINGS,
+)
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
@@ -126,7 +129,7 @@ def over(steps: Sequence[Step]) -> str:
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
         words = words if known else "no effect of the catalogue explains the remaining error"
         return _with_suspects(words, last)
-    return f"{MOST_STEPS} steps are the limit" if last.number >= MOST_STEPS else ""
+    return f"{MOST_FINDINGS} steps are the limit" if last.number >= MOST_FINDINGS else ""
 
 
 def _with_suspects(words: str, last: Step) -> str:

@@ -26,12 +26,10 @@ from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, un
 from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.settings import (
     CONTENDERS,
-    FEW_SHOTS,
     FIT,
     LEAST_SHOTS,
-    MOST_CONTENDERS,
+    NEGLIGIBLE,
     QUICK_STEPS,
-    RISE,
     SHOTS,
 )
 from hydro.core.diagnosis.transfer import (
@@ -113,7 +111,7 @@ class Recordings:
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots for fits and comparisons of candidates for a vehicle."""
-        return self.ahead(vehicle, FEW_SHOTS) or OutputError.of(self.problem.shots, vehicle)
+        return self.ahead(vehicle, SHOTS // 2) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """Compare a vehicle with one of the recordings, with rows about the hull if there is a hull model."""
@@ -234,7 +232,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
 
     def joins(error: float, one: Quick) -> bool:
         """Return whether the fit may be added."""
-        return RISE * error < here or (states(last, one.effect) and np.isfinite(error))
+        return (1.0 + NEGLIGIBLE) * error < here or (states(last, one.effect) and np.isfinite(error))
 
     errors, listed = (
         list[tuple[float, Quick]](),
@@ -248,7 +246,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     better = [found for found in errors if joins(*found)]
     if not better:
         return []
-    alike = RISE * min(error for error, _ in better)
+    alike = (1.0 + NEGLIGIBLE) * min(error for error, _ in better)
     first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
     for load in [name for name in STEADY if name in first.found and name != first.effect]:
         rest = {name: table for name, table in first.found.items() if name != load}
@@ -266,7 +264,7 @@ def _beside(
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
-    return others[: max(MOST_CONTENDERS - len(every), 0)]
+    return others[: max(2 * CONTENDERS - len(every), 0)]
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:

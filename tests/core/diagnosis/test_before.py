@@ -18,8 +18,9 @@ from hydro.core.diagnosis.before import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.settings import CLOSEST, LONG_STEPS, MOST_CONTENDERS, RIGHT, SURE
+from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, RIGHT, SURE
 from hydro.core.errors import DataError
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.vehicle.description import told_apart
 
 FIN = {
@@ -125,7 +126,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
     def counted(vehicle, tables, problem, reach, iterations):
         name = str(tables[0]["name"])
         first_change.extend(vehicle.effects("buoyancy_offset"))
-        if iterations == LONG_STEPS:
+        if iterations == ITERATIONS:
             long.append(name)
         else:
             quick.add(name)
@@ -137,7 +138,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(hull, monkeyp
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"
     assert len(set(long[:CLOSEST])) == CLOSEST
-    assert len(quick) > 2 * MOST_CONTENDERS
+    assert len(quick) > 4 * CONTENDERS
 
 
 def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(hull):

@@ -25,7 +25,7 @@ from hydro.core.diagnosis.findings import Diagnosis, tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Search, leader, same_way
-from hydro.core.diagnosis.settings import FEW_SHOTS, MATERIAL, RIGHT, VISIBLE
+from hydro.core.diagnosis.settings import MATERIAL, RIGHT, SHOTS, VISIBLE
 from hydro.core.diagnosis.transfer import left_out_squares
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
@@ -409,12 +409,12 @@ def test_a_tie_comes_with_the_motion_that_ends_it():
 
 def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all(known):
     """Suspects are ranked alike on a part of the shots; the models compared at last are of all of them."""
-    raw = recorded(hiding(known, CURRENT), rows=2 * FEW_SHOTS * 100 + 200)
+    raw = recorded(hiding(known, CURRENT), rows=SHOTS * 100 + 200)
     search = searching(known, raw, {})
     first = search.baseline.refitted
     few = search.screen(search.fewer(first), [])
     whole = search.screen(first, [])
-    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [FEW_SHOTS, True]
+    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [SHOTS // 2, True]
     assert next(iter(few.ranked)) == next(iter(whole.ranked)) == "ocean_current"
     assert few.gains["ocean_current"] == pytest.approx(whole.gains["ocean_current"], rel=0.3)
     fits = search.contend(first, [], few, silent)
@@ -423,7 +423,7 @@ def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all
 
 
 def test_near_the_noise_all_shots_are_asked(known):
-    search = searching(known, recorded(known, rows=2 * FEW_SHOTS * 100 + 200), {})
+    search = searching(known, recorded(known, rows=SHOTS * 100 + 200), {})
     assert search.fewer(search.baseline.refitted) is search.baseline.refitted
 
 

@@ -60,7 +60,7 @@ def test_a_name_is_surer_the_more_it_removes_and_the_farther_it_is_ahead(score, 
 
 
 def test_a_name_by_evidence_is_surer_the_farther_it_is_ahead():
-    sure = [by_evidence_confidence(lead + 20.0, [20.0, -5.0]) for lead in (0.0, 3.0, 20.0, 200.0)]
+    sure = [by_evidence_confidence(lead + 20.0, [20.0, -5.0]) for lead in (0.0, 3.0, 40.0, 200.0)]
     assert sure == sorted(sure)
     assert sure[0] < 0.1 < sure[1] < 0.5
     assert 0.9 < sure[2] < sure[3] < 1.0
