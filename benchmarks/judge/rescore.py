@@ -18,8 +18,8 @@ import polars as pl
 
 from benchmarks.judge.rows import KEY
 from benchmarks.judge.scores import Score, score
-from hydro.core.diagnosis import before, confidence, contenders, findings, imperfect, settings, transfer
-from hydro.core.diagnosis.before import Change
+from hydro.core.diagnosis import by_change, by_evidence, confidence, contenders, findings, settings, transfer
+from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import penalty
 from hydro.core.evaluation.block_resampling import weights
@@ -43,7 +43,7 @@ CONSTANTS = (
     "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
-MODULES = (settings, before, confidence, contenders, findings, imperfect, transfer)
+MODULES = (settings, by_change, by_evidence, confidence, contenders, findings, transfer)
 """Modules that read these constants, each under the same name."""
 
 

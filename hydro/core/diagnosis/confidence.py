@@ -126,24 +126,6 @@ class Fitted:
     information: Array | None = None
 
 
-@dataclass(frozen=True)
-class Score:
-    """Share of the held-out error that a rival explains.
-
-    Attributes:
-        share: Share of the error beyond the noise that it removes, over all sessions.
-        low: Lower end of the 95 % interval.
-        high: Upper end of the 95 % interval.
-        by_fold: Share of each session or stretch, in order; below 0 where the error grows, and NaN where it
-            is within the noise.
-    """
-
-    share: float
-    low: float
-    high: float
-    by_fold: Array
-
-
 def folds(session: ArrayLike) -> Rows:
     """Return the fold of each shot, the number of its session or stretch, (S,).
 
@@ -192,35 +174,19 @@ def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: fl
     return costs
 
 
-def scores(first: Fitted, rivals: Mapping[str, Fitted], session: ArrayLike) -> dict[str, Score]:
-    """Return the share of the error of held-out sessions that each rival removes.
+def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> tuple[float, float, float]:
+    """Return the share of the error of held-out sessions that a rival removes, with its 95 % interval.
 
     Args:
-        first: Model without any of them, its existing effects fitted.
-        rivals: Model with each effect, by its name, over the same shots.
+        first: Model without the rival, its existing effects fitted.
+        rival: Model with it, over the same shots.
         session: Number of each shot's session, (S,).
-
-    Returns:
-        One score per rival, the best first.
     """
     fold = folds(session)
-    before = left_out_costs(first, fold)
-    found: dict[str, Score] = {}
-    for name, rival in rivals.items():
-        after = left_out_costs(rival, fold)
-        both = np.isfinite(before) & np.isfinite(after)
-        gain, excess = (before - after)[both], (before - first.normal.freedoms)[both]
-        found[name] = Score(
-            *explained_share(gain, excess, block_length(rival.normal.score[both])),
-            _by_fold(gain, excess, fold[both], int(fold.max()) + 1),
-        )
-    return dict(sorted(found.items(), key=lambda item: -item[1].share))
-
-
-def _by_fold(gain: Array, excess: Array, fold: Rows, count: int) -> Array:
-    """Return the share of each fold."""
-    gained, left = (np.bincount(fold, weights=part, minlength=count) for part in (gain, excess))
-    return np.where(left > 0.0, gained / np.where(left > 0.0, left, 1.0), np.nan)
+    before, after = left_out_costs(first, fold), left_out_costs(rival, fold)
+    both = np.isfinite(before) & np.isfinite(after)
+    gain, excess = (before - after)[both], (before - first.normal.freedoms)[both]
+    return explained_share(gain, excess, block_length(rival.normal.score[both]))
 
 
 def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
@@ -237,7 +203,7 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
     before = Fitted(without.normal.of([]), np.zeros(0))
     after = Fitted(model.normal.of(own), np.zeros(len(own)))
-    elsewhere = scores(before, {effect: after}, session)[effect].share
+    elsewhere = left_out_share(before, after, session)[0]
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= SIMILAR * min(here, 1.0):
         return ""

@@ -131,15 +131,8 @@ UNKNOWN = 0.3
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
 
-# Growth with speed, and discovered terms
+# Discovered terms
 
-SAME_POWER = 0.3
-"""Difference of two powers of speed up to which they count as equal: those of known laws differ by 0.5 or
-more."""
-SPEED_BINS = 8
-"""Number of speed bins, with equal counts, and minimum number of pieces in each."""
-WIDEST_POWER = 1.5
-"""Maximum width of a power's 95 % interval for the power to be reported: wider ones do not tell 1 from 2."""
 TERM_SHORTLIST = 30
 """Number of terms whose transfer is evaluated, ranked by the error that they explain: it bounds the time."""
 UNEVEN_WEIGHT = 0.8

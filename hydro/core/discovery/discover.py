@@ -21,6 +21,7 @@ from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_co
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.settings import (
     CLOSEST,
     FAR_FROM_PRIOR,
@@ -96,11 +97,13 @@ class Discovery:
         baseline: The vehicle file and the shots.
         known: Prior of the file's entries.
         folds: Sessions and regimes of the shots, (S,) each.
+        first: Effects of the file, fitted without a new term; None before that fit.
     """
 
     baseline: Baseline
     known: Known
     folds: tuple[Rows, Rows]
+    first: Choice | None = None
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -149,8 +152,25 @@ class Discovery:
         new = range(len(model.values), len(columns))
         return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
-    def better(self, choice: Choice, progress: Progress) -> Choice | None:
+    def is_open(self, choice: Choice) -> bool:
+        """Return True: the next term decides."""
+        return True
+
+    def added(self, choice: Choice, tried: Choice) -> Choice:
+        """Return the formula with the new term."""
+        return tried
+
+    def belongs(self, choice: Choice, tried: Choice) -> bool:
+        """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
+        assert self.first is not None
+        gained, noise = choice.costs - tried.costs, choice.model.normal.residuals
+        least = np.maximum(MATERIAL * choice.costs, np.maximum(VISIBLE * self.first.costs, MATERIAL * noise))
+        return bool((gained >= least).all())
+
+    def best(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
+        share = (_count(choice.model.vehicle) - _count(self.baseline.vehicle)) / MOST_FINDINGS
+        progress = part(progress, share, share + 1.0 / MOST_FINDINGS)
         progress("terms tested on held-out data", 0.0)
         best: Choice | None = None
         for number, term in enumerate(self.shortlist(choice)[:CLOSEST]):
@@ -248,14 +268,8 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None
-    choice = first
-    while _count(choice.model.vehicle) - _count(vehicle) < MOST_FINDINGS:
-        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_FINDINGS
-        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_FINDINGS))
-        if tried is None or not _worth(first, choice, tried):
-            break
-        choice = tried
-    choice = data.needed(choice)
+    rounds: Rounds[Choice, Choice] = data
+    choice = data.needed(grow(rounds, first, progress)[0])
     if choice is first:
         return None
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
@@ -273,14 +287,8 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
     shots = baseline.problem.shots
     folds = (sessions_of(shots), regimes_of(shots))
     data = Discovery(baseline, known.releasing(FORMULA.name), folds)
-    return data, Choice(refitted, data.transferred(refitted))
-
-
-def _worth(first: Choice, before: Choice, after: Choice) -> bool:
-    """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
-    gained, noise = before.costs - after.costs, before.model.normal.residuals
-    least = np.maximum(MATERIAL * before.costs, np.maximum(VISIBLE * first.costs, MATERIAL * noise))
-    return bool((gained >= least).all())
+    first = Choice(refitted, data.transferred(refitted))
+    return replace(data, first=first), first
 
 
 def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:

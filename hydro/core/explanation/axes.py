@@ -10,8 +10,8 @@ from hydro.core.diagnosis.settings import (
     NEGLIGIBLE,
     RESAMPLES,
 )
-from hydro.core.diagnosis.transfer import Squares
 from hydro.core.evaluation.block_resampling import block_sums, weights
+from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.prediction.normal_equations import block_length
 
 

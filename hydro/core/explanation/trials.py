@@ -18,8 +18,8 @@ import polars as pl
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import stable_part, stable_start, weighed_fit
-from hydro.core.diagnosis.before import fit_changes
-from hydro.core.diagnosis.diagnose import settled
+from hydro.core.diagnosis.by_change import fit_changes
+from hydro.core.diagnosis.by_likelihood import settled
 from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
@@ -32,17 +32,12 @@ from hydro.core.diagnosis.settings import (
     QUICK_STEPS,
     SHOTS,
 )
-from hydro.core.diagnosis.transfer import (
-    Squares,
-    left_out_squares,
-    resolved,
-    squares_ahead,
-    squares_at_rest,
-)
+from hydro.core.diagnosis.transfer import left_out_squares, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
+from hydro.core.evaluation.velocity_errors import Squares, squares_ahead, squares_at_rest
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.axes import worse_axes
 from hydro.core.explanation.ladder import HORIZON, Step

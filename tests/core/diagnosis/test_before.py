@@ -12,12 +12,12 @@ import pytest
 import synthetic
 from recordings import WEAK, damped, flown
 
-from hydro.core.diagnosis import before as before_
+from hydro.core.diagnosis import by_change as before_
 from hydro.core.diagnosis import contenders
-from hydro.core.diagnosis.before import Change, Changes
+from hydro.core.diagnosis.by_change import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from recordings import damped, moved, noisy
 
-from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log
 
 HEAVY = {"name": "net_buoyancy", "dB": -8.0}
 
