@@ -32,11 +32,12 @@ from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
-    ALPHA,
     CHANCE,
     CHANGED,
     FURTHER,
     MATERIAL,
+    MOST_FINDINGS,
+    NEGLIGIBLE,
     RESAMPLES,
     RIGHT,
     SURE,
@@ -107,8 +108,10 @@ class ByChange:
 
     def is_open(self, changes: Changes) -> bool:
         """Return whether more than the floor of the hull model remains to be explained."""
-        changed = self.further or changes.found
-        return not (changed and self.compared.chi2(self._last(changes)) <= 1.0)
+        if self.further or changes.found:
+            left = self.compared.chi2(self._last(changes))
+            return len(changes.found) < MOST_FINDINGS and left > 1.0
+        return True
 
     def best(self, changes: Changes, progress: Progress) -> Change | None:
         """Fit candidates, and return the one with the least penalised held-out cost."""
@@ -317,7 +320,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
     fit = widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
-    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= ALPHA]
+    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= NEGLIGIBLE]
     if rivals:
         words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
     if left > RIGHT:

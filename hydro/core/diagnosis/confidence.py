@@ -22,12 +22,12 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
-    ALPHA,
     CHANGED,
     FOLDS,
     LEAST_EVIDENCE,
     LEAST_SESSIONS,
     NEARLY_EQUAL,
+    NEGLIGIBLE,
     RESAMPLES,
     RIGHT,
     RIGHT_ABOVE,
@@ -54,7 +54,7 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
     """
     costs = np.stack([model.penalised for model in rivals.values()], axis=1)
     part = dict(zip(rivals, _wins(costs, rivals[best].normal, seed), strict=True))
-    tied = [name for name in rivals if part[name] >= ALPHA or name == best]
+    tied = [name for name in rivals if part[name] >= NEGLIGIBLE or name == best]
     return {name: float(part[name]) for name in sorted(tied, key=lambda name: -part[name])}
 
 

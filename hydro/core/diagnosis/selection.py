@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol, TypeVar
 
-from hydro.core.diagnosis.settings import MOST_FINDINGS
 from hydro.core.progress import Progress
 
 State = TypeVar("State")
@@ -30,7 +29,7 @@ class Rounds(Protocol[State, Step]):
 
 
 def grow(rounds: Rounds[State, Step], state: State, progress: Progress) -> tuple[State, Step | None]:
-    """Add the best candidate of each round until none belongs, or MOST_FINDINGS rounds have passed.
+    """Add the best candidate of each round until none belongs.
 
     Args:
         rounds: Criterion.
@@ -40,9 +39,7 @@ def grow(rounds: Rounds[State, Step], state: State, progress: Progress) -> tuple
     Returns:
         The last state, and the best candidate of the last round where it does not belong.
     """
-    for _ in range(MOST_FINDINGS):
-        if not rounds.is_open(state):
-            break
+    while rounds.is_open(state):
         step = rounds.best(state, progress)
         if step is None or not rounds.belongs(state, step):
             return state, step

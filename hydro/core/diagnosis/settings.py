@@ -70,9 +70,9 @@ CONTENDERS = 5
 a round where none is right: it bounds the time."""
 CLOSEST = 3
 """Number of the best candidates that are fitted to convergence or reported: it bounds the time."""
-MOST_FINDINGS = 6
-"""Maximum number of effects of one search, of steps of an explanation and of terms of a formula: it bounds
-the time."""
+MOST_FINDINGS = 4
+"""Maximum number of effects of one search: it bounds the time.  In the frozen table only two searches of
+imperfect hulls reach it, with a right name first and wrong ones after it."""
 
 # Size of a finding
 
@@ -95,8 +95,7 @@ DISTINCT = 4.0
 """Distance from which two models differ, in standard errors: a general effect from its special case, a
 candidate on few shots from the best, and an effect from steady wrenches under feedback."""
 ALPHA = 0.01
-"""Probability of a false alarm in one round, over all effects at once, and minimum share of resamples that a
-rival wins to be listed with the best."""
+"""Probability of a false alarm in one round, over all effects at once."""
 ENTRY_PENALTY = 0.012
 """Penalty of each entry when effects are compared, as a share of the residual.  The hull's error is alike on
 all stretches, so held-out data alone do not penalise entries that follow it; 0.004 adds a wrong statement."""
@@ -140,9 +139,11 @@ UNEVEN_WEIGHT = 0.8
 
 # Steps of an explanation
 
+MOST_STEPS = 6
+"""Maximum number of steps of an explanation, and of terms of a formula: it bounds the time."""
 NEGLIGIBLE = 0.02
-"""Share of an error, or of a variance, that does not matter: a smaller rise is no loss, a smaller fall no
-gain, and a term that explains less is not kept."""
+"""Share that does not matter, of an error or of the resamples: a smaller rise is no loss, a smaller fall no
+gain, a term that explains less is not kept, and a rival that wins less often is not listed."""
 AXIS_LEVEL = 0.05
 """Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
 LIKELY_STEP = 0.2

@@ -27,7 +27,7 @@ from hydro.core.diagnosis.settings import (
     FAR_FROM_PRIOR,
     LEAST_INFORMATION,
     MATERIAL,
-    MOST_FINDINGS,
+    MOST_STEPS,
     NEARLY_EQUAL,
     NEGLIGIBLE,
     QUICK_STEPS,
@@ -153,8 +153,12 @@ class Discovery:
         return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
     def is_open(self, choice: Choice) -> bool:
-        """Return True: the next term decides."""
-        return True
+        """Return whether the formula may have another term."""
+        return self._new_terms(choice) < MOST_STEPS
+
+    def _new_terms(self, choice: Choice) -> int:
+        """Return the number of terms that the file does not have."""
+        return _count(choice.model.vehicle) - _count(self.baseline.vehicle)
 
     def added(self, choice: Choice, tried: Choice) -> Choice:
         """Return the formula with the new term."""
@@ -169,8 +173,8 @@ class Discovery:
 
     def best(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
-        share = (_count(choice.model.vehicle) - _count(self.baseline.vehicle)) / MOST_FINDINGS
-        progress = part(progress, share, share + 1.0 / MOST_FINDINGS)
+        share = self._new_terms(choice) / MOST_STEPS
+        progress = part(progress, share, share + 1.0 / MOST_STEPS)
         progress("terms tested on held-out data", 0.0)
         best: Choice | None = None
         for number, term in enumerate(self.shortlist(choice)[:CLOSEST]):

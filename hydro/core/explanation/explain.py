@@ -21,7 +21,7 @@ from hydro.core.diagnosis.pipeline import Beyond, diagnose_log
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import (
     FAR_FROM_NOISE,
-    MOST_FINDINGS,
+    MOST_STEPS,
 )
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
@@ -129,7 +129,7 @@ def over(steps: Sequence[Step]) -> str:
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
         words = words if known else "no effect of the catalogue explains the remaining error"
         return _with_suspects(words, last)
-    return f"{MOST_FINDINGS} steps are the limit" if last.number >= MOST_FINDINGS else ""
+    return f"{MOST_STEPS} steps are the limit" if last.number >= MOST_STEPS else ""
 
 
 def _with_suspects(words: str, last: Step) -> str:
