@@ -79,6 +79,9 @@ imperfect hulls reach it, with a right name first and wrong ones after it."""
 MATERIAL = 0.05
 """Minimum share of an error, of the noise or of a floor that is worth a finding, a term or a further
 search."""
+NEGLIGIBLE = 0.02
+"""Share that does not matter, of an error or of the resamples: a smaller rise is no loss, a smaller fall no
+gain, a term that explains less is not kept, and a rival that wins less often is not listed."""
 FURTHER = 0.2
 """Minimum share of the present error that a further finding explains, and that findings explain on average
 for a search to continue: 0.15 adds two wrong suspects in the frozen table."""
@@ -141,9 +144,6 @@ UNEVEN_WEIGHT = 0.8
 
 MOST_STEPS = 6
 """Maximum number of steps of an explanation, and of terms of a formula: it bounds the time."""
-NEGLIGIBLE = 0.02
-"""Share that does not matter, of an error or of the resamples: a smaller rise is no loss, a smaller fall no
-gain, a term that explains less is not kept, and a rival that wins less often is not listed."""
 AXIS_LEVEL = 0.05
 """Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
 LIKELY_STEP = 0.2
