@@ -335,7 +335,7 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     the correction with the last vehicle's response leaves several floors, which another effect would absorb.
     """
     names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
-    for _ in range(QUICK_STEPS):
+    for _ in range(QUICK_STEPS // 2):
         tables = [model.vehicle.effects(name)[0] for name in names]
         try:
             again = fitted_together(compared, last, tables, QUICK_STEPS, about=model.vehicle)

@@ -34,8 +34,8 @@ more accurate; a filtered log is only smoother."""
 # Fits
 
 QUICK_STEPS = 6
-"""Iterations of a candidate's first fit, enough to rank candidates, and of a fit that starts close to its
-result."""
+"""Iterations of a candidate's first fit: enough to rank candidates.  A fit that starts close to its result
+has half as many."""
 STEP_GAIN = 0.3
 """Minimum reduction of the cost by one step of a fit, in residuals: a smaller one does not affect names."""
 STEP_SHARE = 1e-3

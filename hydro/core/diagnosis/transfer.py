@@ -319,7 +319,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
 
     def predicted(number: int) -> Squares:
         """Return the squared errors of the stretches of one fold."""
-        there = continue_fit(whole.over(fold != number), QUICK_STEPS).vehicle
+        there = continue_fit(whole.over(fold != number), QUICK_STEPS // 2).vehicle
         return squares_ahead(there, ahead.of(within == number))
 
     sums, counts = np.zeros((2, len(ahead.starts), 6))
