@@ -23,11 +23,11 @@ import polars as pl
 import hydro
 from benchmarks.kept_tables import markdown
 from hydro.core.columns import VELOCITY
-from hydro.core.diagnosis.transfer import Squares
 from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import replay
 from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.evaluation.yardsticks import LEAST_SQUARES, ZERO
 from hydro.core.explanation.axes import worse_axes
 from hydro.core.explanation.explain import ending, explain

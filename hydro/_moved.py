@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any
 
 _PACKAGES = {  # new package: old module names, each with its new name after a colon if it differs
-    "hydro.core.diagnosis": "diagnose search naming:confidence "
+    "hydro.core.diagnosis": "diagnose:pipeline search naming:confidence "
     "left_out:confidence undetermined:identifiability unexplained slow:unexplained "
     "log_faults findings extend:findings",
     "hydro.core.explanation": "explain",

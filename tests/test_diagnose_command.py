@@ -153,7 +153,7 @@ def unsure(monkeypatch: pytest.MonkeyPatch) -> None:
         (), model, ("thruster_asymmetry",), NOISE, np.array([0, 0, 3.0, 0, 0, 0]), np.zeros((1, 4))
     )
     made = Diagnosis(FOUND, known, (9.0, 5.0, 1.0), question=asked)
-    monkeypatch.setattr("hydro.core.diagnosis.diagnose.diagnose_log", lambda *_, **__: made)
+    monkeypatch.setattr("hydro.core.diagnosis.pipeline.diagnose_log", lambda *_, **__: made)
 
 
 def test_next_run_writes_commands_that_can_be_simulated(unsure, tmp_path, capsys) -> None:

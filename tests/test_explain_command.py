@@ -20,10 +20,10 @@ import hydro
 from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
-from hydro.core.diagnosis.transfer import Squares
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
+from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.explanation import explain as loop
 from hydro.core.explanation import trials
 from hydro.core.simulation.estimates import Estimate, Estimates

@@ -30,10 +30,10 @@ COMMANDS = {
 """Every command that takes a recording; RAW is where it stands."""
 COMPUTED = {
     "compare": "hydro.core.evaluation.compare.compare",
-    "diagnose": "hydro.core.diagnosis.diagnose.diagnose_log",
+    "diagnose": "hydro.core.diagnosis.pipeline.diagnose_log",
     "explain": "hydro.core.explanation.explain.explain",
     "fit": "hydro.core.identification.fit.fit",
-    "hull": "hydro.core.diagnosis.diagnose.hull_of",
+    "hull": "hydro.core.diagnosis.pipeline.hull_of",
 }
 """What a long computation is replaced by: it says which recording came in."""
 

@@ -11,9 +11,9 @@ import polars as pl
 
 from benchmarks.discovery.laws import ahead_only, law, right
 from benchmarks.hidden_effects import flights, vehicles
-from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.findings import Diagnosis, extended
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log
 from hydro.core.discovery.discover import discovered
 from hydro.core.effects.formula import amounts, joined
 from hydro.core.errors import DataError

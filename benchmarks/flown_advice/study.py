@@ -14,8 +14,8 @@ import polars as pl
 from benchmarks.flown_advice import cases
 from benchmarks.hidden_effects import vehicles
 from benchmarks.imperfect_logs.study import clean
-from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import Diagnosis
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.diagnosis.settings import SURE
 from hydro.core.experiment.flight import Limits, advise
 

@@ -3,7 +3,7 @@
     python -m benchmarks.judge run -o now.parquet          # lists and sizes of the frozen table
     python -m benchmarks.judge run --list panel-before=200 --first-seed 200000 -o before.parquet
     python -m benchmarks.judge show now.parquet --base benchmarks/results/judge-7389b25.parquet
-    python -m benchmarks.judge show now.parquet --rescore settings.RIGHT_ABOVE_CLEAN=0.9
+    python -m benchmarks.judge show now.parquet --rescore settings.RIGHT_ABOVE=0.9
     python -m benchmarks.judge write --list panel-before --seed 12 -o study/
 
 `run` adds the studies missing in the results file, so the same command continues an earlier run.  `--base`

@@ -18,25 +18,17 @@ import polars as pl
 
 from benchmarks.judge.rows import KEY
 from benchmarks.judge.scores import Score, score
-from hydro.core.diagnosis import before, confidence, contenders, findings, imperfect, settings, transfer
-from hydro.core.diagnosis.before import Change
+from hydro.core.diagnosis import by_change, by_evidence, confidence, contenders, findings, settings, transfer
+from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import penalty
 from hydro.core.evaluation.block_resampling import weights
 
 Row = dict[str, Any]
 CONSTANTS = (
-    "settings.RIGHT_ABOVE_CLEAN",
-    "settings.CLEAN",
-    "settings.TIED",
-    "settings.TRANSFER_ODDS",
-    "settings.TRANSFER_BY_SCORE",
-    "settings.TRANSFER_BY_LEAD",
-    "settings.EVIDENCE_BY_LEAD",
-    "settings.EVIDENCE_EVEN",
-    "settings.LEAST_LEAD",
+    "settings.RIGHT_ABOVE",
     "settings.ENTRY_PENALTY",
-    "settings.LEAST_ENTRY",
+    "settings.VISIBLE",
     "settings.ABSORPTION_PENALTY",
     "settings.RIGHT",
     "settings.FIT",
@@ -44,7 +36,6 @@ CONSTANTS = (
     "settings.MATERIAL",
     "settings.CHANCE",
     "settings.UNKNOWN",
-    "settings.INEXACT",
     "settings.FURTHER",
     "settings.NEARLY_EQUAL",
     "settings.DOUBTFUL",
@@ -52,7 +43,7 @@ CONSTANTS = (
     "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
-MODULES = (settings, before, confidence, contenders, findings, imperfect, transfer)
+MODULES = (settings, by_change, by_evidence, confidence, contenders, findings, transfer)
 """Modules that read these constants, each under the same name."""
 
 

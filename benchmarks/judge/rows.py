@@ -14,8 +14,8 @@ import polars as pl
 
 from benchmarks.judge.studies import LISTS, Study
 from hydro.core.diagnosis.candidates import Candidate
-from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import WITH_VALUES, Diagnosis, Finding, extended
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle

@@ -174,8 +174,8 @@ def diagnose(
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
         hydro.core.errors.UsageError: `model` without `before`, or `discover` with it.
     """
-    from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.diagnosis.pipeline import diagnose_log
     from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
 
@@ -303,7 +303,7 @@ def _hull(
     vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None, *, discover: bool = False
 ) -> Hull | None:
     """Return the hull-force model of a recording before a change, or of a network; None without one."""
-    from hydro.core.diagnosis.diagnose import hull_of
+    from hydro.core.diagnosis.pipeline import hull_of
     from hydro.core.errors import UsageError
     from hydro.core.residual.learnt import Learnt
 

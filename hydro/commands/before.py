@@ -87,7 +87,7 @@ def learnt(
             network does not fit the vehicle file.
         UsageError: --model is given without --before, or --discover with it.
     """
-    from hydro.core.diagnosis.diagnose import hull_of
+    from hydro.core.diagnosis.pipeline import hull_of
     from hydro.core.residual.learnt import Learnt
 
     if not before:

@@ -197,8 +197,8 @@ def diagnose(
 
     On a terminal the answer goes to stdout. In a pipe stdout has the table, and stderr the headline.
     """
-    from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.diagnosis.pipeline import diagnose_log
     from hydro.core.discovery.discover import discovered
     from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table

@@ -197,7 +197,7 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed
     """Write replays, unexplained forces and growth of these steps, and the list of sessions."""
     import polars as pl
 
-    from hydro.core.discovery.growth import growth
+    from hydro.core.evaluation.growth import growth
     from hydro.core.evaluation.leftover import leftover
     from hydro.core.evaluation.rolling_prediction import restarted
     from hydro.core.explanation.ladder import DATASETS

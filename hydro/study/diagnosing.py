@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hydro.core.diagnosis.baseline import refit, stable_start
-from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import sample_time
 from hydro.io import covariance, memory, partitions, table, vehicle

@@ -10,8 +10,8 @@ from multiprocessing import get_context
 
 import polars as pl
 
-from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log
 from hydro.core.distillation.labels import labels
 from hydro.core.distillation.labels_of_samples import labels_of_samples
 from hydro.core.distillation.split import split

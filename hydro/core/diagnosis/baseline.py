@@ -31,7 +31,6 @@ from hydro.core.diagnosis.settings import (
     FURTHER,
     LEAST_SHOTS,
     MATERIAL,
-    SHORTEST_SHOT,
     SHOTS,
     STEP_SHARE,
     VISIBLE,
@@ -166,14 +165,35 @@ class Found:
     p_value: float
     rivals: Mapping[str, Model]
 
+    @property
+    def model(self) -> Model:
+        """Model with the effect."""
+        return self.rivals[self.effect]
+
 
 @dataclass(frozen=True)
-class Outcome:
-    """Result of a search.
+class Grown:
+    """Model during a search.
 
     Attributes:
         model: Vehicle with all effects found.
         found: Effects that joined it.
+    """
+
+    model: Model
+    found: tuple[Found, ...]
+
+    @property
+    def effects(self) -> list[str]:
+        """Names of the effects found."""
+        return [one.effect for one in self.found]
+
+
+@dataclass(frozen=True)
+class Outcome(Grown):
+    """Result of a search.
+
+    Attributes:
         last: Screening of the last round, in which nothing joined.
         without: Model without each effect found, with all others refitted.
         fit: Values and standard errors of all effects, fitted together; None before that fit, or without
@@ -181,17 +201,10 @@ class Outcome:
         warnings: Problems of the search, one sentence each.
     """
 
-    model: Model
-    found: tuple[Found, ...]
     last: Screening
     without: Mapping[str, Model] = field(default_factory=dict)
     fit: Fit | None = None
     warnings: tuple[str, ...] = ()
-
-    @property
-    def effects(self) -> list[str]:
-        """Names of the effects found."""
-        return [one.effect for one in self.found]
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
@@ -234,7 +247,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
         count = room(record, seconds)
-        if count < LEAST_SHOTS and seconds > SHORTEST_SHOT:
+        if count < LEAST_SHOTS and seconds > SHOT_LENGTHS[-2]:
             continue
         if count < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())

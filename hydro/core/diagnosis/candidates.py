@@ -75,12 +75,21 @@ def in_blocks(costs: Array, size: int = 1) -> Array:
     return block_sums(costs[:, None], whole)[:, 0]
 
 
-def values_of(vehicle: Vehicle, effect: str) -> dict[str, Any]:
-    """Return the values in an effect's table, without its name."""
-    tables = vehicle.effects(effect)
-    return {key: value for key, value in tables[0].items() if key != "name"} if tables else {}
+def candidate_of(
+    engine: Engine, step: int, effect: str, vehicle: Vehicle, *, chosen: bool, entries: int, **numbers: Any
+) -> Candidate:
+    """Return a candidate with the values of a fitted vehicle.
 
-
-def is_plausible(vehicle: Vehicle, effect: str) -> bool:
-    """Return whether an effect's values lie within their plausible range."""
-    return not implausible(vehicle, [effect])
+    Args:
+        engine: Search that fitted it.
+        step: Number of the step.
+        effect: Name; empty for the model without any candidate.
+        vehicle: Fitted vehicle.
+        chosen: Whether the diagnosis took it.
+        entries: Number of fitted values.
+        numbers: Further attributes of the candidate.
+    """
+    tables = vehicle.effects(effect) if effect else ()
+    values = {key: value for key, value in tables[0].items() if key != "name"} if tables else {}
+    plausible = not effect or not implausible(vehicle, [effect])
+    return Candidate(engine, step, effect, chosen, entries, plausible=plausible, values=values, **numbers)

@@ -20,7 +20,11 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.settings import NEARLY_EQUAL, STEADY_CHI2, STEADY_SECONDS
+from hydro.core.diagnosis.settings import (
+    DISTINCT,
+    NEARLY_EQUAL,
+    STEADY_SECONDS,
+)
 from hydro.core.diagnosis.unexplained import WRENCH, steadily_disturbed, wrenches_of_pulls
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
@@ -99,7 +103,7 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
         told = float(after[of] @ known @ after[of]) / len(of)
         stays = float(after[of] @ known @ step[of]) / max(float(step[of] @ known @ step[of]), 1e-300)
         found[name] = (
-            float(np.clip(stays, 0.0, 1.0)) if told >= STEADY_CHI2 * max(model.normal.chi2, 1.0) else 0.0
+            float(np.clip(stays, 0.0, 1.0)) if told >= DISTINCT**2 * max(model.normal.chi2, 1.0) else 0.0
         )
     return found
 

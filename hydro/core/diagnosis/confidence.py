@@ -11,33 +11,28 @@ instead.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import expit
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
-    CLEAN,
-    EVIDENCE_BY_LEAD,
-    EVIDENCE_EVEN,
+    CHANGED,
     FOLDS,
-    LEAST_LEAD,
+    LEAST_EVIDENCE,
     LEAST_SESSIONS,
     NEARLY_EQUAL,
+    NEGLIGIBLE,
     RESAMPLES,
     RIGHT,
-    RIGHT_ABOVE_CLEAN,
+    RIGHT_ABOVE,
     SIMILAR,
     SURE,
-    TIED,
-    TRANSFER_BY_LEAD,
-    TRANSFER_BY_SCORE,
-    TRANSFER_ODDS,
 )
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
@@ -56,11 +51,10 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
 
     Returns:
         The best and all that are tied with it, the most frequent winner first.
-        The best and all that are tied with it, the most frequent winner first.
     """
     costs = np.stack([model.penalised for model in rivals.values()], axis=1)
     part = dict(zip(rivals, _wins(costs, rivals[best].normal, seed), strict=True))
-    tied = [name for name in rivals if part[name] >= TIED or name == best]
+    tied = [name for name in rivals if part[name] >= NEGLIGIBLE or name == best]
     return {name: float(part[name]) for name in sorted(tied, key=lambda name: -part[name])}
 
 
@@ -132,24 +126,6 @@ class Fitted:
     information: Array | None = None
 
 
-@dataclass(frozen=True)
-class Score:
-    """Share of the held-out error that a rival explains.
-
-    Attributes:
-        share: Share of the error beyond the noise that it removes, over all sessions.
-        low: Lower end of the 95 % interval.
-        high: Upper end of the 95 % interval.
-        by_fold: Share of each session or stretch, in order; below 0 where the error grows, and NaN where it
-            is within the noise.
-    """
-
-    share: float
-    low: float
-    high: float
-    by_fold: Array
-
-
 def folds(session: ArrayLike) -> Rows:
     """Return the fold of each shot, the number of its session or stretch, (S,).
 
@@ -198,35 +174,19 @@ def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: fl
     return costs
 
 
-def scores(first: Fitted, rivals: Mapping[str, Fitted], session: ArrayLike) -> dict[str, Score]:
-    """Return the share of the error of held-out sessions that each rival removes.
+def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> tuple[float, float, float]:
+    """Return the share of the error of held-out sessions that a rival removes, with its 95 % interval.
 
     Args:
-        first: Model without any of them, its existing effects fitted.
-        rivals: Model with each effect, by its name, over the same shots.
+        first: Model without the rival, its existing effects fitted.
+        rival: Model with it, over the same shots.
         session: Number of each shot's session, (S,).
-
-    Returns:
-        One score per rival, the best first.
     """
     fold = folds(session)
-    before = left_out_costs(first, fold)
-    found: dict[str, Score] = {}
-    for name, rival in rivals.items():
-        after = left_out_costs(rival, fold)
-        both = np.isfinite(before) & np.isfinite(after)
-        gain, excess = (before - after)[both], (before - first.normal.freedoms)[both]
-        found[name] = Score(
-            *explained_share(gain, excess, block_length(rival.normal.score[both])),
-            _by_fold(gain, excess, fold[both], int(fold.max()) + 1),
-        )
-    return dict(sorted(found.items(), key=lambda item: -item[1].share))
-
-
-def _by_fold(gain: Array, excess: Array, fold: Rows, count: int) -> Array:
-    """Return the share of each fold."""
-    gained, left = (np.bincount(fold, weights=part, minlength=count) for part in (gain, excess))
-    return np.where(left > 0.0, gained / np.where(left > 0.0, left, 1.0), np.nan)
+    before, after = left_out_costs(first, fold), left_out_costs(rival, fold)
+    both = np.isfinite(before) & np.isfinite(after)
+    gain, excess = (before - after)[both], (before - first.normal.freedoms)[both]
+    return explained_share(gain, excess, block_length(rival.normal.score[both]))
 
 
 def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
@@ -243,7 +203,7 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
     before = Fitted(without.normal.of([]), np.zeros(0))
     after = Fitted(model.normal.of(own), np.zeros(len(own)))
-    elsewhere = scores(before, {effect: after}, session)[effect].share
+    elsewhere = left_out_share(before, after, session)[0]
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= SIMILAR * min(here, 1.0):
         return ""
@@ -325,23 +285,30 @@ def stated(finding: Finding) -> Finding:
 def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
-    Of 921 names that were nearly certain on the benchmarks' recordings, 908 were right up to CLEAN; above it,
-    102 of 118 were (seeds 80000 to 84059).
-
     Args:
         frequency: Share of the resamples in which the effect wins, see `selection_frequency`.
         left: Mean squared residual of the model, in units of the noise.
     """
-    return frequency if left <= CLEAN else RIGHT_ABOVE_CLEAN * frequency
+    return frequency if left <= RIGHT else RIGHT_ABOVE * frequency
+
+
+def led(lead: float, by_chance: float) -> float:
+    """Return the probability that the lead of a candidate is not due to chance.
+
+    Leads by chance have an exponential distribution.
+
+    Args:
+        lead: Lead over the next candidate, or over none.
+        by_chance: Mean lead by chance, in the same unit.
+    """
+    return -math.expm1(-max(lead, 0.0) / by_chance)
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """Return the probability that a name by transfer is right, where no model reaches the noise.
 
-    A logistic regression of right and wrong first names on the score and its lead.  The data are 46
-    recordings of panel hulls with one change or none (`benchmarks.imperfect_base`, development seeds).  The
-    lead is the share of the next best's residual that the best removes: where many effects remove nearly all
-    of an error, any of them could be right.
+    The lead is the share of the next best's residual that the best removes: where many effects remove nearly
+    all of an error, any of them could be right.
 
     Args:
         score: Share of the held-out error that the effect removes, see `diagnosis.transfer`.
@@ -349,22 +316,18 @@ def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """
     next_best = max(others, default=0.0)
     lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
-    return float(expit(TRANSFER_ODDS + TRANSFER_BY_SCORE * score + TRANSFER_BY_LEAD * max(lead, 0.0)))
+    return min(max(score, 0.0), 1.0) * led(lead, CHANGED)
 
 
 def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
     """Return the probability that a name is right, where evidence with the hull force free ranks the names.
 
-    A logistic curve in log(1 + lead), fitted on 29 recordings of panel hulls with one change and 16 with none
-    (`benchmarks.imperfect_base`, seeds 1000 to 1029).  In theory a lead of 3 is wrong once in twenty, but no
-    library contains every hull force.  Evidence also counts correlated residuals as independent, so the lead
-    must be a share of the evidence too.  In one real log, with 16,000 times the noise left, gains of nine
-    thrusters led by 109 of 1558, three of them dead.
+    No library contains every hull force, so gaps of the library give LEAST_EVIDENCE by chance.  Evidence also
+    counts correlated residuals as independent, so a share of it may be due to chance too.  In one real log,
+    with 16,000 times the noise left, gains of nine thrusters led by 109 of 1558, three of them dead.
 
     Args:
         evidence: Log evidence of the effect, see `residual.allowance`.
         others: Log evidence of all others.
     """
-    lead = max(evidence - max([0.0, *others]), 0.0)
-    part = min(lead / (LEAST_LEAD * max(evidence, 1e-300)), 1.0)
-    return float(part * expit(EVIDENCE_BY_LEAD * (np.log1p(lead) - EVIDENCE_EVEN)))
+    return led(evidence - max([0.0, *others]), LEAST_EVIDENCE + CHANGED * max(evidence, 0.0))

@@ -27,16 +27,10 @@ from hydro.core.diagnosis.settings import (
     CONTENDERS,
     ENTRY_PENALTY,
     FIT,
-    HOPELESS,
-    LEAST_ENTRY,
-    LONG_STEPS,
-    MOST_CONTENDERS,
     QUICK_STEPS,
-    REFITS,
     RIGHT,
     SUSPECT_SPREAD,
-    TUMBLING,
-    UNTRUSTED_RATIO,
+    VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
@@ -148,14 +142,14 @@ class Compared:
         alone.
         """
         left, here = self.left_out(model.normal), self.weight * model.costs
-        if left.sum() > UNTRUSTED_RATIO * here.sum():
+        if left.sum() > RIGHT * here.sum():
             again = self.refitted(model)
             return again if again.sum() < left.sum() else left
         return left if left.sum() >= here.sum() else here
 
     def settled(self, model: Model) -> bool:
         """Return whether linear steps to the other folds stay where the problem is nearly linear."""
-        return bool(self.left_out(model.normal).sum() <= UNTRUSTED_RATIO * (self.weight * model.costs).sum())
+        return bool(self.left_out(model.normal).sum() <= RIGHT * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
         """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
@@ -210,7 +204,7 @@ def contend(
     right = RIGHT * floor
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
-        progress(f"{name} on held-out stretches", number / MOST_CONTENDERS)
+        progress(f"{name} on held-out stretches", number / (2 * CONTENDERS))
         fine = _shapes(compared, last, name)
         table = (scored_by_one_step(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
@@ -219,19 +213,16 @@ def contend(
     if _least(fits) > right:
         others = {name: scored for name, scored in ranked.items() if name not in always}
         for number, table in enumerate(_at_finer_places(compared, last, others), len(always)):
-            if _least(fits) <= (FIT * floor if chosen and number >= MOST_CONTENDERS else right):
+            if _least(fits) <= (FIT * floor if chosen and number >= 2 * CONTENDERS else right):
                 break
-            progress(f"{table['name']} on held-out stretches", min(number / MOST_CONTENDERS, 1.0))
+            progress(f"{table['name']} on held-out stretches", min(number / (2 * CONTENDERS), 1.0))
             _join(fits, compared, last, table)
     if _least(fits) > FIT * floor:
         for table in _from_all_sides(vehicle, fits):
             _join(fits, compared, last, table)
-        for name in _stepwise(fits):
-            _join(fits, compared, last, fits[name].table, ITERATIONS)
-    if _least(fits) > TUMBLING * floor:
         closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
-        for name in dict.fromkeys([*closest, *_far(fits)]):
-            _join(fits, compared, last, fits[name].table, LONG_STEPS)
+        for name in dict.fromkeys([*closest, *_stepwise(fits), *_far(fits)]):
+            _join(fits, compared, last, fits[name].table, ITERATIONS)
     return fits
 
 
@@ -317,7 +308,7 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         at += len(columns)
         own = normal.of(columns)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - LEAST_ENTRY * len(columns)
+        score = 1.0 - float(left.sum()) / whole - VISIBLE * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
             known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
             step = np.linalg.solve(known, own.score.sum(axis=0))
@@ -334,7 +325,7 @@ def fitted(
     """
     model, name = fitted_together(compared, last, [table], iterations), str(table["name"])
     here = compared.weight * model.costs
-    if not here.sum() <= HOPELESS * least:
+    if not here.sum() <= FIT * least:
         return Contender(name, model, here)
     model = with_hull_response(compared, last, model)
     if not compared.settled(model):  # continue with the hull forces held too: they change with the motion
@@ -351,7 +342,7 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     the correction with the last vehicle's response leaves several floors, which another effect would absorb.
     """
     names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
-    for _ in range(REFITS):
+    for _ in range(QUICK_STEPS // 2):
         tables = [model.vehicle.effects(name)[0] for name in names]
         try:
             again = fitted_together(compared, last, tables, QUICK_STEPS, about=model.vehicle)
@@ -382,7 +373,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
         fewer = [[one for one in kept if one != out] for out in kept]
         costs = [float(compared.left_out(normal.of(columns)).sum()) for columns in fewer]
         best = int(np.argmin(costs))
-        if costs[best] > left + LEAST_ENTRY * nothing:
+        if costs[best] > left + VISIBLE * nothing:
             break
         kept, left = fewer[best], costs[best]
     if len(kept) == count:
@@ -393,7 +384,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))
-    return leaner if leaner.left < whole.left + LEAST_ENTRY * nothing * (count - len(kept)) else whole
+    return leaner if leaner.left < whole.left + VISIBLE * nothing * (count - len(kept)) else whole
 
 
 def fitted_together(

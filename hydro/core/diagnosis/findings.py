@@ -164,6 +164,17 @@ class Status:
 
 
 @dataclass(frozen=True)
+class Result:
+    """Final fit of a diagnosis, without its findings: the attributes are those of `Diagnosis`."""
+
+    vehicle: Vehicle
+    chi2: tuple[float, float, float]
+    estimates: Estimates | None = None
+    question: Question | None = None
+    candidates: tuple[Candidate, ...] = ()
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """Result of a diagnosis.
 

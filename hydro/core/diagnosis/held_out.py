@@ -16,13 +16,14 @@ from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.settings import FOLDS, RESAMPLES, SHOTS
-from hydro.core.diagnosis.transfer import Squares, axes_by_distance, left_out_squares, resolved, squares_ahead
+from hydro.core.diagnosis.transfer import left_out_squares, resolved
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import replay
 from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.evaluation.velocity_errors import Squares, axes_by_distance, squares_ahead
 from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import JUDGED
 from hydro.core.prediction.candidate import candidate

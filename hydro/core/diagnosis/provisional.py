@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from hydro.core.diagnosis.confidence import by_likelihood_confidence, selection_frequency
-from hydro.core.diagnosis.model import Model, Screening, leader
-from hydro.core.diagnosis.search import Search
-from hydro.core.progress import Progress
+from hydro.core.diagnosis.model import Model, leader
 
 
 @dataclass(frozen=True)
@@ -26,39 +24,22 @@ class Provisional:
     confidence: float
     share: float
 
+    @classmethod
+    def of(cls, fits: Mapping[str, Model], before: Model) -> Provisional | None:
+        """Return the best of some fits; None without any.
+
+        Args:
+            fits: Fitted candidates, by effect.
+            before: Model without them.
+        """
+        best = leader(fits)
+        if best is None:
+            return None
+        model, frequency = fits[best], selection_frequency(fits, best)[best]
+        share = (before.normal.cost - model.normal.cost) / max(before.excess, 1e-9)
+        sure = by_likelihood_confidence(frequency, model.normal.chi2)
+        return cls(best, sure, float(min(max(share, 0.0), 1.0)))
+
 
 Told = Callable[[Provisional], None]
 """Called once, with the best candidate after the first fits."""
-
-
-@dataclass(frozen=True)
-class ReportingSearch(Search):
-    """Search that reports its best candidate as soon as the first candidates are fitted.
-
-    Attributes:
-        told: Receives the report; None for a search that reports nothing.
-        reported: Holds the report once it was made: each search of a diagnosis shares it.
-    """
-
-    told: Told | None = None
-    reported: list[Provisional] = field(default_factory=list, repr=False)
-
-    def quick_fits(
-        self,
-        chosen: Sequence[str],
-        screening: Screening,
-        gains: Mapping[str, float],
-        known: Mapping[str, Model],
-        progress: Progress,
-    ) -> dict[str, Model]:
-        """Fit the candidates as any search does, and report the best of the first ones."""
-        fits = super().quick_fits(chosen, screening, gains, known, progress)
-        best = leader(fits)
-        if self.told is not None and best is not None and not self.reported:
-            before, model = screening.model, fits[best]
-            frequency = selection_frequency(fits, best)[best]
-            confidence = by_likelihood_confidence(frequency, model.normal.chi2)
-            share = (before.normal.cost - model.normal.cost) / max(before.excess, 1e-9)
-            self.reported.append(Provisional(best, confidence, float(min(max(share, 0.0), 1.0))))
-            self.told(self.reported[0])
-        return fits

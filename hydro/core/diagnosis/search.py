@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import msgspec
 import numpy as np
 
-from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
-from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
+from hydro.core.diagnosis.baseline import Baseline, Found, Grown, Outcome
+from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -31,23 +31,23 @@ from hydro.core.diagnosis.model import (
     not_ruled_out,
     screened,
 )
+from hydro.core.diagnosis.provisional import Provisional, Told
+from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
     DISTINCT,
-    FEW_SHOTS,
     FIT,
     FURTHER,
-    HOPELESS,
     MOST_FINDINGS,
     QUICK_STEPS,
     RIGHT,
+    SHOTS,
     SIMILAR,
     SIMILAR_CURVED,
     STEP_SHARE,
-    UNTRUSTED_RATIO,
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
@@ -64,6 +64,14 @@ from hydro.core.vehicle.description import Vehicle
 
 
 @dataclass(frozen=True)
+class Round:
+    """Result of one round: the screening, and the effect with the least penalised cost, if any was fitted."""
+
+    screening: Screening
+    found: Found | None = None
+
+
+@dataclass(frozen=True)
 class Search:
     """Search from a baseline.  `chosen` always names the effects that joined the model.
 
@@ -74,11 +82,19 @@ class Search:
             continues if its first finding explains ALMOST_ALL, because no hull error is explained so well.
         made: Fits by their starting values.  Searches that share them repeat none, for example where the file
             has hardly any free effect.
+        told: Called once with the best candidate after the first fits; None for a search that reports none.
+        reported: What was told: searches of one diagnosis share it.
+        other: Outcome that the search must not repeat; None without one.
+        far: Residual of the first effect above which the search waits, in units of the noise.
     """
 
     baseline: Baseline
     from_file: bool = False
     made: dict[tuple[object, ...], Model] = field(default_factory=dict, repr=False)
+    told: Told | None = None
+    reported: list[Provisional] = field(default_factory=list, repr=False)
+    other: Outcome | None = None
+    far: float = np.inf
 
     def wrong(self, outcome: Outcome) -> bool:
         """Return whether the outcome's model is wrong although something is missing.
@@ -100,8 +116,8 @@ class Search:
 
     def fewer(self, model: Model) -> Model:
         """Return the model over a few shots where its residual is far above the noise."""
-        enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW_SHOTS
-        return model.some(FEW_SHOTS) if enough else model
+        enough = model.normal.chi2 > RIGHT and len(model.costs) >= SHOTS
+        return model.some(SHOTS // 2) if enough else model
 
     def contend(
         self,
@@ -148,13 +164,14 @@ class Search:
     ) -> dict[str, Model]:
         """Fit some candidates quickly, and the closest of them to convergence; see `contend`."""
         few = screening.model is not model
-        rivals = {name: fit.some(FEW_SHOTS) if few else fit for name, fit in known.items()}
+        rivals = {name: fit.some(SHOTS // 2) if few else fit for name, fit in known.items()}
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
+        self._tell(fits, screening.model)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
         for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
             progress(f"{name}, fitted to convergence", 0.6 + 0.4 * number / CLOSEST)
-            if beyond_noise(fits[name]) > HOPELESS * least:
+            if beyond_noise(fits[name]) > FIT * least:
                 continue
             if name not in known:
                 try:
@@ -163,6 +180,12 @@ class Search:
                     continue
             least = min(least, beyond_noise(last[name]) + VISIBLE)
         return self.with_plainer(last, chosen)
+
+    def _tell(self, fits: Mapping[str, Model], before: Model) -> None:
+        """Report the best of the first fits, once."""
+        if self.told is not None and not self.reported and (best := Provisional.of(fits, before)) is not None:
+            self.reported.append(best)
+            self.told(best)
 
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
         """Return the fits, with simpler special cases of the best effect, started from its values.
@@ -224,7 +247,7 @@ class Search:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
         few = len(quick.costs) < len(before.costs)
-        enough = quick.normal.chi2 * (UNTRUSTED_RATIO if few else 1.0)
+        enough = quick.normal.chi2 * (RIGHT if few else 1.0)
         at_sight = self.baseline.problem.at_measured_states
         along, best = before.problem if few else quick.problem, quick
         for problem, most in ((at_sight(quick.vehicle), enough), (along, np.inf)):
@@ -272,33 +295,52 @@ class Search:
         It continues from an earlier outcome `start` if one is given.  It ends where it only repeats an
         `other` search, or where the first effect leaves more than `far` times the noise.
         """
-        model, found = (start.model, list(start.found)) if start else (self.baseline.refitted, list[Found]())
-        while True:
-            chosen = [one.effect for one in found]
-            told = part(progress, 0.2 + 0.12 * len(found), 0.32 + 0.12 * len(found))
-            told(f"{len(found)} found, looking for more", 0.0)
-            begun = self.baseline.at_file() if self.from_file and not found else model
-            screening = self.screen(self.fewer(begun), chosen)
-            if screening.model is not begun and not screening.significant:
-                screening = self.screen(begun, chosen)
-            if len(found) == MOST_FINDINGS or not self.telling(screening, begun):
-                break
-            known = self.from_distant_starts(begun) if begun is not model else {}
-            fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0), known)
-            best = leader(fits)
-            if best is None or not self.baseline.belongs(
-                best, model.normal.cost - fits[best].normal.cost, model
-            ):
-                break
-            found.append(Found(best, screening.p_value, fits))
-            model = fits[best]
-            if self.explains_little(model, found) or self.waits(model, found, far):
-                break
-            if other is not None and same_way(found, other.found):
-                break
-        if screening.model is not model:
-            screening = self.screen(model, [one.effect for one in found])
-        return Outcome(model, tuple(found), screening)
+        begun = start or Grown(self.baseline.refitted, ())
+        rounds: Rounds[Grown, Round] = replace(self, other=other, far=far)
+        found = grow(rounds, begun, progress)
+        state, refused = found
+        last = refused.screening if refused else None
+        if last is None or last.model is not state.model:
+            last = self.screen(state.model, state.effects)
+        return Outcome(state.model, state.found, last)
+
+    def is_open(self, state: Grown) -> bool:
+        """Return whether another effect may join."""
+        model, found = state.model, state.found
+        if len(found) == MOST_FINDINGS:
+            return False
+        if not found:
+            return True
+        repeats = self.other is not None and same_way(found, self.other.found)
+        return not (repeats or self.explains_little(model, found) or self.waits(model, found, self.far))
+
+    def best(self, state: Grown, progress: Progress) -> Round:
+        """Screen all effects, fit those with the largest gains, and return the best by penalised cost."""
+        model, count = state.model, len(state.found)
+        told = part(progress, 0.2 + 0.12 * count, 0.32 + 0.12 * count)
+        told(f"{count} found, looking for more", 0.0)
+        begun = self.baseline.at_file() if self.from_file and not count else model
+        screening = self.screen(self.fewer(begun), state.effects)
+        if screening.model is not begun and not screening.significant:
+            screening = self.screen(begun, state.effects)
+        if not self.telling(screening, begun):
+            return Round(screening)
+        known = self.from_distant_starts(begun) if begun is not model else {}
+        fits = self.contend(begun, state.effects, screening, part(told, 0.3, 1.0), known)
+        best = leader(fits)
+        return Round(screening, None if best is None else Found(best, screening.p_value, fits))
+
+    def belongs(self, state: Grown, step: Round) -> bool:
+        """Return whether the best effect is material, or shown by kinematics."""
+        if step.found is None:
+            return False
+        gain = state.model.normal.cost - step.found.model.normal.cost
+        return self.baseline.belongs(step.found.effect, gain, state.model)
+
+    def added(self, state: Grown, step: Round) -> Grown:
+        """Return the model with one more effect."""
+        assert step.found is not None
+        return Grown(step.found.model, (*state.found, step.found))
 
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether the findings explain so little that the search ends."""
@@ -424,17 +466,16 @@ def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[
 
 def _candidate(step: int, name: str, chosen: bool, model: Model, size: int, file: Vehicle) -> Candidate:
     """Return one candidate of a search; an empty name stands for the model without a new effect."""
-    return Candidate(
+    return candidate_of(
         "likelihood",
         step,
         name,
-        chosen,
-        len(model.values),
-        len(model.costs),
-        in_blocks(model.costs, size),
-        model.normal.chi2,
-        model.normal.residuals,
+        model.vehicle,
+        chosen=chosen,
+        entries=len(model.values),
+        shots=len(model.costs),
+        costs=in_blocks(model.costs, size),
+        chi2=model.normal.chi2,
+        residuals=model.normal.residuals,
         own=bool(name) and bool(file.effects(name)),
-        plausible=not name or is_plausible(model.vehicle, name),
-        values=values_of(model.vehicle, name) if name else {},
     )

@@ -32,36 +32,32 @@ from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import (
     CORRELATED,
-    FEW_SHOTS,
     FOLDS,
-    LEAST_ENTRY,
     LEAST_EVIDENCE,
     LEAST_INFORMATION,
     NEARLY_EQUAL,
     QUICK_STEPS,
-    REFITS,
     RESOLUTION,
+    SHOTS,
     SUSPECT_SPREAD,
+    VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.replay_error import BEYOND
+from hydro.core.evaluation.velocity_errors import Squares, squares_ahead
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
-from hydro.core.prediction import multiple_shooting
-from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import Free, free
 from hydro.core.progress import Progress
-from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.allowance import Held
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import rotation_from_quaternion
 
 DRAG = frozenset(with_role(Role.DRAG))
 """Effects that are drag which grows faster than speed."""
@@ -205,7 +201,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         progress: Called with a short text and the share of the work done.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
-    problem = baseline.problem.some(FEW_SHOTS)
+    problem = baseline.problem.some(SHOTS // 2)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
     refitted, known = tempered(baseline, problem)
 
@@ -252,7 +248,7 @@ def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tu
 
     The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
-    order = sorted(rivals, key=lambda one: LEAST_ENTRY * one.entries - one.score)
+    order = sorted(rivals, key=lambda one: VISIBLE * one.entries - one.score)
     best = order[0].score if order else 0.0
     for one in order:
         if one.effect in first and one.score >= NEARLY_EQUAL * best > 0.0:
@@ -301,33 +297,6 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
     return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, LEAST_INFORMATION)
 
 
-@dataclass(frozen=True)
-class Squares:
-    """Squared prediction errors of the velocities over stretches of a recording.
-
-    Attributes:
-        sums: Sum over each stretch, (S, 6) [m^2/s^2, rad^2/s^2].
-        counts: Number of samples in each, (S, 6).
-    """
-
-    sums: Array
-    counts: Array
-
-    @property
-    def mean(self) -> Array:
-        """Mean squared error on each axis, (6,)."""
-        average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
-        return average
-
-    def error(self, weights: Array) -> float:
-        """Return the root mean square error over all axes [m/s].
-
-        Args:
-            weights: Weight of each axis, (6,).
-        """
-        return float(np.sqrt(weights @ self.mean))
-
-
 def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots) -> Squares:
     """Predict each stretch of a recording with a fit of effects to the other stretches.
 
@@ -350,7 +319,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
 
     def predicted(number: int) -> Squares:
         """Return the squared errors of the stretches of one fold."""
-        there = continue_fit(whole.over(fold != number), REFITS).vehicle
+        there = continue_fit(whole.over(fold != number), QUICK_STEPS // 2).vehicle
         return squares_ahead(there, ahead.of(within == number))
 
     sums, counts = np.zeros((2, len(ahead.starts), 6))
@@ -371,54 +340,6 @@ def _predicted_together(shots: Shots) -> Rows:
     _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
     enough = len(label) - count.max() >= LEAST_INFORMATION * len(label)
     return np.asarray(label, np.int64) if enough else sessions_of(shots)
-
-
-def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
-    """Return the squared errors of a vehicle's predicted velocities.
-
-    Args:
-        vehicle: Vehicle.
-        ahead: Shots that are predicted.
-    """
-    count = len(ahead.starts)
-    if not count:
-        return Squares(np.zeros((0, 6)), np.zeros((0, 6)))
-    model = candidate(vehicle)
-    shots = multiple_shooting.corrected_first(ahead, model)
-    return _squares(multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots), shots)
-
-
-def squares_at_rest(ahead: Shots) -> Squares:
-    """Return the squared errors of zero velocity over the same stretches."""
-    states = np.repeat(ahead.first[:, None], ahead.measured.shape[1], axis=1)
-    states[..., 7:] = 0.0
-    return _squares(states, ahead)
-
-
-def _squares(predicted: Array, shots: Shots) -> Squares:
-    """Return the squared errors of predicted states, (S, T, 13), over shots.
-
-    A velocity without samples is judged by the distance covered in a stretch, divided by its duration, where
-    the position on its axis has samples.
-    """
-    error = predicted[..., 7:] - shots.measured[..., 7:]
-    seen = np.ones(error.shape, bool) if shots.seen is None else shots.seen[..., 6:].copy()
-    if shots.seen is not None and (axes := axes_by_distance(shots.record)).size:
-        way = (predicted[..., :3] - shots.measured[..., :3]) * shots.seen[..., :3]
-        body = np.einsum("sij,sti->stj", rotation_from_quaternion(shots.first[:, 3:7]), way)
-        error[..., axes] = body[..., axes] / (error.shape[1] * shots.record.dt)
-        seen[..., axes] = shots.seen[..., axes]
-    error, seen = error[:, shots.lead :], seen[:, shots.lead :]
-    squares = np.clip(np.nan_to_num(error, nan=np.inf), -BEYOND[6:], BEYOND[6:]) ** 2
-    return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))
-
-
-def axes_by_distance(record: Recording) -> Rows:
-    """Return the linear axes, of 0 to 2, whose position has samples and whose velocity has none."""
-    if record.seen is None:
-        return np.zeros(0, np.int64)
-    shown = np.asarray(record.seen.any(axis=0), bool)
-    return np.asarray(np.flatnonzero(shown[:3] & ~shown[6:9]), np.int64)
 
 
 def _rival(

@@ -21,21 +21,19 @@ from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_co
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.settings import (
-    CLEAN,
     CLOSEST,
     FAR_FROM_PRIOR,
     LEAST_INFORMATION,
-    LONG_STEPS,
     MATERIAL,
     MOST_STEPS,
     NEARLY_EQUAL,
+    NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
     SHOTS,
     SMALL_STEP,
-    TERM_PRIOR,
-    TERM_SHARE,
     TERM_SHORTLIST,
     VISIBLE,
 )
@@ -46,7 +44,7 @@ from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
-from hydro.core.identification.levenberg_marquardt import moved
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR, moved
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import deviations, greatest_change, in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
@@ -99,11 +97,13 @@ class Discovery:
         baseline: The vehicle file and the shots.
         known: Prior of the file's entries.
         folds: Sessions and regimes of the shots, (S,) each.
+        first: Effects of the file, fitted without a new term; None before that fit.
     """
 
     baseline: Baseline
     known: Known
     folds: tuple[Rows, Rows]
+    first: Choice | None = None
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -148,12 +148,33 @@ class Discovery:
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * TERM_PRIOR)])
+        held = np.concatenate([prior.information, np.full(extra, self.known.temper * PRIOR**-2)])
         new = range(len(model.values), len(columns))
         return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
-    def better(self, choice: Choice, progress: Progress) -> Choice | None:
+    def is_open(self, choice: Choice) -> bool:
+        """Return whether the formula may have another term."""
+        return self._new_terms(choice) < MOST_STEPS
+
+    def _new_terms(self, choice: Choice) -> int:
+        """Return the number of terms that the file does not have."""
+        return _count(choice.model.vehicle) - _count(self.baseline.vehicle)
+
+    def added(self, choice: Choice, tried: Choice) -> Choice:
+        """Return the formula with the new term."""
+        return tried
+
+    def belongs(self, choice: Choice, tried: Choice) -> bool:
+        """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
+        assert self.first is not None
+        gained, noise = choice.costs - tried.costs, choice.model.normal.residuals
+        least = np.maximum(MATERIAL * choice.costs, np.maximum(VISIBLE * self.first.costs, MATERIAL * noise))
+        return bool((gained >= least).all())
+
+    def best(self, choice: Choice, progress: Progress) -> Choice | None:
         """Return the formula with one more term; None where no term transfers."""
+        share = self._new_terms(choice) / MOST_STEPS
+        progress = part(progress, share, share + 1.0 / MOST_STEPS)
         progress("terms tested on held-out data", 0.0)
         best: Choice | None = None
         for number, term in enumerate(self.shortlist(choice)[:CLOSEST]):
@@ -185,7 +206,7 @@ class Discovery:
                     continue
             least = min(tries, key=lambda one: float(one.costs.max()), default=None)
             noise, left = choice.model.normal.residuals, float(choice.costs.max())
-            if least is None or least.costs.max() - left > max(TERM_SHARE * left, 0.5 * MATERIAL * noise):
+            if least is None or least.costs.max() - left > max(NEGLIGIBLE * left, 0.5 * MATERIAL * noise):
                 return choice
             choice = least
 
@@ -206,7 +227,7 @@ def discovered(
             if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
-    if not unnamed and not diagnosis.chi2[-1] > CLEAN:
+    if not unnamed and not diagnosis.chi2[-1] > RIGHT:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
     equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
@@ -251,19 +272,13 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None
-    choice = first
-    while _count(choice.model.vehicle) - _count(vehicle) < MOST_STEPS:
-        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_STEPS
-        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_STEPS))
-        if tried is None or not _worth(first, choice, tried):
-            break
-        choice = tried
-    choice = data.needed(choice)
+    rounds: Rounds[Choice, Choice] = data
+    choice = data.needed(grow(rounds, first, progress)[0])
     if choice is first:
         return None
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
-    choice = replace(data, known=known).fitted(choice.model.vehicle, LONG_STEPS)
+    choice = replace(data, known=known).fitted(choice.model.vehicle, ITERATIONS)
     return _found(vehicle, first, choice)
 
 
@@ -276,14 +291,8 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
     shots = baseline.problem.shots
     folds = (sessions_of(shots), regimes_of(shots))
     data = Discovery(baseline, known.releasing(FORMULA.name), folds)
-    return data, Choice(refitted, data.transferred(refitted))
-
-
-def _worth(first: Choice, before: Choice, after: Choice) -> bool:
-    """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
-    gained, noise = before.costs - after.costs, before.model.normal.residuals
-    least = np.maximum(MATERIAL * before.costs, np.maximum(VISIBLE * first.costs, MATERIAL * noise))
-    return bool((gained >= least).all())
+    first = Choice(refitted, data.transferred(refitted))
+    return replace(data, first=first), first
 
 
 def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:

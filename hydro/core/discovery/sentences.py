@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydro.core.columns import DOF, VELOCITY
-from hydro.core.diagnosis.settings import SAME_POWER
 from hydro.core.effects.formula import AXES, amounts
 from hydro.core.effects.layout import COMMAND_NAMES
+from hydro.core.evaluation.remaining_force import SAME_POWER
 
 OFFSETS = {
     ("Y", "N"): (1.0, "ahead of"),

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.diagnosis.settings import AXIS_LEVEL, RESAMPLES, RISE
-from hydro.core.diagnosis.transfer import Squares
+from hydro.core.diagnosis.settings import (
+    AXIS_LEVEL,
+    NEGLIGIBLE,
+    RESAMPLES,
+)
 from hydro.core.evaluation.block_resampling import block_sums, weights
+from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.prediction.normal_equations import block_length
 
 
@@ -23,7 +27,7 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
     seen = np.flatnonzero(before.counts.sum(axis=0))
     if len(before.sums) < 2 or not seen.size:
         return ()
-    rise = (after.sums - RISE**2 * before.sums)[:, seen]
+    rise = (after.sums - (1.0 + NEGLIGIBLE) ** 2 * before.sums)[:, seen]
     blocks = block_sums(rise, block_length(rise - rise.mean(axis=0)))
     drawn = weights(len(blocks), RESAMPLES, 0) @ blocks
     return tuple(VELOCITY[seen[i]] for i in _rejected((drawn <= 0.0).mean(axis=0)))

@@ -14,12 +14,15 @@ from dataclasses import replace
 import polars as pl
 
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.diagnose import Beyond, diagnose_log
 from hydro.core.diagnosis.findings import UNEXPLAINED, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
+from hydro.core.diagnosis.pipeline import Beyond, diagnose_log
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
+from hydro.core.diagnosis.settings import (
+    FAR_FROM_NOISE,
+    MOST_STEPS,
+)
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
@@ -55,7 +58,7 @@ def explain(
         vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
         holdout: Raw table of a held-out recording, which no fit uses.
-        hull: Hull-force model from a recording before a change (`diagnosis.diagnose.hull_of`).  Changes since
+        hull: Hull-force model from a recording before a change (`diagnosis.pipeline.hull_of`).  Changes since
             then are added, with the hull-force model and the file's values held fixed.
         done: First steps of the same study, if known already.
         beyond: Function that extends a diagnosis without a finding, see `core.discovery`.

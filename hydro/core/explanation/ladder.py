@@ -15,7 +15,9 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import Status
-from hydro.core.diagnosis.settings import RISE
+from hydro.core.diagnosis.settings import (
+    NEGLIGIBLE,
+)
 from hydro.core.evaluation.yardsticks import JUDGED, LEVEL, PREDICTORS, column
 from hydro.core.explanation.with_hull import BESIDE, FLOOR
 from hydro.core.explanation.with_hull import LEVEL as OF_HULL
@@ -92,7 +94,7 @@ def best_step(ladder: pl.DataFrame) -> int:
     )
     rows = next((one.sort("step") for one in tried if not one.is_empty()), held_out)
     last, errors = int(ladder["step"].max() or 0), rows["rmse"].to_list()  # type: ignore[arg-type]
-    return last - 1 if len(errors) > 1 and errors[-1] > RISE * min(errors[:-1]) else last
+    return last - 1 if len(errors) > 1 and errors[-1] > (1.0 + NEGLIGIBLE) * min(errors[:-1]) else last
 
 
 def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:

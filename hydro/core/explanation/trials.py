@@ -18,33 +18,26 @@ import polars as pl
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import stable_part, stable_start, weighed_fit
-from hydro.core.diagnosis.before import fit_changes
-from hydro.core.diagnosis.diagnose import settled
+from hydro.core.diagnosis.by_change import fit_changes
+from hydro.core.diagnosis.by_likelihood import settled
 from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
 from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.settings import (
     CONTENDERS,
-    FEW_SHOTS,
     FIT,
     LEAST_SHOTS,
-    MOST_CONTENDERS,
+    NEGLIGIBLE,
     QUICK_STEPS,
-    RISE,
     SHOTS,
 )
-from hydro.core.diagnosis.transfer import (
-    Squares,
-    left_out_squares,
-    resolved,
-    squares_ahead,
-    squares_at_rest,
-)
+from hydro.core.diagnosis.transfer import left_out_squares, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
+from hydro.core.evaluation.velocity_errors import Squares, squares_ahead, squares_at_rest
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.axes import worse_axes
 from hydro.core.explanation.ladder import HORIZON, Step
@@ -113,7 +106,7 @@ class Recordings:
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots for fits and comparisons of candidates for a vehicle."""
-        return self.ahead(vehicle, FEW_SHOTS) or OutputError.of(self.problem.shots, vehicle)
+        return self.ahead(vehicle, SHOTS // 2) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """Compare a vehicle with one of the recordings, with rows about the hull if there is a hull model."""
@@ -234,7 +227,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
 
     def joins(error: float, one: Quick) -> bool:
         """Return whether the fit may be added."""
-        return RISE * error < here or (states(last, one.effect) and np.isfinite(error))
+        return (1.0 + NEGLIGIBLE) * error < here or (states(last, one.effect) and np.isfinite(error))
 
     errors, listed = (
         list[tuple[float, Quick]](),
@@ -248,7 +241,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     better = [found for found in errors if joins(*found)]
     if not better:
         return []
-    alike = RISE * min(error for error, _ in better)
+    alike = (1.0 + NEGLIGIBLE) * min(error for error, _ in better)
     first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
     for load in [name for name in STEADY if name in first.found and name != first.effect]:
         rest = {name: table for name, table in first.found.items() if name != load}
@@ -266,7 +259,7 @@ def _beside(
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
-    return others[: max(MOST_CONTENDERS - len(every), 0)]
+    return others[: max(2 * CONTENDERS - len(every), 0)]
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:

@@ -11,7 +11,7 @@ The remaining evidence belongs to the change (MacKay, Bayesian interpolation, Ne
 its evidence.  The library explains a change that only imitates the hull's model error.
 
 Residuals of a wrong model are not white noise: they persist for the length of a shot.  So each shot counts as
-NUMBERS independent values, the components of a steady wrench.  The evidence also selects their variance.
+six independent values, the components of a steady wrench.  The evidence also selects their variance.
 """
 
 from __future__ import annotations
@@ -32,14 +32,12 @@ from hydro.core.prediction.multiple_shooting import (
 from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.prediction.parameters import Free
 from hydro.core.recording.shots import CHANNELS, Shots
-from hydro.core.residual.library import RESTING, Flow, sizes, terms
+from hydro.core.residual.library import AXES, RESTING, Flow, sizes, terms
 from hydro.core.residual.regression import answers, robust, thinning
 from hydro.core.residual.response import Transitions
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
-NUMBERS = 6
-"""Independent residual values per shot: the components of a steady wrench."""
 FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
 """Factors on the prior deviations of the coefficients (`residual.library.sizes`), selected by evidence."""
 TEMPERS = np.exp(np.arange(-1.0, 15.0, 0.25))
@@ -170,7 +168,7 @@ class Allowance:
         Returns:
             The evidence, the best step, its covariance and the reduced chi-square.
         """
-        scale = NUMBERS / (self.compared * TEMPERS)  # information of a squared residual, (T,)
+        scale = AXES / (self.compared * TEMPERS)  # information of a squared residual, (T,)
         size = np.multiply.outer(FACTORS**2, self.sizes)[:, None] * scale[:, None]  # (F, T, Q)
         shape = (*size.shape[:2], *own.shape)
         pairs = (across[:, :, None] * across[:, None, :]).reshape(len(across), -1)
@@ -183,7 +181,7 @@ class Allowance:
         misfit = left[..., -1, -1] + prior.information @ away**2 - (pull * step).sum(axis=-1)
         width = np.log1p(size).sum(axis=-1) + np.linalg.slogdet(matrix)[1]
         width -= np.log(prior.information).sum()
-        numbers = NUMBERS * float(self.weight.sum())
+        numbers = AXES * float(self.weight.sum())
         evidence = -0.5 * (numbers * np.log(TEMPERS) + misfit + width)
         at = np.unravel_index(int(np.argmax(evidence)), evidence.shape)
         spread = np.asarray(np.linalg.inv(matrix[at]))

@@ -5,7 +5,7 @@ The terms of each axis are products of velocities and accelerations through the 
 prior standard deviation of a coefficient follows from the water density and the hull's box alone.  Drag is
 half rho A with A the mean of the box's sides; mass is that of the displaced water; the lever arm of each
 rotation is half the length.  Linear damping equals quadratic damping at SLOW.  Weight and buoyancy balance
-within TRIM.  Coefficients that port-starboard symmetry rules out, such as a sway force of surge, are scaled
+within UNEVEN.  Coefficients that port-starboard symmetry rules out, such as a sway force of surge, are scaled
 by UNEVEN.
 """
 
@@ -31,10 +31,9 @@ from hydro.core.vehicle.frames import rotation
 AXES = 6
 SLOW = 0.3
 """Speed at which linear and quadratic damping are equal [m/s]."""
-TRIM = 0.05
-"""Prior standard deviation of weight and trim relative to buoyancy."""
 UNEVEN = 0.05
-"""Prior size of coefficients that port-starboard symmetry rules out, relative to the others."""
+"""Prior size of what a designer balances: coefficients that port-starboard symmetry rules out, relative to
+the others, and weight and trim, relative to buoyancy."""
 MIRRORED = np.array([False, True, False, True, False, True])
 """Axes whose velocities and wrenches change sign under port-starboard reflection."""
 RESTING = 4
@@ -102,7 +101,7 @@ def sizes(vehicle: Vehicle) -> Array:
     first = np.concatenate([drag * SLOW * arm, mass * arm, drag * arm**2])
     upper = [drag * arm[i] * arm[j] for i in range(AXES) for j in range(i + 1, AXES)]
     both = [drag * arm[i] * arm[j] for i, j in (*CROSS, *PAIRS)]
-    trim = np.full(4, TRIM * vehicle.buoyancy.force)
+    trim = np.full(4, UNEVEN * vehicle.buoyancy.force)
     size = np.concatenate([first, upper, both, trim])
     uneven = _mirrored()[:, None] != MIRRORED
     return np.asarray(size[:, None] * arm * np.where(uneven, UNEVEN, 1.0))

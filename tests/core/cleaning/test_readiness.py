@@ -13,7 +13,7 @@ from benchmarks.unready import recording as idle
 from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.cleaning.readiness import command_step, unready
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.errors import DataError
 from hydro.core.explanation.explain import explain
 from hydro.core.recording.arrays import recording

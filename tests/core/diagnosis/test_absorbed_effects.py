@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from sinks import SPEED, sunk
 
-from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import STATED
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.io import vehicle as files
 
 BLUEROV2 = Path(__file__).resolve().parents[3] / "datasets" / "vehicles" / "bluerov2_heavy.toml"

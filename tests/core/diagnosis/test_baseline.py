@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.diagnose import searched
+from hydro.core.diagnosis.by_likelihood import searched
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE, FURTHER, MATERIAL, SHOTS, VISIBLE

@@ -12,14 +12,15 @@ import pytest
 import synthetic
 from recordings import WEAK, damped, flown
 
-from hydro.core.diagnosis import before as before_
+from hydro.core.diagnosis import by_change as before_
 from hydro.core.diagnosis import contenders
-from hydro.core.diagnosis.before import Change, Changes
+from hydro.core.diagnosis.by_change import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.settings import CLOSEST, LONG_STEPS, MOST_CONTENDERS, RIGHT, SURE
+from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
+from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, RIGHT, SURE
 from hydro.core.errors import DataError
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.vehicle.description import told_apart
 
 FIN = {
@@ -125,7 +126,7 @@ def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hu
     def counted(vehicle, tables, problem, reach, iterations):
         name = str(tables[0]["name"])
         first_change.extend(vehicle.effects("buoyancy_offset"))
-        if iterations == LONG_STEPS:
+        if iterations == ITERATIONS:
             long.append(name)
         else:
             quick.add(name)
@@ -137,7 +138,7 @@ def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hu
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"
     assert len(set(long[:CLOSEST])) == CLOSEST
-    assert len(quick) > 2 * MOST_CONTENDERS
+    assert len(quick) > 4 * CONTENDERS
 
 
 def test_a_large_change_of_balance_is_the_only_finding(hull):

@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.io import vehicle as files
 
 ROOT = Path(__file__).resolve().parents[3]

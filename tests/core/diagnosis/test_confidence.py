@@ -14,7 +14,7 @@ from hydro.core.diagnosis.confidence import (
     discounted_by_unexplained,
     folds,
     left_out_costs,
-    scores,
+    left_out_share,
     shared,
     stated,
 )
@@ -58,15 +58,9 @@ def test_a_real_effect_explains_every_session():
     columns, noise = drawn()
     error = columns @ [1.5, 0.0, 0.0] + noise
     nothing = fitted(np.zeros((SHOTS, ROWS, 0)), error)
-    found = scores(
-        nothing, {"not": fitted(columns[..., 2:], error), "there": fitted(columns[..., :1], error)}, SESSION
-    )
-    assert list(found) == ["there", "not"]
-    there = found["there"]
-    assert 0.9 < there.low <= there.share <= there.high <= 1.0
-    assert there.by_fold.shape == (4,)
-    assert (there.by_fold > 0.8).all()
-    assert found["not"].share < 0.05
+    share, low, high = left_out_share(nothing, fitted(columns[..., :1], error), SESSION)
+    assert 0.9 < low <= share <= high <= 1.0
+    assert left_out_share(nothing, fitted(columns[..., 2:], error), SESSION)[0] < 0.05
 
 
 def test_many_parameters_gain_nothing_on_held_out_sessions():
@@ -75,16 +69,14 @@ def test_many_parameters_gain_nothing_on_held_out_sessions():
     many = fitted(columns, error)
     nothing = fitted(columns[..., :0], error)
     assert many.normal.cost < nothing.normal.cost
-    assert scores(nothing, {"many": many}, SESSION)["many"].share == 0.0
+    assert left_out_share(nothing, many, SESSION)[0] == 0.0
 
 
 def test_an_effect_in_one_session_alone_explains_no_held_out_session():
     columns, noise = drawn(columns=1)
     columns[SESSION != 2] = 0.0
     error = columns @ [2.0] + noise
-    found = scores(fitted(columns[..., :0], error), {"once": fitted(columns, error)}, SESSION)["once"]
-    assert found.share < 0.01
-    assert found.by_fold[2] == pytest.approx(0.0, abs=0.01)
+    assert left_out_share(fitted(columns[..., :0], error), fitted(columns, error), SESSION)[0] < 0.01
 
 
 def test_a_recording_of_few_sessions_is_cut_into_stretches():
@@ -106,7 +98,7 @@ def test_diverged_shots_count_for_no_rival():
     assert np.isinf(costs[7])
     assert np.isfinite(np.delete(costs, 7)).all()
     nothing = fitted(columns[..., :0], columns @ [0.5, 0.0, 0.0] + noise)
-    assert scores(nothing, {"there": model}, SESSION)["there"].share > 0.9
+    assert left_out_share(nothing, model, SESSION)[0] > 0.9
 
 
 @dataclass

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from recordings import damped
 
 from hydro.core.diagnosis import contenders
-from hydro.core.diagnosis.before import Change
+from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.settings import SURE

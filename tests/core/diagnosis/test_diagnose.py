@@ -12,20 +12,16 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis import diagnose as module
+from hydro.core.diagnosis import by_likelihood
+from hydro.core.diagnosis import pipeline as module
 from hydro.core.diagnosis.baseline import Baseline, Found, Outcome, refit, stable_shots, stable_start
-from hydro.core.diagnosis.diagnose import (
-    _retuned,
-    diagnose,
-    diagnose_log,
-    refine,
-    searched,
-)
+from hydro.core.diagnosis.by_likelihood import _retuned, refine, searched
 from hydro.core.diagnosis.findings import Diagnosis, tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.pipeline import diagnose, diagnose_log
 from hydro.core.diagnosis.search import Search, leader, same_way
-from hydro.core.diagnosis.settings import FEW_SHOTS, MATERIAL, RIGHT, VISIBLE
+from hydro.core.diagnosis.settings import MATERIAL, RIGHT, SHOTS, VISIBLE
 from hydro.core.diagnosis.transfer import left_out_squares
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
@@ -87,8 +83,8 @@ def test_a_change_counts_as_the_first_unless_further_is_given(known, monkeypatch
     """Of a further change more is asked, so that whoever has one already must say so."""
     log = cast(Any, SimpleNamespace(observed=None, misdirected=False))
     monkeypatch.setattr(module, "require_ready", lambda observed: None)
-    monkeypatch.setattr(module, "stable_shots", lambda vehicle, log: None)
-    monkeypatch.setattr(module, "diagnose_change", lambda *given: given[-1])
+    monkeypatch.setattr(module, "ByChange", SimpleNamespace(of=lambda *given: given[-1]))
+    monkeypatch.setattr(module, "reported", lambda regime, progress: regime)
     hull = cast(Any, SimpleNamespace())
     assert diagnose_log(known, log, hull=hull, file=known) is False
     assert diagnose_log(known, log, hull=hull, further=True, file=known) is True
@@ -278,7 +274,7 @@ def test_a_diverging_joint_fit_keeps_the_previous_model(known, monkeypatch):
     def diverging(*given, **how):
         raise Diverges("it does")
 
-    monkeypatch.setattr("hydro.core.diagnosis.diagnose.continue_fit", diverging)
+    monkeypatch.setattr("hydro.core.diagnosis.by_likelihood.continue_fit", diverging)
     unknown = free(known, ["linear_damping"])
     gram = np.tile(np.eye(7), (100, 1, 1))
     normal = Normal(gram, 1, np.ones((100, 12)), np.zeros((100, 0, 7)))
@@ -409,12 +405,12 @@ def test_the_advice_for_tied_effects_has_a_separating_motion():
 
 def test_far_from_the_noise_candidates_are_ranked_on_few_shots_and_fitted_to_all(known):
     """Suspects are ranked alike on a part of the shots; the models compared at last are of all of them."""
-    raw = recorded(hiding(known, CURRENT), rows=2 * FEW_SHOTS * 100 + 200)
+    raw = recorded(hiding(known, CURRENT), rows=SHOTS * 100 + 200)
     search = searching(known, raw, {})
     first = search.baseline.refitted
     few = search.screen(search.fewer(first), [])
     whole = search.screen(first, [])
-    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [FEW_SHOTS, True]
+    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [SHOTS // 2, True]
     assert next(iter(few.ranked)) == next(iter(whole.ranked)) == "ocean_current"
     assert few.gains["ocean_current"] == pytest.approx(whole.gains["ocean_current"], rel=0.3)
     fits = search.contend(first, [], few, silent)
@@ -423,7 +419,7 @@ def test_far_from_the_noise_candidates_are_ranked_on_few_shots_and_fitted_to_all
 
 
 def test_near_the_noise_candidates_are_ranked_on_all_shots(known):
-    search = searching(known, recorded(known, rows=2 * FEW_SHOTS * 100 + 200), {})
+    search = searching(known, recorded(known, rows=SHOTS * 100 + 200), {})
     assert search.fewer(search.baseline.refitted) is search.baseline.refitted
 
 
@@ -478,11 +474,11 @@ def test_after_a_failed_search_names_by_transfer_come_first_far_from_the_noise(k
     """Near it a search is made all the same: less is missing than was."""
     log = preprocess(known, flown(hiding(known, CURRENT), seed=3, rows=1700))
     said = Diagnosis((), known, (9.0, 9.0, 9.0))
-    monkeypatch.setattr(module, "searched", lambda *_: pytest.fail("searched"))
-    monkeypatch.setattr(module, "named_by_transfer", lambda baseline, outcome, _: said)
-    monkeypatch.setattr(module, "FAR_FROM_NOISE", 1.0)
+    monkeypatch.setattr(by_likelihood, "searched", lambda *_: pytest.fail("searched"))
+    monkeypatch.setattr(module, "reported", lambda regime, progress: said)
+    monkeypatch.setattr(by_likelihood, "FAR_FROM_NOISE", 1.0)
     assert diagnose_log(known, log, in_vain=True, file=known) == said
-    monkeypatch.setattr(module, "FAR_FROM_NOISE", 1e6)
+    monkeypatch.setattr(by_likelihood, "FAR_FROM_NOISE", 1e6)
     with pytest.raises(pytest.fail.Exception, match="searched"):
         diagnose_log(known, log, in_vain=True)
 

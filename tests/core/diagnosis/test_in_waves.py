@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.evaluation.compare import compare
 from hydro.core.explanation.explain import explain
 from hydro.core.explanation.ladder import best

@@ -8,7 +8,7 @@ import pytest
 import synthetic
 from recordings import DAMPING, moved, noisy
 
-from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.pipeline import diagnose
 
 ROWS = 3000
 STRONG = {"name": "power_drag", "diagonal": synthetic.QUADRATIC.tolist()}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from recordings import damped, moved, noisy
 
-from hydro.core.diagnosis import before
+from hydro.core.diagnosis import by_change
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log
 from hydro.core.diagnosis.provisional import Provisional
 from hydro.core.progress import silent
 
@@ -53,8 +53,9 @@ def test_the_best_change_is_reported_after_the_first_fits(monkeypatch):
         first_fits(fits)
         return {}
 
-    monkeypatch.setattr(before, "contend", contend)
+    monkeypatch.setattr(by_change, "contend", contend)
     told: list[Provisional] = []
-    before.find(cast(Any, compared), cast(Any, first), silent, told=told.append)
+    known = cast(Any, None)
+    by_change.ByChange(known, cast(Any, compared), cast(Any, first), 4.0, told=told.append).select(silent)
     assert [(best.effect, best.share) for best in told] == [("payload", pytest.approx(0.75))]
     assert 0.9 < told[0].confidence <= 1.0

@@ -18,9 +18,8 @@ MODULES = [
 ELSEWHERE = {
     "baseline": {"SHOT_LENGTHS"},  # halvings of the usual length
     "candidates": {"BLOCKS"},  # size of a kept table
-    "diagnose": {"ANSWERED"},  # progress bar
+    "pipeline": {"ANSWERED"},  # progress bar
     "explain": {"TRIED", "COMPARED"},  # progress bar
-    "growth": {"POWERS", "RIDGE"},  # grid, and conditioning of a matrix
     "identifiability": {"EXACT", "STATES", "MIDDLE", "REACH", "SPEED"},  # random states of an exact test
     "terms": {"OWN_POWERS", "OTHER_POWERS", "SIZE_POWERS", "AHEAD_POWERS"},  # grids
     "unexplained": {"WRENCH"},  # six components

@@ -14,6 +14,7 @@ from hydro.core.diagnosis import unexplained
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import fit_model
 from hydro.core.effects import inertia_matrix
+from hydro.core.evaluation import remaining_force
 from hydro.core.prediction.candidate import accelerations, candidate
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
@@ -27,7 +28,7 @@ SIGMA = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
 
 
 def test_the_velocity_with_the_largest_growth_is_named_first():
-    left = unexplained.Leftover(axis=0, powers=(1.2, None, 2.1, 0.0, 1.6, None))
+    left = remaining_force.Leftover(axis=0, powers=(1.2, None, 2.1, 0.0, 1.6, None))
     assert left.growing() == (
         "; by velocities, it grows with w to the power 2.1, q to the power 1.6, u to the power 1.2"
     )
@@ -98,10 +99,10 @@ def test_a_residual_of_nine_times_the_noise_is_far_from_it(known):
 
 
 def test_the_unexplained_error_names_the_velocities_it_grows_with():
-    left = unexplained.Leftover(1, 0.8, "Y", "above 0.4 m/s", 1.9, (None, 1.2, 0.1, None, None, 2.0))
+    left = remaining_force.Leftover(1, 0.8, "Y", "above 0.4 m/s", 1.9, (None, 1.2, 0.1, None, None, 2.0))
     assert left.growing() == "; by velocities, it grows with r to the power 2.0, v to the power 1.2"
     assert "yaw first" in left.experiment()
-    assert "without thrust" in unexplained.Leftover(1, 0.8, "Y").experiment()
+    assert "without thrust" in remaining_force.Leftover(1, 0.8, "Y").experiment()
 
 
 def test_pulls_span_all_wrenches_at_every_attitude(known):
@@ -130,5 +131,5 @@ def test_pulls_span_all_wrenches_at_every_attitude(known):
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
 def test_growth_returns_the_power_of_a_force(power):
     speed = np.random.default_rng(0).uniform(0.1, 1.5, 400)
-    assert unexplained.growth(speed, (3.0 * speed**power) ** 2) == pytest.approx(power, abs=0.1)
-    assert unexplained.growth(np.full(400, 0.5), np.ones(400)) is None
+    assert remaining_force.growth(speed, (3.0 * speed**power) ** 2) == pytest.approx(power, abs=0.1)
+    assert remaining_force.growth(np.full(400, 0.5), np.ones(400)) is None

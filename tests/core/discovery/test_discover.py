@@ -8,9 +8,9 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.findings import Diagnosis, Finding, tables
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log
 from hydro.core.discovery.discover import discovered
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.formula import joined, one_term

@@ -7,7 +7,7 @@ import pytest
 
 from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.settings import AXIS_LEVEL
-from hydro.core.diagnosis.transfer import Squares
+from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.explanation.axes import worse_axes
 
 SHOTS, ROWS = 120, 250

@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_fit
+from hydro.core.diagnosis.by_likelihood import refine
 from hydro.core.diagnosis.confidence import left_out_costs
-from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import unfitted

@@ -15,7 +15,8 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
-from hydro.core.residual.allowance import FACTORS, NUMBERS, TEMPERS, Allowance
+from hydro.core.residual.allowance import FACTORS, TEMPERS, Allowance
+from hydro.core.residual.library import AXES
 
 FILE = damped()
 HULL = {"name": "cross_axis_drag", "D01": 8.0, "D10": 6.0, "D12": 5.0, "D21": 7.0}
@@ -44,14 +45,14 @@ def test_evidence_is_that_of_the_whole_normal_equations(seed: int, count: int):
     )
 
     def whole(factor: float, temper: float) -> tuple[float, np.ndarray, np.ndarray, float]:
-        x, scale = np.column_stack([library, columns]), NUMBERS / (20.0 * temper)
+        x, scale = np.column_stack([library, columns]), AXES / (20.0 * temper)
         known = np.concatenate([np.full(7, factor**-2), information])
         matrix = scale * x.T @ x + np.diag(known)
         pull = scale * x.T @ error - np.concatenate([np.zeros(7), information * away])
         found = np.linalg.solve(matrix, pull)
         misfit = scale * error @ error + information @ away**2 - pull @ found
         wide = np.linalg.slogdet(matrix)[1] - np.log(known).sum()
-        value = -0.5 * (NUMBERS * 3.0 * np.log(temper) + misfit + wide)
+        value = -0.5 * (AXES * 3.0 * np.log(temper) + misfit + wide)
         return value, found[7:], np.linalg.inv(matrix)[7:, 7:], temper
 
     best, found, errors, temper = max((whole(f, t) for f in FACTORS for t in TEMPERS), key=lambda one: one[0])

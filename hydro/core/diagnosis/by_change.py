@@ -8,7 +8,6 @@ hull model on held-out stretches of the earlier recording.  Nothing below it is 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,8 +16,8 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
-from hydro.core.diagnosis.confidence import folds, stated
+from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
+from hydro.core.diagnosis.confidence import folds, led, stated
 from hydro.core.diagnosis.contenders import (
     Compared,
     Contender,
@@ -27,22 +26,22 @@ from hydro.core.diagnosis.contenders import (
     fitted_together,
     with_hull_response,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
+from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.diagnosis.provisional import Provisional, Told
+from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
     CHANCE,
     CHANGED,
     FURTHER,
-    INEXACT,
     MATERIAL,
     MOST_FINDINGS,
+    NEGLIGIBLE,
     RESAMPLES,
     RIGHT,
     SURE,
-    TIED,
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
@@ -50,49 +49,133 @@ from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change
-from hydro.core.prediction.output_error import OutputError
-from hydro.core.preprocessing.sensor_tests import kinematic_tests
+from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations, pulls, widened
 from hydro.core.vehicle.description import Vehicle
 
 
-def diagnose_change(
-    vehicle: Vehicle,
-    log: Preprocessed,
-    problem: OutputError,
-    hull: Hull,
-    progress: Progress,
-    further: bool = False,
-    told: Told | None = None,
-) -> Diagnosis:
-    """Find the changes: sensor errors that kinematics shows first, then changes of the forces.
+@dataclass(frozen=True)
+class ByChange:
+    """Regime in which the discrepancy is learnt from a recording before the change.
 
-    Args:
-        vehicle: Vehicle file.
-        log: Recording after the change.
-        problem: Shots of that recording.
-        hull: Hull-force model learnt from the earlier recording.
-        progress: Called with a short text and the share of the work done.
+    Sensor errors that kinematics shows come first, then changes of the forces.
+
+    Attributes:
+        file: Vehicle file.
+        compared: Recording after the change, in floors of the hull model.
+        first: File with the sensor errors, compared with it.
+        given: Mean squared residual of the file alone, in floors.
+        errors: Tests of velocity sensor errors that are new.
         further: Whether the vehicle has changes already, so that the next one must be larger.
         told: Called with the best candidate after the first fits, or with a sensor error found before them.
     """
-    given = Compared.of(log, problem, hull, vehicle)
-    errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
-    if not errors:
-        return as_diagnosis(*given, find(*given, progress, further, told=told), further)
-    read = extended(vehicle, [one.table for one in errors])
-    compared, first = Compared.of(log, stable_shots(read, log), hull, read)
-    names = [one.effect for one in errors]
-    alone = given[0].chi2(given[1])
-    share = 1.0 - compared.chi2(first) / alone
-    sensor_findings = [sensor_finding(one, share, log.record.dt, vehicle) for one in errors]
-    if told is not None:
-        told(Provisional(sensor_findings[0].effect, sensor_findings[0].confidence, share))
-    found = as_diagnosis(compared, first, find(compared, first, progress, further, names), further)
-    rest = [one for one in found.findings if one.verdict not in ("nothing_missing", "log_fault")]
-    return replace(found, findings=(*log.faults, *sensor_findings, *rest), chi2=(alone, alone, found.chi2[2]))
+
+    file: Vehicle
+    compared: Compared
+    first: Model
+    given: float
+    errors: tuple[KinematicTest, ...] = ()
+    further: bool = False
+    told: Told | None = None
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle,
+        log: Preprocessed,
+        hull: Hull,
+        further: bool = False,
+        told: Told | None = None,
+    ) -> ByChange:
+        """Compare a vehicle file with a recording after a change.
+
+        Args:
+            vehicle: Vehicle file.
+            log: Recording.
+            hull: Hull-force model learnt from the earlier recording.
+            further: Whether the vehicle has changes already.
+            told: See the attribute.
+        """
+        compared, first = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
+        errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
+        given = compared.chi2(first)
+        if errors:
+            read = extended(vehicle, [one.table for one in errors])
+            compared, first = Compared.of(log, stable_shots(read, log), hull, read)
+        return cls(vehicle, compared, first, given, tuple(errors), further, told)
+
+    @property
+    def log(self) -> Preprocessed:
+        """Recording."""
+        return self.compared.log
+
+    def select(self, progress: Progress) -> Changes:
+        """Return the changes, the greatest first."""
+        if self.told is not None and self.errors:
+            first = self._sensor_findings()[0]
+            self.told(Provisional(first.effect, first.confidence, first.share))
+        rounds: Rounds[Changes, Change] = self
+        found = grow(rounds, Changes(()), progress)
+        return replace(found[0], refused=found[1])
+
+    def is_open(self, changes: Changes) -> bool:
+        """Return whether more than the floor of the hull model remains to be explained."""
+        if self.further or changes.found:
+            left = self.compared.chi2(self._last(changes))
+            return len(changes.found) < MOST_FINDINGS and left > 1.0
+        return True
+
+    def best(self, changes: Changes, progress: Progress) -> Change | None:
+        """Fit candidates, and return the one with the least penalised held-out cost."""
+        count, last = len(changes.found), self._last(changes)
+        here = part(progress, 0.3 + 0.1 * count, 0.4 + 0.1 * count)
+        here(f"{count} changes found, looking for more", 0.0)
+        names = [*(one.effect for one in self.errors), *(one.best.effect for one in changes.found)]
+        first_fits = self._tell if self.told is not None and not (count or self.errors) else None
+        return Change.of(self.compared, last, contend(self.compared, last, names, here, first_fits))
+
+    def belongs(self, changes: Changes, change: Change) -> bool:
+        """Return whether the change is large enough to be named."""
+        return change.seen(further=self.further or bool(changes.found))
+
+    def added(self, changes: Changes, change: Change) -> Changes:
+        """Return the changes with one more."""
+        return Changes(tuple(reconsidered(self.compared, self.first, [*changes.found, change])))
+
+    def findings(self, changes: Changes) -> list[Finding]:
+        """Return sensor errors and changes; or that nothing has changed."""
+        compared, first = self.compared, self.first
+        given, left = compared.chi2(first), compared.chi2(self._last(changes))
+        found = self._sensor_findings()
+        found += [_finding(change, first.vehicle, compared, given, left) for change in changes.found]
+        words = (
+            f"nothing {'more ' * self.further}has changed beyond the floor of the hull model: the mean "
+            f"squared residual is {given:.3g} floors"
+        )
+        return found or [Finding("nothing_missing", advice=words)]
+
+    def result(self, changes: Changes, findings: Sequence[Finding]) -> Result:
+        """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
+        last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
+        return Result(last.vehicle, (self.given, self.given, self.compared.chi2(last)), candidates=tried)
+
+    def _sensor_findings(self) -> list[Finding]:
+        """Return the errors of the velocity sensor as findings."""
+        share, dt = 1.0 - self.compared.chi2(self.first) / self.given, self.log.record.dt
+        return [sensor_finding(one, share, dt, self.file) for one in self.errors]
+
+    def _tell(self, fits: Mapping[str, Contender]) -> None:
+        """Tell the best candidate of the first fits."""
+        best = Change.of(self.compared, self.first, fits)
+        if self.told is not None and best is not None:
+            share = min(max(best.score, 0.0), 1.0)
+            self.told(Provisional(best.best.effect, best.confidence(self.given), share))
+
+    def _last(self, changes: Changes) -> Model:
+        """Return the model with all changes."""
+        return changes.found[-1].best.model if changes.found else self.first
 
 
 @dataclass(frozen=True)
@@ -149,15 +232,15 @@ class Change:
         """Return the probability that the best candidate is the change.
 
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
-        due to chance.  Leads by chance have an exponential distribution.
+        due to chance (`led`).
 
         Args:
             given: Squared residual of the file as given, in floors.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
-        by_chance = CHANCE + UNKNOWN * beyond + INEXACT * removed
-        return self.wins()[self.best.effect] * -math.expm1(-max(self.margin, 0.0) / by_chance)
+        by_chance = CHANCE * (1.0 + removed) + UNKNOWN * beyond
+        return self.wins()[self.best.effect] * led(self.margin, by_chance)
 
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named, as the first or a further one."""
@@ -196,46 +279,6 @@ class Changes:
     refused: Change | None = None
 
 
-def find(
-    compared: Compared,
-    first: Model,
-    progress: Progress,
-    further: bool = False,
-    without: Sequence[str] = (),
-    told: Told | None = None,
-) -> Changes:
-    """Find the changes, the greatest first.
-
-    Args:
-        compared: Later recording.
-        first: Vehicle with the file's values.
-        progress: Called with a short text and the share of the work done.
-        further: Whether the vehicle has changes already, so that the next one must be larger.
-        without: Effects that are not tried.
-        told: Called once, with the best candidate after the first fits.
-    """
-    given = compared.chi2(first)
-
-    def tell(fits: Mapping[str, Contender]) -> None:
-        if told is not None and (best := Change.of(compared, first, fits)) is not None:
-            share = min(max(best.score, 0.0), 1.0)
-            told(Provisional(best.best.effect, best.confidence(given), share))
-
-    last, changes, refused = first, list[Change](), None
-    while len(changes) < MOST_FINDINGS and not ((further or changes) and compared.chi2(last) <= 1.0):
-        here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
-        here(f"{len(changes)} changes found, looking for more", 0.0)
-        taken = [*without, *(one.best.effect for one in changes)]
-        rivals = contend(compared, last, taken, here, None if changes else tell)
-        change = Change.of(compared, last, rivals)
-        if change is None or not change.seen(further=further or bool(changes)):
-            refused = change
-            break
-        changes = reconsidered(compared, first, [*changes, change])
-        last = changes[-1].best.model
-    return Changes(tuple(changes), refused)
-
-
 def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
     """Return the changes, or the second alone where it fits better without the first.
 
@@ -254,29 +297,6 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
 
-def as_diagnosis(compared: Compared, first: Model, those: Changes, further: bool = False) -> Diagnosis:
-    """Return the diagnosis; its chi2 are in units of the floor of the hull model."""
-    given, changes = compared.chi2(first), those.found
-    tried = tuple(_candidates(compared, first, those))
-    if not changes:
-        words = (
-            f"nothing {'more ' * further}has changed beyond the floor of the hull model: the mean squared "
-            f"residual is {given:.3g} floors"
-        )
-        nothing = Finding("nothing_missing", advice=words)
-        return Diagnosis(
-            (*compared.log.faults, nothing), first.vehicle, (given, given, given), candidates=tried
-        )
-    left = [given, *(compared.chi2(change.best.model) for change in changes)]
-    findings = [_finding(change, first.vehicle, compared, given, left[-1]) for change in changes]
-    return Diagnosis(
-        (*compared.log.faults, *findings),
-        changes[-1].best.model.vehicle,
-        (given, given, left[-1]),
-        candidates=tried,
-    )
-
-
 def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Candidate]:
     """Yield every candidate change, and at each step the model without a change."""
     last = first
@@ -293,22 +313,20 @@ def _candidate(
     compared: Compared, step: int, name: str, chosen: bool, change: Change, rival: Contender, first: Model
 ) -> Candidate:
     """Return one candidate change; an empty name stands for the model without one."""
-    vehicle = rival.model.vehicle
-    return Candidate(
+    return candidate_of(
         "change",
         step,
         name,
-        chosen,
-        len(rival.model.values),
-        len(rival.costs),
-        in_blocks(rival.costs),
-        compared.chi2(rival.model),
-        change.floor,
+        rival.model.vehicle,
+        chosen=chosen,
+        entries=len(rival.model.values),
+        shots=len(rival.costs),
+        costs=in_blocks(rival.costs),
+        chi2=compared.chi2(rival.model),
+        residuals=change.floor,
         left_out=float(1.0 - rival.left / change.whole.sum()),
         own=bool(name) and bool(first.vehicle.effects(name)),
         absorbs=CATALOGUE[name].identification.absorbs if name else 0.0,
-        plausible=not name or is_plausible(vehicle, name),
-        values=values_of(vehicle, name) if name else {},
     )
 
 
@@ -328,7 +346,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
     fit = widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
-    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
+    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= NEGLIGIBLE]
     if rivals:
         words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
     if left > RIGHT:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.core.diagnosis import imperfect
+from hydro.core.diagnosis import by_evidence
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
 from hydro.core.diagnosis.findings import Finding, extended
 from hydro.core.diagnosis.settings import SURE
@@ -35,7 +35,7 @@ def named(x: float) -> Finding:
     lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0))
     survey = Survey(cast(Any, None), cast(Any, (rival,)))
     parts = cast(Any, (rival, survey, [], model, lesser, cast(Fit, fit), 0.02))
-    return imperfect._finding(*parts)
+    return by_evidence._finding(*parts)
 
 
 @pytest.mark.parametrize(("lengths", "verdict"), [(0.3, "missing"), (1.7, "suspect")])
@@ -60,7 +60,7 @@ def test_transfer_confidence_grows_with_score_and_lead(score, more, rival):
 
 
 def test_evidence_confidence_grows_with_the_lead():
-    sure = [by_evidence_confidence(lead + 20.0, [20.0, -5.0]) for lead in (0.0, 3.0, 20.0, 200.0)]
+    sure = [by_evidence_confidence(lead + 20.0, [20.0, -5.0]) for lead in (0.0, 3.0, 40.0, 200.0)]
     assert sure == sorted(sure)
     assert sure[0] < 0.1 < sure[1] < 0.5
     assert 0.9 < sure[2] < sure[3] < 1.0
@@ -90,7 +90,7 @@ class Weighing:
 def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> tuple[bool, list[str]]:
     """Whether evidence orders rivals of these scores, and their order."""
     monkeypatch.setattr(Weighing, "evidence", {"alone": -100.0, **evidence})
-    monkeypatch.setattr(imperfect, "Allowance", Weighing)
+    monkeypatch.setattr(by_evidence, "Allowance", Weighing)
     file = files.read(Path(__file__).parents[3] / "datasets" / "vehicles" / "auv151.toml")[0]
     few = SimpleNamespace(shots=None)
     baseline = SimpleNamespace(vehicle=file, problem=SimpleNamespace(some=lambda _: few))
@@ -101,7 +101,7 @@ def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> 
     known: Any = SimpleNamespace(alone=lambda _: None, releasing=lambda _: known)
     rivals = tuple(Rival(name, False, model(name), score, score) for name, score in scores.items())
     surveyed = Survey(model("alone"), rivals)
-    found = imperfect.ranked_by_evidence(surveyed, cast(Any, baseline), model("alone"), known)
+    found = by_evidence.ranked_by_evidence(surveyed, cast(Any, baseline), model("alone"), known)
     return found.by_evidence, [rival.effect for rival in found.rivals]
 
 
@@ -131,5 +131,5 @@ def test_further_names_have_no_more_confidence_than_the_first():
     )
     survey = Survey(cast(Any, model), cast(Any, (first, second)), by_evidence=True)
     finding = SimpleNamespace(confidence=0.05)
-    (told,) = imperfect._nearly_as_good(*cast(Any, (first, survey, [second], finding, 0.02)))
+    (told,) = by_evidence._nearly_as_good(*cast(Any, (first, survey, [second], finding, 0.02)))
     assert (told.effect, told.confidence) == ("ocean_current", finding.confidence)

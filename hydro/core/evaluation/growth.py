@@ -20,10 +20,9 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
-from hydro.core.diagnosis.settings import RESAMPLES, TERM_SHARE, WIDEST_POWER
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Role
-from hydro.core.evaluation.block_resampling import weights
+from hydro.core.evaluation.block_resampling import SAMPLES, weights
 from hydro.core.evaluation.force_error import missing_wrench
 from hydro.core.evaluation.leftover import Means, through_water, with_samples
 from hydro.core.evaluation.regimes import Pieces
@@ -36,6 +35,10 @@ POWERS = np.arange(0.0, 4.01, 0.05)
 """Powers that are tried."""
 RIDGE = 1e-9
 """Relative ridge that keeps the normal equations invertible."""
+LEAST_SHARE = 0.02
+"""Minimum share of the force's variance that a reported term explains."""
+WIDEST_POWER = 1.5
+"""Maximum width of a power's 95 % interval for the power to be reported: wider ones do not tell 1 from 2."""
 
 
 def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None) -> pl.DataFrame:
@@ -85,7 +88,7 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
         gram = _grams(tried, np.column_stack([_beside(nu, axis, against), force]), number)
         left, drag, share = _profile(gram.sum(axis=0))
         best = int(left.argmin())
-        if share[best] < TERM_SHARE or best in (0, len(POWERS) - 1):
+        if share[best] < LEAST_SHARE or best in (0, len(POWERS) - 1):
             continue
         drawn = _drawn(gram)
         low, high = (float(end) for end in np.quantile(drawn, [0.025, 0.975]))
@@ -158,6 +161,6 @@ def _profile(gram: Array) -> tuple[Array, Array, Array]:
 
 
 def _drawn(gram: Array) -> Array:
-    """Return the best powers of resampled recordings, (RESAMPLES,)."""
-    drawn = weights(len(gram), RESAMPLES, 0)
+    """Return the best powers of resampled recordings, (SAMPLES,)."""
+    drawn = weights(len(gram), SAMPLES, 0)
     return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])

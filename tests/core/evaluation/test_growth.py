@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.discovery.growth import growth, without_hull_water
 from hydro.core.effects.formula import joined, one_term
+from hydro.core.evaluation.growth import growth, without_hull_water
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import vehicle as files

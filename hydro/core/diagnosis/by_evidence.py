@@ -15,7 +15,7 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.candidates import Candidate, is_plausible, values_of
+from hydro.core.diagnosis.candidates import Candidate, candidate_of
 from hydro.core.diagnosis.confidence import (
     by_evidence_confidence,
     by_transfer_confidence,
@@ -23,26 +23,26 @@ from hydro.core.diagnosis.confidence import (
 )
 from hydro.core.diagnosis.findings import (
     STATED,
-    Diagnosis,
     Finding,
+    Result,
     extended,
     limited_confidence,
     with_implausible,
 )
+from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding
 from hydro.core.diagnosis.settings import (
-    ABSENT,
     CLOSEST,
     CONTENDERS,
     DOUBTFUL,
     FAR_FROM_PRIOR,
     LEAST_EVIDENCE,
-    LONG_STEPS,
     MATERIAL,
     NEARLY_EQUAL,
     SHOTS,
     SIMILAR,
+    SMALL_STEP,
     SURE,
 )
 from hydro.core.diagnosis.transfer import (
@@ -58,6 +58,7 @@ from hydro.core.diagnosis.transfer import (
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change
 from hydro.core.prediction.normal_equations import block_length
@@ -77,6 +78,7 @@ class Named:
         fit: Values and standard errors; None without a fit.
         refitted: Existing effects alone, likewise; the file unchanged where they are held.
         rivals: Every effect of the survey, the best first.
+        sensor_errors: Errors of the velocity sensor that kinematics shows.
     """
 
     findings: tuple[Finding, ...]
@@ -84,54 +86,72 @@ class Named:
     fit: Fit | None
     refitted: Model
     rivals: tuple[Rival, ...] = ()
+    sensor_errors: tuple[Finding, ...] = ()
 
 
-def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
-    """Return the diagnosis by transfer, after the velocity sensor errors that kinematics shows."""
-    errors = list(_sensor_errors(baseline, outcome))
-    read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
-    rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
-    there = replace(baseline, vehicle=read, effects=rest)
-    named = by_transfer(there, part(progress, 0.4, 0.9))
-    progress("verdicts", 0.9)
-    last = replace(outcome, model=named.model, found=(), fit=named.fit)
-    known = list(contradicted(baseline, outcome))
-    stated = any(one.verdict in STATED for one in (*errors, *known, *named.findings))
-    findings = [*errors, *known, *named.findings, *unexplained(baseline, last, stated=stated)]
-    if baseline.warnings and findings:
-        words = "; ".join(baseline.warnings)
-        findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
-    progress("done", 1.0)
-    models = (baseline.given, named.refitted, named.model)
-    given, refitted, found = (model.normal.chi2 for model in models)
-    fitted = named.fit.vehicle if named.fit else named.model.vehicle
-    told = [with_implausible(finding, baseline.vehicle) for finding in findings]
-    estimates = named.fit.estimates() if named.fit else None
-    tried = tuple(_candidates(named))
-    return Diagnosis(
-        (*baseline.log.faults, *told), fitted, (given, refitted, found), estimates, candidates=tried
-    )
+@dataclass(frozen=True)
+class ByEvidence:
+    """Regime in which no model reaches the noise: hull forces of a library are the discrepancy.
+
+    Attributes:
+        baseline: Vehicle file and shots.
+        outcome: Outcome of the search by likelihood.
+    """
+
+    baseline: Baseline
+    outcome: Outcome
+
+    @property
+    def log(self) -> Preprocessed:
+        """Recording."""
+        return self.baseline.log
+
+    def select(self, progress: Progress) -> Named:
+        """Name one change, after the velocity sensor errors that kinematics shows."""
+        baseline, errors = self.baseline, list(_sensor_errors(self.baseline, self.outcome))
+        read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
+        rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
+        there = replace(baseline, vehicle=read, effects=rest)
+        return replace(by_transfer(there, part(progress, 0.4, 0.9)), sensor_errors=tuple(errors))
+
+    def findings(self, named: Named) -> list[Finding]:
+        """Return sensor errors, contradicted values, the name, and the error that remains."""
+        baseline = self.baseline
+        last = replace(self.outcome, model=named.model, found=(), fit=named.fit)
+        found = [*named.sensor_errors, *contradicted(baseline, self.outcome), *named.findings]
+        stated = any(one.verdict in STATED for one in found)
+        found += unexplained(baseline, last, stated=stated)
+        if baseline.warnings and found:
+            words = "; ".join(baseline.warnings)
+            found[0] = replace(found[0], advice=f"{found[0].advice}; {words}")
+        return [with_implausible(finding, baseline.vehicle) for finding in found]
+
+    def result(self, named: Named, findings: Sequence[Finding]) -> Result:
+        """Return the fit of the named change; without a right model no experiment is planned."""
+        models, fit = (self.baseline.given, named.refitted, named.model), named.fit
+        given, refitted, found = (model.normal.chi2 for model in models)
+        vehicle = fit.vehicle if fit else named.model.vehicle
+        estimates, tried = fit.estimates() if fit else None, tuple(_candidates(named))
+        return Result(vehicle, (given, refitted, found), estimates, candidates=tried)
 
 
 def _candidates(named: Named) -> Iterator[Candidate]:
     """Yield every effect of the survey as a candidate, the best first."""
     chosen = named.findings[0].effect if named.findings else ""
     for rival in named.rivals:
-        vehicle = rival.model.unknown.at(rival.values)
-        yield Candidate(
+        yield candidate_of(
             "transfer",
             0,
             rival.effect,
-            rival.effect == chosen,
-            rival.entries,
+            rival.model.unknown.at(rival.values),
+            chosen=rival.effect == chosen,
+            entries=rival.entries,
             chi2=rival.model.normal.chi2,
             left_out=rival.score,
             evidence=rival.evidence if rival.allowed is not None else math.nan,
             lead=rival.lead if rival.allowed is not None else math.nan,
             own=rival.own,
             absorbs=rival.absorbs,
-            plausible=is_plausible(vehicle, rival.effect),
-            values=values_of(vehicle, rival.effect),
         )
 
 
@@ -227,7 +247,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether an effect is still present once its values are those of a passive hull."""
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
-    return bool((sizes > ABSENT).any())
+    return bool((sizes > SMALL_STEP).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
@@ -259,7 +279,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
     vehicle, released = rival.model.vehicle, known.releasing(rival.effect)
-    return fit_model(vehicle, [*others, table], baseline.problem, reach, LONG_STEPS, known=released)
+    return fit_model(vehicle, [*others, table], baseline.problem, reach, ITERATIONS, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -267,7 +287,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
-    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, LONG_STEPS, known=known)
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, ITERATIONS, known=known)
 
 
 def _finding(

@@ -1,32 +1,25 @@
-"""Diagnosis of the effect that a vehicle file lacks, with a confidence.
+"""Findings where a model reaches the noise: effects are selected by penalised likelihood.
 
 The file's existing effects are refitted first, so that a drag coefficient that is a quarter wrong is not
 mistaken for a missing effect.  Then `diagnosis.search` tests the whole catalogue against the residual.  Each
 finding states its share of the error, the effects that explain it equally well (`diagnosis.confidence`) and
-the next step.  The result also lists existing effects with other values, effects that the recording does not
+the next step.  The findings also list existing effects with other values, effects that the recording does not
 show, and error that no effect explains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import polars as pl
 from scipy.special import fdtrc
 
-from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import (
     Baseline,
     Found,
     Outcome,
-    allowing_for_waves,
-    refit,
-    stable_shots,
-    stable_start,
 )
-from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
@@ -39,17 +32,13 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding, limited_confidence, with_implausible
-from hydro.core.diagnosis.held_out import predicted
+from hydro.core.diagnosis.findings import Finding, Result, limited_confidence, with_implausible
 from hydro.core.diagnosis.identifiability import left_open, unseen
-from hydro.core.diagnosis.imperfect import named_by_transfer
-from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
-from hydro.core.diagnosis.model import Diverges, Model, continue_fit, unfitted
-from hydro.core.diagnosis.provisional import ReportingSearch, Told
-from hydro.core.diagnosis.relative_thrust import doubted_gain
+from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.model import Diverges, Model, continue_fit
+from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.search import Search, candidates
 from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, MATERIAL, RIGHT, VISIBLE
-from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
@@ -59,229 +48,64 @@ from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.prediction.normal_equations import block_length, covariance
-from hydro.core.progress import Progress, part, silent
-from hydro.core.residual.hull import Hull, Law, known_by, learnt
-from hydro.core.sea.sea_state import shown
+from hydro.core.progress import Progress, part
+from hydro.core.sea.sea_state import SeaState
 from hydro.core.vehicle.description import Vehicle
 
-CORRECT_FIRST = "Correct this first, or add --correct-thrusters"
-ANSWERED = 0.85
-"""Share of the time of a diagnosis that passes before its findings are checked on held-out data: 0.77 to 0.93
-in three measured runs."""
-Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
-"""Function that extends the diagnosis of a vehicle and a recording beyond the catalogue."""
 DIVERGED_TOGETHER = "the final joint fit diverged: values are of the fit before it"
 
 
-def diagnose(
-    vehicle: Vehicle,
-    raw: pl.DataFrame,
-    *,
-    before: pl.DataFrame | None = None,
-    corrected: bool = False,
-    progress: Progress | None = None,
-) -> Diagnosis:
-    """Find what is missing in a vehicle file, or what has changed since an earlier recording.
+@dataclass(frozen=True)
+class ByLikelihood:
+    """Regime in which the best model reaches the noise, so that no discrepancy is needed.
+
+    Attributes:
+        search: Search, with its baseline.
+        outcome: Its outcome.
+    """
+
+    search: Search
+    outcome: Outcome
+
+    @property
+    def log(self) -> Preprocessed:
+        """Recording."""
+        return self.search.baseline.log
+
+    def select(self, progress: Progress) -> Outcome:
+        """Reconsider the effects found, and fit them together to convergence."""
+        settled = self.search.settle(self.outcome, part(progress, 0.45, 0.8))
+        progress("joint fit", 0.8)
+        return refine(self.search.baseline, settled)
+
+    def findings(self, outcome: Outcome) -> list[Finding]:
+        """Return all verdicts, with warnings about values that physics excludes."""
+        baseline = self.search.baseline
+        return [with_implausible(one, baseline.vehicle) for one in verdicts(baseline, outcome)]
+
+    def result(self, outcome: Outcome, findings: Sequence[Finding]) -> Result:
+        """Return the joint fit, with the rivals of uncertain findings as open questions."""
+        baseline, fit = self.search.baseline, outcome.fit
+        models = (baseline.given, baseline.refitted, outcome.model)
+        given, refitted, found = (model.normal.chi2 for model in models)
+        return Result(
+            fit.vehicle if fit else baseline.vehicle,
+            (given, refitted, found),
+            fit.estimates() if fit else None,
+            left_open(baseline, outcome, findings),
+            tuple(candidates(baseline.refitted, outcome.found, baseline.vehicle)),
+        )
+
+
+def wave_finding(baseline: Baseline, sea: SeaState, *, alone: bool) -> Finding:
+    """Return the recording's waves as a finding.
 
     Args:
-        vehicle: Vehicle file.
-        raw: Raw table of the measured motion and commands.
-        before: Raw table of the same vehicle before a change.  The hull-force error of the file is learnt
-            from it and held fixed, see `diagnosis.before`.
-        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
-            them.
-        progress: Called with a short text and the share of the work done.
-
-    Returns:
-        Findings, the largest share first.  Shares are of the baseline fit's error beyond the noise; those of
-        `retune` are of the error of the file as given.  With `before` they are of the squared residual of the
-        file with the hull-force model.
-
-    Raises:
-        DataError: A recording or the vehicle is at fault, or a recording is too short.
+        baseline: Baseline fit that allows for the waves.
+        sea: Waves.
+        alone: Whether there is no other finding.
     """
-    hull = None
-    if before is not None:
-        (progress or silent)("earlier recording", 0.0)
-        hull = hull_of(vehicle, before)
-    log = preprocess(vehicle, raw, hull)
-    return diagnose_log(vehicle, log.as_audited() if corrected else log, hull=hull, progress=progress)
-
-
-def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
-    """Learn the hull-force model from the raw table of an unchanged vehicle.
-
-    Args:
-        vehicle: Vehicle file.
-        before: Raw table.
-        law: Hull force if it is known, for instance as a network; by default the built-in regression.
-
-    Raises:
-        DataError: The recording does not fit the vehicle, or is too short.
-    """
-    log = preprocess(vehicle, before)
-    require_ready(log.observed)
-    problem = stable_shots(vehicle, log)
-    return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
-
-
-def diagnose_log(
-    vehicle: Vehicle,
-    log: Preprocessed,
-    *,
-    hull: Hull | None = None,
-    further: bool = False,
-    file: Vehicle | None = None,
-    in_vain: bool = False,
-    beyond: Beyond | None = None,
-    progress: Progress | None = None,
-    provisional: Told | None = None,
-) -> Diagnosis:
-    """Diagnose a preprocessed recording.
-
-    Where the thruster audit contradicts the file, that is the only finding and no effect is named.  The
-    search continues with a log `as_audited`, and with a hull, which was learnt from a recording in order.
-
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
-        hull: Hull-force model from a recording before a change.
-        further: Whether the vehicle has changes since the hull's recording already, so that the next must be
-            larger.
-        file: Vehicle whose values are prior knowledge, where `vehicle` was fitted to this very recording.
-        in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where the
-            residual is still above FAR_FROM_NOISE, candidates are then ranked by transfer at once.
-        beyond: Function that extends a diagnosis without a finding before it is answered; not with `file`.
-        progress: Called with a short text and the share of the work done.
-        provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`.
-    """
-    progress = progress or silent
-    if file is not None:
-        return _found_in(vehicle, log, hull, further, file, in_vain, progress, provisional)
-    search, rest = part(progress, 0.0, ANSWERED), part(progress, ANSWERED, 1.0)
-    found = _found_in(vehicle, log, hull, further, file, in_vain, search, provisional)
-    if beyond is not None and not log.misdirected:
-        found = beyond(vehicle, log, found, search)
-    return answered(found, vehicle, log, hull=hull, progress=rest)
-
-
-def answered(
-    diagnosis: Diagnosis,
-    vehicle: Vehicle,
-    log: Preprocessed,
-    *,
-    hull: Hull | None,
-    progress: Progress = silent,
-) -> Diagnosis:
-    """Return a diagnosis with its status, and with the held-out errors before and after stated findings.
-
-    Args:
-        diagnosis: Diagnosis.
-        vehicle: Vehicle file.
-        log: Recording.
-        hull: Hull-force model from a recording before a change; None without one.
-        progress: Called with a short text and the share of the work done.
-    """
-    if hull is None and not log.misdirected:
-        diagnosis = predicted(diagnosis, vehicle, log, progress)
-    progress("done", 1.0)
-    diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
-    left = None if hull is None else diagnosis.chi2[-1]
-    told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
-    return replace(diagnosis, status=told)
-
-
-def _found_in(
-    vehicle: Vehicle,
-    log: Preprocessed,
-    hull: Hull | None,
-    further: bool,
-    file: Vehicle | None,
-    in_vain: bool,
-    progress: Progress,
-    provisional: Told | None,
-) -> Diagnosis:
-    """Return the findings; see `diagnose_log`."""
-    require_ready(log.observed)
-    if log.misdirected and hull is None:
-        return _misdirected(vehicle, log)
-    progress("shots", 0.0)
-    if hull is not None:
-        return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further, provisional)
-    start, problem = stable_start(vehicle, log)
-    progress("baseline fit", 0.05)
-    calm = replace(refit(vehicle, log, problem, start), file=file)
-    baseline = allowing_for_waves(calm)
-    found = _searched_for(baseline, progress, in_vain, provisional)
-    if _waves_explained(baseline, found):
-        found = _searched_for(calm, progress, in_vain)
-    else:
-        found = with_waves(found, baseline)
-    return replace(found, findings=tuple(doubted_gain(one, log.record) for one in found.findings))
-
-
-def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
-    """Return the diagnosis of a log that contradicts the file's thrusters: its faults only.
-
-    Residuals are those of the file with the columns as the audit states them.
-    """
-    chi2 = unfitted(vehicle, stable_start(vehicle, log)[1]).normal.chi2
-    thrusters, *others = log.faults
-    told = replace(thrusters, advice=f"{thrusters.advice}. {CORRECT_FIRST}")
-    return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
-
-
-def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:
-    """Return whether the findings explain the motion that was attributed to waves.
-
-    A vehicle whose buoyancy turns it over swings with a period of some seconds, as in waves.
-    """
-    if baseline.sea is None or found.vehicle == baseline.vehicle:
-        return False
-    return shown(found.vehicle, baseline.log.record) is None
-
-
-def _searched_for(
-    baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
-) -> Diagnosis:
-    """Search from a baseline and return the diagnosis; see `diagnose_log` for `in_vain`."""
-    vehicle, log, some = baseline.vehicle, baseline.log, baseline.thinned()
-    if in_vain and baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
-        last = Search(some).screen(some.refitted, ())
-        return named_by_transfer(some, Outcome(some.refitted, (), last), progress)
-    search, outcome = searched(some, progress, provisional)
-    if search.baseline is not baseline and outcome.model.normal.chi2 <= FAR_FROM_NOISE:
-        search, outcome = searched(baseline, progress)
-    if not (outcome.found or search.wrong(outcome)):
-        search, outcome = simplest(search, outcome, part(progress, 0.4, 0.45))
-    baseline = search.baseline
-    if search.wrong(outcome):
-        return named_by_transfer(baseline, outcome, part(progress, 0.4, 1.0))
-    outcome = search.settle(outcome, part(progress, 0.45, 0.8))
-    progress("joint fit", 0.8)
-    outcome = refine(baseline, outcome)
-    progress("verdicts", 0.88)
-    findings = verdicts(baseline, outcome)
-    progress("design of the next run", 0.95)
-    models = (baseline.given, baseline.refitted, outcome.model)
-    given, refitted, found = (model.normal.chi2 for model in models)
-    fitted = outcome.fit.vehicle if outcome.fit else vehicle
-    findings = [with_implausible(finding, vehicle) for finding in findings]
-    estimates = outcome.fit.estimates() if outcome.fit else None
-    question = left_open(baseline, outcome, findings)
-    progress("done", 1.0)
-    tried = tuple(candidates(baseline.refitted, outcome.found, vehicle))
-    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question, tried)
-
-
-def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:
-    """Return the diagnosis with the recording's waves as its first finding, unless the file has them."""
-    sea = baseline.sea
-    if sea is None:
-        return diagnosis
-    others = [one for one in diagnosis.findings if one.verdict != "nothing_missing"]
-    faults = [one for one in others if one.verdict == "log_fault"]
-    waves = Finding(
+    return Finding(
         "missing",
         WAVES.name,
         (WAVES.name,),
@@ -290,11 +114,32 @@ def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:
         p_value=sea.p_value,
         parameters=sea.parameters,
         standard_errors=sea.errors,
-        advice=advice.in_waves(sea.parameters, sea.speed, len(others) == len(faults)),
+        advice=advice.in_waves(sea.parameters, sea.speed, alone),
         support=1.0,
     )
-    rest = others[len(faults) :]
-    return replace(diagnosis, findings=(*faults, waves, *rest))
+
+
+def selected(
+    baseline: Baseline, progress: Progress, in_vain: bool = False, provisional: Told | None = None
+) -> tuple[Search, Outcome]:
+    """Return a search by likelihood and its outcome, also where no model reaches the noise.
+
+    Args:
+        baseline: Vehicle file and shots.
+        progress: Called with a short text and the share of the work done.
+        in_vain: Whether an earlier search stayed far from the noise: then none is made there again.
+        provisional: Called with the best candidate after the first fits.
+    """
+    some = baseline.thinned()
+    if in_vain and baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
+        search = Search(some)
+        return search, Outcome(some.refitted, (), search.screen(some.refitted, ()))
+    search, outcome = searched(some, progress, provisional)
+    if search.baseline is not baseline and outcome.model.normal.chi2 <= FAR_FROM_NOISE:
+        search, outcome = searched(baseline, progress)
+    if not (outcome.found or search.wrong(outcome)):
+        search, outcome = simplest(search, outcome, part(progress, 0.4, 0.45))
+    return search, outcome
 
 
 def searched(
@@ -306,7 +151,7 @@ def searched(
     first effect that joins leaves a residual above FAR_FROM_NOISE, the file's values are tried before a
     second joins.  The second search is returned only if it fits.
     """
-    first = ReportingSearch(baseline, told=provisional)
+    first = Search(baseline, told=provisional)
     again = replace(first, from_file=True)
     found = first.grow(part(progress, 0.0, 0.4), far=FAR_FROM_NOISE)
     if found.model.normal.chi2 <= RIGHT:

@@ -1,0 +1,245 @@
+"""Diagnosis of the effect that a vehicle file lacks: one pipeline, whose steps are listed in `diagnose_log`.
+
+Regimes differ only in the model of the force that no effect describes (the discrepancy).  A `Regime` selects
+effects and turns them into findings; `reported` is the same for all of them.
+
+| regime | discrepancy | candidates are ranked by |
+|---|---|---|
+| `by_likelihood` | none: the best model reaches the noise | penalised likelihood |
+| `by_evidence` | library of hull forces, integrated out | evidence and held-out data |
+| `by_change` | learnt from a recording before the change | held-out cost with a penalty |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+import polars as pl
+
+from hydro.core.cleaning.readiness import require_ready
+from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, stable_shots, stable_start
+from hydro.core.diagnosis.by_change import ByChange
+from hydro.core.diagnosis.by_evidence import ByEvidence
+from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding, Result
+from hydro.core.diagnosis.held_out import predicted
+from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
+from hydro.core.diagnosis.model import unfitted
+from hydro.core.diagnosis.provisional import Told
+from hydro.core.diagnosis.relative_thrust import doubted_gain
+from hydro.core.diagnosis.status import status, with_sentences
+from hydro.core.progress import Progress, part, silent
+from hydro.core.residual.hull import Hull, Law, known_by, learnt
+from hydro.core.sea.sea_state import shown
+from hydro.core.vehicle.description import Vehicle
+
+CORRECT_FIRST = "Correct this first, or add --correct-thrusters"
+ANSWERED = 0.85
+"""Share of the time of a diagnosis that passes before its findings are checked on held-out data: 0.77 to 0.93
+in three measured runs."""
+Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
+"""Function that extends the diagnosis of a vehicle and a recording beyond the catalogue."""
+Selection = TypeVar("Selection")
+"""Effects that a regime selected, with the fits behind them."""
+
+
+class Regime(Protocol[Selection]):
+    """Protocol of a way to select effects under one model of the discrepancy."""
+
+    @property
+    def log(self) -> Preprocessed:
+        """Recording."""
+
+    def select(self, progress: Progress) -> Selection:
+        """Screen, fit and score candidates, select effects, and fit them together."""
+
+    def findings(self, selection: Selection) -> list[Finding]:
+        """Return the findings with their calibrated confidence, and what the recording cannot show."""
+
+    def result(self, selection: Selection, findings: Sequence[Finding]) -> Result:
+        """Return the fitted vehicle, every candidate, and open questions for the next experiment."""
+
+
+def diagnose(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    before: pl.DataFrame | None = None,
+    corrected: bool = False,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find what is missing in a vehicle file, or what has changed since an earlier recording.
+
+    Args:
+        vehicle: Vehicle file.
+        raw: Raw table of the measured motion and commands.
+        before: Raw table of the same vehicle before a change.  The hull-force error of the file is learnt
+            from it and held fixed, see `diagnosis.by_change`.
+        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
+            them.
+        progress: Called with a short text and the share of the work done.
+
+    Returns:
+        Findings, the largest share first.  Shares are of the baseline fit's error beyond the noise; those of
+        `retune` are of the error of the file as given.  With `before` they are of the squared residual of the
+        file with the hull-force model.
+
+    Raises:
+        DataError: A recording or the vehicle is at fault, or a recording is too short.
+    """
+    hull = None
+    if before is not None:
+        (progress or silent)("earlier recording", 0.0)
+        hull = hull_of(vehicle, before)
+    log = preprocess(vehicle, raw, hull)
+    return diagnose_log(vehicle, log.as_audited() if corrected else log, hull=hull, progress=progress)
+
+
+def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
+    """Learn the hull-force model from the raw table of an unchanged vehicle.
+
+    Args:
+        vehicle: Vehicle file.
+        before: Raw table.
+        law: Hull force if it is known, for instance as a network; by default the built-in regression.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or is too short.
+    """
+    log = preprocess(vehicle, before)
+    require_ready(log.observed)
+    problem = stable_shots(vehicle, log)
+    return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
+
+
+def diagnose_log(
+    vehicle: Vehicle,
+    log: Preprocessed,
+    *,
+    hull: Hull | None = None,
+    further: bool = False,
+    file: Vehicle | None = None,
+    in_vain: bool = False,
+    beyond: Beyond | None = None,
+    progress: Progress | None = None,
+    provisional: Told | None = None,
+) -> Diagnosis:
+    """Diagnose a cleaned recording.
+
+    Where the thruster audit contradicts the file, that is the only finding and no effect is named.  The
+    search continues with a log `as_audited`, and with a hull, which was learnt from a recording in order.
+
+    Args:
+        vehicle: Vehicle file.
+        log: Cleaned recording, with the tests of its sensors.
+        hull: Hull-force model from a recording before a change.
+        further: Whether the vehicle has changes since the hull's recording already, so that the next must be
+            larger.
+        file: Vehicle whose values are prior knowledge, where `vehicle` was fitted to this very recording.
+        in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where the
+            residual is still above FAR_FROM_NOISE, candidates are then ranked by transfer at once.
+        beyond: Function that extends a diagnosis without a finding before it is answered; not with `file`.
+        progress: Called with a short text and the share of the work done.
+        provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`.
+    """
+    progress = progress or silent
+    search = progress if file is not None else part(progress, 0.0, ANSWERED)
+    require_ready(log.observed)
+    if log.misdirected and hull is None:
+        found = misdirected(vehicle, log)
+    elif hull is not None:
+        found = reported(ByChange.of(vehicle, log, hull, further, provisional), search)
+    else:
+        search("shots", 0.0)
+        start, shots = stable_start(vehicle, log)
+        search("baseline fit", 0.05)
+        calm = replace(refit(vehicle, log, shots, start), file=file)
+        found = without_discrepancy(calm, search, in_vain, provisional)
+    if file is not None:
+        return found
+    if beyond is not None and not log.misdirected:
+        found = beyond(vehicle, log, found, search)
+    return answered(found, vehicle, log, hull=hull, progress=part(progress, ANSWERED, 1.0))
+
+
+def misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
+    """Return the diagnosis of a log that contradicts the file's thrusters: its faults only.
+
+    Residuals are those of the file with the columns as the audit states them.
+    """
+    chi2 = unfitted(vehicle, stable_start(vehicle, log)[1]).normal.chi2
+    thrusters, *others = log.faults
+    told = replace(thrusters, advice=f"{thrusters.advice}. {CORRECT_FIRST}")
+    return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
+
+
+def without_discrepancy(
+    calm: Baseline, progress: Progress, in_vain: bool, provisional: Told | None
+) -> Diagnosis:
+    """Diagnose a recording from a baseline fit, with waves in the noise where the recording shows them.
+
+    The search is repeated without waves where the findings explain the same motion: a vehicle whose buoyancy
+    turns it over swings with a period of some seconds, as in waves.
+    """
+    baseline = allowing_for_waves(calm)
+    found = chosen_and_reported(baseline, progress, in_vain, provisional)
+    if baseline.sea is not None:
+        if found.vehicle != baseline.vehicle and shown(found.vehicle, baseline.log.record) is None:
+            found = chosen_and_reported(calm, progress, in_vain)
+        else:
+            others = [one for one in found.findings if one.verdict != "nothing_missing"]
+            faults = [one for one in others if one.verdict == "log_fault"]
+            rest = others[len(faults) :]
+            waves = wave_finding(baseline, baseline.sea, alone=not rest)
+            found = replace(found, findings=(*faults, waves, *rest))
+    return replace(found, findings=tuple(doubted_gain(one, calm.log.record) for one in found.findings))
+
+
+def chosen_and_reported(
+    baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
+) -> Diagnosis:
+    """Report the selection without a discrepancy if a model reaches the noise, or else with the library."""
+    search, outcome = selected(baseline, progress, in_vain, provisional)
+    if search.wrong(outcome):
+        return reported(ByEvidence(search.baseline, outcome), part(progress, 0.4, 1.0))
+    return reported(ByLikelihood(search, outcome), progress)
+
+
+def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
+    """Select effects in a regime and return the diagnosis."""
+    selection = regime.select(progress)
+    progress("verdicts", 0.9)
+    findings = regime.findings(selection)
+    progress("design of the next run", 0.95)
+    result = regime.result(selection, findings)
+    progress("done", 1.0)
+    told, final = (*regime.log.faults, *findings), (result.vehicle, result.chi2, result.estimates)
+    return Diagnosis(told, *final, result.question, result.candidates)
+
+
+def answered(
+    diagnosis: Diagnosis,
+    vehicle: Vehicle,
+    log: Preprocessed,
+    *,
+    hull: Hull | None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Return a diagnosis with its status, and with the held-out errors before and after stated findings.
+
+    Args:
+        diagnosis: Diagnosis.
+        vehicle: Vehicle file.
+        log: Recording.
+        hull: Hull-force model from a recording before a change; None without one.
+        progress: Called with a short text and the share of the work done.
+    """
+    if hull is None and not log.misdirected:
+        diagnosis = predicted(diagnosis, vehicle, log, progress)
+    progress("done", 1.0)
+    diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
+    left = None if hull is None else diagnosis.chi2[-1]
+    told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
+    return replace(diagnosis, status=told)
