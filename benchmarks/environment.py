@@ -204,7 +204,10 @@ def main() -> None:
     if chosen.out:
         write(results, chosen.out)
     if chosen.keep:
-        command = f"OMP_NUM_THREADS=1 python benchmarks/environment.py --rounds {rounds} --keep {chosen.keep}"
+        command = (
+            f"OMP_NUM_THREADS=1 python benchmarks/environment.py --rounds {rounds} --seconds {seconds:g} "
+            f"--keep {chosen.keep}"
+        )
         where = origin(pl.DataFrame({"seed": [1]}), command, chosen.commit)
         keep(chosen.keep, [row | where for row in table])
 
