@@ -135,7 +135,10 @@ def main() -> None:
     for row in rows:
         print(row)
     if chosen.keep:
-        command = f"OMP_NUM_THREADS=1 python benchmarks/student_effects.py --keep {chosen.keep}"
+        command = (
+            f"OMP_NUM_THREADS=1 python benchmarks/student_effects.py --rounds {chosen.rounds} "
+            f"--seconds {chosen.seconds:g} --keep {chosen.keep}"
+        )
         where = origin(pl.DataFrame({"seed": [1]}), command, chosen.commit)
         keep(chosen.keep, [row | where for row in rows])
 
