@@ -71,7 +71,7 @@ class StableBaselinesEnv(VecEnv):
         """Store the actions (N, 6) of the next step."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[Array32, Array32, Mask, list[dict[str, Any]]]:  # type: ignore[override]
+    def step_wait(self) -> tuple[Array32, Array32, Mask, list[dict[str, Any]]]:
         """Simulate one control step; return observations, rewards, ends of episodes, and infos."""
         step = self.fleet.step(self._actions)
         done = step.terminated | step.truncated
