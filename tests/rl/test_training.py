@@ -349,3 +349,11 @@ def test_a_flight_is_kept_with_its_scene(auv151, task, planned):
     if planned:
         assert flight.way[-1] == pytest.approx(flight.goal)
         assert flight.way[0] == pytest.approx(flight.pose[0, :3])
+
+
+def test_a_run_from_before_there_were_engines_keeps_flying_in_mujoco(auv151):
+    run = run_artefact(TrainingConfig(), auv151[1])
+    assert config_of(run).settings.engine == "kernels"
+    assert run.provenance.parameters["engine"] == "kernels"
+    before = replace(run, frame=run.frame.filter(~pl.col("name").is_in(["settings.engine", "settings.step"])))
+    assert config_of(before).settings.engine == "mujoco"
