@@ -77,7 +77,11 @@ def apart(vehicle, *hidden, depth=3.0):
     )
     full = vehicles.joined(vehicle, hidden)
     moving = tuple(table for table in full.effect if CATALOGUE[table["name"]].kind != "sensor")
-    at_rest = flown.with_columns(pl.lit(0.0).alias(name) for name in VELOCITY)
+    pose = sensor.true_pose(velocity_log(full), flown.select(POSE).to_numpy())
+    at_rest = flown.with_columns(
+        *(pl.Series(name, pose[:, i]) for i, name in enumerate(POSE)),
+        *(pl.lit(0.0).alias(name) for name in VELOCITY),
+    )
     again = (
         simulate(msgspec.structs.replace(full, effect=moving), at_rest).select(*POSE, *VELOCITY).to_numpy()
     )
