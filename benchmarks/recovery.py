@@ -184,6 +184,7 @@ TRUTHS: dict[str, Draw] = {
     "sensor_misalignment": lambda rng, v: {"alpha": vector(rng, 0.05)},
     "sensor_delay": lambda rng, v: {"d": within(0.05, 0.3, signs=False)(rng)},
     "sensor_lever_arm": lambda rng, v: {"r": vector(rng, 0.3)},
+    "reference_point": lambda rng, v: {"r": vector(rng, 0.3)},
     "sensor_bias": lambda rng, v: {"b": vector(rng, 0.05)},
 }
 FORMS: dict[str, Draw] = {

@@ -65,6 +65,7 @@ HIDDEN = {
     "sensor_misalignment": {"alpha": [0.03, 0.02, 0.06]},
     "sensor_delay": {"d": 0.08},
     "sensor_lever_arm": {"r": [0.3, 0.1, -0.2]},
+    "reference_point": {"r": [-0.2, 0.1, 0.3]},
     "sensor_bias": {"b": [0.04, -0.03, 0.02]},
 }
 
@@ -75,11 +76,16 @@ def apart(vehicle, *hidden, depth=3.0):
         vehicle, vehicle, hidden, {}, rows=[round(SECONDS * 50)], depth=depth, noise=0.0, seed=3
     )
     full = vehicles.joined(vehicle, hidden)
-    moving = tuple(table for table in full.effect if not table["name"].startswith("sensor_"))
-    at_rest = flown.with_columns(pl.lit(0.0).alias(name) for name in VELOCITY)
+    moving = tuple(table for table in full.effect if CATALOGUE[table["name"]].kind != "sensor")
+    pose = sensor.true_pose(velocity_log(full), flown.select(POSE).to_numpy())
+    at_rest = flown.with_columns(
+        *(pl.Series(name, pose[:, i]) for i, name in enumerate(POSE)),
+        *(pl.lit(0.0).alias(name) for name in VELOCITY),
+    )
     again = (
         simulate(msgspec.structs.replace(full, effect=moving), at_rest).select(*POSE, *VELOCITY).to_numpy()
     )
+    again[:, :6] = sensor.logged_pose(velocity_log(full), again[:, :6])
     again[:, 6:] = sensor.measured(velocity_log(full), flown["t"].to_numpy(), again[:, 6:])
     difference = flown.select(*POSE, *VELOCITY).to_numpy() - again
     difference[:, 3:6] = (difference[:, 3:6] + np.pi) % (2 * np.pi) - np.pi

@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.hidden_effects.parts import Parts
 from benchmarks.hidden_effects.plant import FOREIGN, Plant
 from hydro.core.columns import Array
+from hydro.core.effects import CATALOGUE
 from hydro.core.vehicle.description import Vehicle
 
 PAIRS = {
@@ -134,7 +135,7 @@ def build(
                 inflow += table["c"]
             case "propeller_torque":
                 reactions += table["k"]
-            case name if not str(name).startswith("sensor_"):
+            case name if CATALOGUE[str(name)].kind != "sensor":
                 raise ValueError(f"the benchmark's simulator has no {name}")
     extra.append(np.array([-vehicle.buoyancy.force, *buoyancy]))
     return Plant(

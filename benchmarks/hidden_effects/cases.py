@@ -76,6 +76,7 @@ WITHIN = {
     "sensor_misalignment": 0.2,
     "sensor_delay": 0.4,
     "sensor_lever_arm": 1.0,
+    "reference_point": 1.0,
     "sensor_bias": 0.2,
 }
 """Greatest size of a parameter that could not be exceeded on a vehicle that still works."""

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import BODY, Plant, fly
@@ -82,7 +83,7 @@ def independent(
         states, commands = fly(plant, file, allocation, gains, demand, first, DT)
         if not np.isfinite(states).all():
             raise DataError(f"the motion of {believed.name} diverges")
-        motion = np.hstack([states[:, :3], angles(states[:, 3:7]), logged(states, hidden)])
+        motion = np.hstack([placed(states, hidden), angles(states[:, 3:7]), logged(states, hidden)])
         tables.append(table(f"s{number}", motion, commands, noise, rng))
     return tables
 
@@ -145,6 +146,16 @@ def angles(q: Array) -> Array:
     )
 
 
+def placed(states: Array, hidden: Tables) -> Array:
+    """Return the logged position (N, 3): p + R r of a reference point."""
+    point = np.zeros(3)
+    for effect in hidden:
+        if effect["name"] == "reference_point":
+            point = point + effect["r"]
+    turned: Array = Rotation.from_quat(states[:, 3:7], scalar_first=True).apply(point)
+    return states[:, :3] + turned
+
+
 def logged(states: Array, hidden: Tables) -> Array:
     """Return the logged velocity (N, 6): (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b."""
     scale, tilt, lever, bias, delay = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0
@@ -154,7 +165,7 @@ def logged(states: Array, hidden: Tables) -> Array:
                 scale = scale + np.asarray(effect.get("axes", effect.get("s")))
             case "sensor_misalignment":
                 tilt = tilt + effect["alpha"]
-            case "sensor_lever_arm":
+            case "sensor_lever_arm" | "reference_point":
                 lever = lever + effect["r"]
             case "sensor_bias":
                 bias = bias + effect["b"]

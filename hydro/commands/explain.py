@@ -273,6 +273,10 @@ def _print_details(study: Study, outcome: Outcome, recordings: Recordings, conso
     simple = yardsticks.of_ladder(rungs, outcome.chosen.number, yardsticks.judged_on(rungs))
     for line in yardsticks.explained(simple, recordings.yardstick, recordings.log.record):
         console.print(line)
+    if recordings.holdout is not None:
+        both = recordings.log.observed, recordings.holdout.observed
+        for line in yardsticks.unlearnt(simple, recordings.yardstick.vehicle, *both):
+            console.print(line)
     if change.PARAMETER in study.parameters:
         console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(rungs), sep="\n")
     for step in outcome.steps[1:]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import polars as pl
 
-from hydro.core.columns import VELOCITY
+from hydro.core.columns import VELOCITY, WRENCH_UNITS
 from hydro.core.errors import listed
+from hydro.core.evaluation.small_commands import unseen_small_commands
 from hydro.core.evaluation.yardsticks import (
     JUDGED,
     LEAST_SQUARES,
@@ -17,6 +18,7 @@ from hydro.core.evaluation.yardsticks import (
     reason,
 )
 from hydro.core.recording.arrays import Recording
+from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 
 MODEL = "model"
@@ -91,6 +93,28 @@ def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> 
         f"On {axis} least squares gains most from {reason(yardstick, record, VELOCITY.index(axis))}."
         for axis in behind
     ]
+
+
+def unlearnt(errors: pl.DataFrame, vehicle: Vehicle, training: Recording, held_out: Recording) -> list[str]:
+    """Return a sentence for each axis that the model loses under commands which the training data lack.
+
+    Args:
+        errors: Errors on the held-out recording, in the form of `of_comparison`.
+        vehicle: Vehicle file.
+        training: The training recording.
+        held_out: The held-out recording.
+    """
+    behind = {axis for axis, _ in lost(errors.filter(horizon=JUDGED))}
+    told = []
+    for one in unseen_small_commands(vehicle, training, held_out):
+        unit = WRENCH_UNITS[VELOCITY.index(one.axis)]
+        if one.axis in behind:
+            told.append(
+                f"On {one.axis} {100.0 * one.held_out:.0f} % of the held-out commands are small "
+                f"({one.low:.2g} to {one.high:.2g} {unit}), but only {100.0 * one.training:.0f} % of the "
+                "training commands: the fit does not show the thrusters' dead band. Record small commands."
+            )
+    return told
 
 
 def table(errors: pl.DataFrame) -> pl.DataFrame:

@@ -239,9 +239,11 @@ def _logged_motion(
     measured, begun, bounds = record.measured, record.begun, record.bounds
     first = bounds[:, 0]
     settled = np.where(record.resumed[:, None], record.commands[first], np.nan)
-    student.start(measured[first, :6], begun[first], settled=settled, t=record.clock[first])
-    known = np.hstack([measured[:, :6], begun])
+    pose = sensor.true_pose(record.log, measured[:, :6])
+    student.start(pose[first], begun[first], settled=settled, t=record.clock[first])
+    known = np.hstack([pose, begun])
     motion = _fly(student, known, record.commands, bounds, steps, report)
+    motion[:, :6] = sensor.logged_pose(record.log, motion[:, :6])
     motion[:, 6:] = _through_dvl(sensor.measured, record.log, record.clock, motion[:, 6:], bounds)
     before = _before_start(record.log, record.clock, bounds)
     motion[before, 6:9] = measured[before, 6:9]

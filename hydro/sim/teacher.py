@@ -283,6 +283,7 @@ def _logged_session(
         sea=(seed, session.number + 1),
     )
     t = np.arange(session.rows) / LOG_RATE
+    motion[:, :6] = sensor.logged_pose(subject.log, motion[:, :6])
     motion[:, 6:] = sensor.measured(subject.log, t, motion[:, 6:])
     motion = disturb(motion, noise, noise_rng)
     names = [*MOTION_COLUMNS, *command_columns(commands.shape[1])]

@@ -123,18 +123,16 @@ def labels(
         start, stop = int(bounds[first, 0]), int(bounds[last - 1, 1])
         part, within = raw[start:stop], bounds[first:last] - start
         motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
-        attitude = columns(part, ("phi", "theta", "psi"))
-        nu_r = (
-            None if water is None else through_water(water, columns(part, POSE), motion[:, :, 0], part["t"])
-        )
+        pose = sensor.true_pose(log, columns(part, POSE))
+        nu_r = None if water is None else through_water(water, pose, motion[:, :, 0], part["t"])
         thrust = thrusts(
             table, driven[start:stop], part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
         )
         forces = np.empty((0, 6))
         if subtract == "effects":
             given = driven[start:stop]
-            forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"], given)
-        label_kernel(Terms(motion, attitude, thrust, forces), known, start, out)
+            forces = effect_forces(vehicle, pose, motion[:, :, 0], within, part["t"], given)
+        label_kernel(Terms(motion, np.ascontiguousarray(pose[:, 3:]), thrust, forces), known, start, out)
 
     spread(lambda batch: work(*batch), _batches(bounds))
     _require_finite(raw, out)

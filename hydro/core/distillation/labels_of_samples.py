@@ -38,7 +38,7 @@ from hydro.core.distillation.wrench_balance import (
     label_kernel,
     names,
 )
-from hydro.core.effects import current, effect_forces, thruster_table, velocity_log
+from hydro.core.effects import current, effect_forces, sensor, thruster_table, velocity_log
 from hydro.core.effects.columns import through_water
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import LEAST_NOISE, UNSEEN, Recording
@@ -105,8 +105,10 @@ def labels_of_samples(
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     bounds, dt, samples = segments(raw), sample_time(raw), _samples(raw, commands)
     sigma = _noise(samples, bounds, dt, noise)
-    found = smooth(samples, bounds, dt, sigma, log=velocity_log(vehicle))
-    pose, motion = np.nan_to_num(found.pose), np.nan_to_num(found.motion)
+    log = velocity_log(vehicle)
+    found = smooth(samples, bounds, dt, sigma, log=log)
+    pose, motion = sensor.true_pose(log, np.nan_to_num(found.pose)), np.nan_to_num(found.motion)
+    motion[:, :3] -= np.cross(motion[:, 3:6], log[sensor.POINT], axisa=1, axisc=1)  # smoothed at the point
     table = thruster_table(vehicle)
     known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
     nu_r = through_water(current(vehicle), pose, motion[:, :, 0], raw["t"]) if inflow else None

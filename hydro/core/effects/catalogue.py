@@ -179,8 +179,8 @@ def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return the DVL errors as a row of numbers, (13,), from the vehicle's `sensor` effects."""
-    log = np.zeros(sensor.LOG)
+    """Return DVL errors and reference point as numbers, (16,), from the vehicle's `sensor` effects."""
+    log = np.zeros(sensor.ROW)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.sensor is not None:
             effect.sensor(parameters, log)

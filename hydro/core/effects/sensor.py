@@ -3,6 +3,9 @@
 u_m(t) = (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b, with the velocity v of CO.  The logged p, q, r
 and the pose are not affected.  No force can make d(pose)/dt and R nu differ, so these effects are visible in
 the kinematics, and are inverted once, before any dynamics.
+
+A reference point is the exception.  Where position and velocity are both those of another point of the body,
+as in a position that was integrated from the DVL, they agree with each other, and forces alone show it.
 """
 
 from __future__ import annotations
@@ -35,6 +38,10 @@ LEVER = slice(7, 10)
 BIAS = slice(10, 13)
 LOG = 13
 
+# Point whose position and velocity are logged, after the errors of the DVL.
+POINT = slice(13, 16)
+ROW = 16
+
 SHORT = 256  # rows up to which all pairs fit into memory
 LONGEST_DELAY = 0.5
 """Largest delay of a DVL that is searched [s]."""
@@ -64,6 +71,11 @@ def sensor_lever_arm(p: Array, log: Array) -> None:
     log[LEVER] += p
 
 
+def reference_point(p: Array, log: Array) -> None:
+    """Reading v + omega x r and position + R r: both are those of a point r of the body, not of CO."""
+    log[POINT] += p
+
+
 def sensor_bias(p: Array, log: Array) -> None:
     """Reading v + b, constant in the DVL's axes."""
     log[BIAS] += p
@@ -73,7 +85,7 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
     """Return the logged velocity of a vehicle that moves with nu.
 
     Args:
-        log: Row of the DVL errors, shape (13,), of `core.effects.velocity_log`.
+        log: Row of the DVL errors, shape (13,) or (16,), of `core.effects.velocity_log`.
         t: Times of one segment [s], shape (N,), ascending.
         nu: Velocity of CO over ground, body frame, shape (..., N, 6).
 
@@ -83,8 +95,8 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
     """
     motion = np.array(nu, dtype=np.float64)
     local = motion[..., :3]
-    if log[LEVER].any():
-        local = local + np.cross(motion[..., 3:], log[LEVER])
+    if (arm := _arm(log)).any():
+        local = local + np.cross(motion[..., 3:], arm)
     local = _at(np.asarray(t, float) - log[DELAY], np.asarray(t, float), local)
     if log[ANGLES].any():
         local = local @ rotation(*log[ANGLES])
@@ -96,7 +108,7 @@ def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
     """Return the velocity of CO from the logged one: inverse of `measured`, except the last `d` seconds.
 
     Args:
-        log: Row of the DVL errors, shape (13,).
+        log: Row of the DVL errors, shape (13,) or (16,).
         t: Times of one segment [s], shape (N,), ascending.
         nu: Logged velocity, shape (N, 6).
 
@@ -106,8 +118,77 @@ def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
     motion = np.array(nu, dtype=np.float64)
     local = ((motion[:, :3] - log[BIAS]) / (1.0 + log[SCALE])) @ rotation(*log[ANGLES]).T
     local = _at(np.asarray(t, float) + log[DELAY], np.asarray(t, float), local)
-    motion[:, :3] = local - np.cross(motion[:, 3:], log[LEVER])
+    motion[:, :3] = local - np.cross(motion[:, 3:], _arm(log))
     return motion
+
+
+def logged_position(log: Array, states: Array) -> Array:
+    """Return states with the position that is logged instead of that of CO.
+
+    Args:
+        log: Row of the DVL errors and the reference point, (16,).
+        states: Position, unit quaternion and velocity, (..., 13); NaN stays NaN.
+    """
+    return _moved(states, _rotated(states[..., 3:7], log[POINT])) if log[POINT].any() else states
+
+
+def true_position(log: Array, states: Array) -> Array:
+    """Return states with the position of CO instead of the logged one: inverse of `logged_position`."""
+    return _moved(states, -_rotated(states[..., 3:7], log[POINT])) if log[POINT].any() else states
+
+
+def logged_pose(log: Array, eta: Array) -> Array:
+    """Return poses (..., 6) with the position that is logged instead of that of CO."""
+    return _moved(eta, _turned(eta, log[POINT])) if log[POINT].any() else eta
+
+
+def true_pose(log: Array, eta: Array) -> Array:
+    """Return poses (..., 6) with the position of CO instead of the logged one."""
+    return _moved(eta, -_turned(eta, log[POINT])) if log[POINT].any() else eta
+
+
+def logged_shift(log: Array, quaternion: Array, deviations: Array) -> Array:
+    """Return small changes of the logged position, of changes of the motion.
+
+    Args:
+        log: Row of the DVL errors and the reference point, (16,).
+        quaternion: Attitude, (..., 4).
+        deviations: Position [m] and small rotation about the body's axes [rad] first, (..., 6 or more, Q).
+
+    Returns:
+        Changes of the position, (..., 3, Q).
+    """
+    turn = np.cross(deviations[..., 3:6, :].swapaxes(-1, -2), log[POINT])
+    moved = _rotated(quaternion[..., None, :], turn).swapaxes(-1, -2)
+    shift: Array = deviations[..., :3, :] + moved
+    return shift
+
+
+def _arm(log: Array) -> Array:
+    """Return the place of the point whose velocity is measured, (3,) [m]."""
+    arm: Array = log[LEVER] + log[POINT] if len(log) == ROW else log[LEVER]
+    return arm
+
+
+def _moved(states: Array, shift: Array) -> Array:
+    """Return a copy of states with their positions shifted."""
+    out = np.array(states, dtype=np.float64)
+    out[..., :3] += shift
+    return out
+
+
+def _turned(eta: Array, vector: Array) -> Array:
+    """Return a body vector (3,) in the world, by the Euler angles of poses (..., 6)."""
+    turned: Array = rotation(eta[..., 3], eta[..., 4], eta[..., 5]) @ vector
+    return turned
+
+
+def _rotated(quaternion: Array, vector: Array) -> Array:
+    """Return a body vector (..., 3) in the world, by unit quaternions (..., 4)."""
+    w, axis = quaternion[..., :1], quaternion[..., 1:]
+    once = np.cross(axis, vector)
+    turned: Array = vector + 2.0 * (w * once + np.cross(axis, once))
+    return turned
 
 
 def _at(moments: Array, t: Array, values: Array) -> Array:
@@ -324,6 +405,29 @@ EFFECTS = (
         sensor=sensor_lever_arm,
         sentence=displaced("the DVL", "sits", "r", "where the file has it"),
         kinematics=Kinematics("r", LEVER, negligible=0.01),
+        advice=Advice(parted_by=(DRIFT,)),
+    ),
+    Effect(
+        name="reference_point",
+        family="sensor",
+        kind="sensor",
+        definition="v + omega x r, position + R r",
+        source="Fossen (2011), eq. 2.20 (velocity of a point)",
+        excitation="turning about every axis with known thrust",
+        lookalikes=("sensor_lever_arm", "added_mass_coupling", "coupled_damping", "thruster_gain"),
+        parameters=(
+            Parameter(
+                "r",
+                ("m",),
+                "position of the logged point",
+                (3,),
+                plausible=within_box(2.0, "either way up to the hull's length along each axis", "mounting"),
+            ),
+        ),
+        sensor=reference_point,
+        sentence=displaced(
+            "the point of the logged position and velocity", "lies", "r", "where the file has it"
+        ),
         advice=Advice(parted_by=(DRIFT,)),
     ),
     Effect(

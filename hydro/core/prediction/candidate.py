@@ -43,7 +43,7 @@ class Candidate:
 
     Attributes:
         program: Its forces and thrusters.
-        log: Errors of its DVL, (13,), see `core.effects.sensor`.
+        log: Errors of its DVL and its reference point, (16,), see `core.effects.sensor`.
         seas: Generators of the waves of its file (`program.seas`), which the program does not include.
     """
 

@@ -124,8 +124,8 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """Return the shots with initial velocities corrected for the DVL errors of a candidate."""
-    first = shots.first.copy()
+    """Return the shots with initial states of CO, corrected for the DVL errors of a candidate."""
+    first = sensor.true_position(model.log, shots.first).copy()
     first[:, 7:] = true_velocity(model, shots.record, shots.nu)[shots.starts]
     return replace(shots, first=first)
 
@@ -194,6 +194,7 @@ def predict(
     if prepared.model.log.any():
         clock = np.arange(shots.length) * shots.record.dt
         finite = np.nan_to_num(out[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
+        out = sensor.logged_position(prepared.model.log, out)
         out[..., 7:] = sensor.measured(prepared.model.log, clock, finite)
     return out
 

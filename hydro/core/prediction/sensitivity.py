@@ -252,16 +252,20 @@ def _through_log(
     log, clock = near.base.model.log, np.arange(shots.length) * shots.record.dt
     nu = np.nan_to_num(states[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
     read = sensor.measured(log, clock, nu) if log.any() else nu
+    place = sensor.logged_position(log, states)
     for i, which in enumerate(logged, done):
         other = sensor.measured(near.others[which].model.log, clock, nu)
-        columns[:, :, :6, i] = 0.0
+        away = sensor.logged_position(near.others[which].model.log, states) - place
+        columns[:, :, :3, i], columns[:, :, 3:6, i] = away[..., :3] / near.shares[which], 0.0
         columns[:, :, 6:, i] = (other - read) / near.shares[which]
     if log.any():
         unbiased = log.copy()
         unbiased[sensor.BIAS] = 0.0
+        if log[sensor.POINT].any():
+            columns[:, :, :3, :done] = sensor.logged_shift(log, states[..., 3:7], columns[..., :done])
         motion = np.nan_to_num(columns[:, :, 6:, :done]).transpose(0, 3, 1, 2)
         columns[:, :, 6:, :done] = sensor.measured(unbiased, clock, motion).transpose(0, 2, 3, 1)
-        states[..., 7:] = read
+        states[..., :3], states[..., 7:] = place[..., :3], read
 
 
 def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns: Array) -> None:

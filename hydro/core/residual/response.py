@@ -94,15 +94,17 @@ class Transitions:
             now[:, 6:] += push[:, k]
             np.matmul(each[:, k], now, out=out[:, k + 1])
             out[:, k + 1, 6:] += push[:, k + 1]
-        return self._logged(out)
+        return self._logged(out, self.shots.measured[part][..., 3:7])
 
-    def _logged(self, deviations: Array) -> Array:
-        """Apply the errors of the vehicle's DVL, except its bias, to deviations."""
+    def _logged(self, deviations: Array, attitude: Array) -> Array:
+        """Apply the errors of the vehicle's DVL, except its bias, to deviations about an attitude."""
         log = self.model.log
         if not log.any():
             return deviations
         unbiased = log.copy()
         unbiased[sensor.BIAS] = 0.0
+        if log[sensor.POINT].any():
+            deviations[:, :, :3] = sensor.logged_shift(log, attitude, deviations)
         clock = np.arange(deviations.shape[1]) * self.shots.record.dt
         motion = deviations[:, :, 6:].transpose(0, 3, 1, 2)
         deviations[:, :, 6:] = sensor.measured(unbiased, clock, motion).transpose(0, 2, 3, 1)

@@ -79,10 +79,11 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
         velocity = given[begin : begin + 1, 6:]
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
-        eta, nu = given[begin, :6], velocity[0]
+        eta, nu = sensor.true_pose(log, given[begin, :6]) if known else given[begin, :6], velocity[0]
         motion[rows] = trajectory(
             program, demand[rows], t[rows], eta=eta, nu=nu, settled=bool(resumed), steps=steps
         )
+        motion[rows, :6] = sensor.logged_pose(log, motion[rows, :6])
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
     kept = commands.select(*names, *(name for name in (VOLTAGE,) if name in commands.columns))

@@ -50,6 +50,7 @@ PHYSICS = [
     "sensor_misalignment",
     "sensor_delay",
     "sensor_lever_arm",
+    "reference_point",
     "sensor_bias",
 ]
 

@@ -64,6 +64,7 @@ TYPICAL: dict[str, dict[str, Any]] = {
     "sensor_misalignment": {"alpha": [0.0, 0.021, 0.052]},
     "sensor_delay": {"d": 0.161},
     "sensor_lever_arm": {"r": [0.32, 0.0, 0.11]},
+    "reference_point": {"r": [-0.22, 0.0, 0.17]},
     "sensor_bias": {"b": [0.031, -0.012, 0.008]},
     "formula": {"forces": ["Y |v|^n v"], "force": [-41.2], "exponents": [0.83]},
 }

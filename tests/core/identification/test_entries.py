@@ -47,6 +47,7 @@ COLUMNS = {
     "sensor_misalignment": 3,
     "sensor_delay": 3,
     "sensor_lever_arm": 3,
+    "reference_point": 3,
     "sensor_bias": 3,
 }
 """Columns by which each effect is suspected, in this order."""

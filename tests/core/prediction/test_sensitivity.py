@@ -31,6 +31,7 @@ LATE = (
     {"name": "sensor_scale", "s": 0.03},
     {"name": "sensor_bias", "b": [0.02, 0.01, -0.01]},
     {"name": "sensor_lever_arm", "r": [0.2, 0.1, 0.0]},
+    {"name": "reference_point", "r": [-0.1, 0.2, 0.15]},
 )
 
 
