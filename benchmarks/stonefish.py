@@ -4,8 +4,9 @@
     python -m benchmarks.stonefish [RECORDINGS] --labels labels.parquet --excerpts FOLDER
 
 RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet; by default that of
-the installed distribution deep-hydro-sim-data (`hydro data path`).  FOLDER gets four excerpts: four minutes of `nominal`, ten minutes before a change (before.parquet), four minutes of its other
-sessions (held_out.parquet), and four minutes of each changed vehicle.
+the installed distribution deep-hydro-sim-data (`hydro data path`).  FOLDER gets five excerpts: four minutes
+of `nominal`, ten minutes before a change (before.parquet), four minutes of its other sessions
+(held_out.parquet), and four minutes of each changed vehicle.
 """
 
 from __future__ import annotations

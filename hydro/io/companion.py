@@ -20,8 +20,8 @@ PACKAGE = "deep_hydro_sim_data"
 FORMAT = "hydro-data/1"
 """Format of its manifest."""
 INSTALL = (
-    "the recordings are not installed: `pip install deep_hydro_sim_data-1.0.0-py3-none-any.whl`, the wheel that "
-    "packaging/data/build.py makes (datasets/README.md)"
+    "the recordings are not installed: `pip install deep_hydro_sim_data-1.0.0-py3-none-any.whl`, the wheel "
+    "that packaging/data/build.py makes (datasets/README.md)"
 )
 
 
