@@ -1,6 +1,6 @@
 """Make cases, answer them with a baseline, and write the leaderboard.
 
-    python -m benchmarks.challenge make FOLDER --key key.txt --cases 0-59
+    python -m benchmarks.challenge make --key key.txt --cases 0-59 FOLDER
     python -m benchmarks.challenge run FOLDER --baseline hydro
     python -m benchmarks.challenge board FOLDER
 
