@@ -24,19 +24,28 @@ from benchmarks.challenge import seal
 from benchmarks.challenge.baselines import BASELINES, run
 from benchmarks.challenge.board import board
 from benchmarks.challenge.layout import cases
-from benchmarks.challenge.make import CASES, make
+from benchmarks.challenge.make import CASES, make, name_of
 from benchmarks.kept_tables import keep, markdown, origin
 
 
 def makes(chosen: argparse.Namespace) -> None:
     """Make cases."""
-    low, _, high = chosen.cases.partition("-")
-    make(seal.key_of(chosen.key), chosen.folder, range(int(low), int(high or low) + 1))
+    make(seal.key_of(chosen.key), chosen.folder, places(chosen.cases))
+
+
+def places(text: str) -> list[int]:
+    """Return the numbers of a text such as `0-11,14`."""
+    found: list[int] = []
+    for part in text.split(","):
+        low, _, high = part.partition("-")
+        found += range(int(low), int(high or low) + 1)
+    return found
 
 
 def runs(chosen: argparse.Namespace) -> None:
     """Answer the cases that a baseline has not answered."""
-    for there in cases(chosen.folder / "cases"):
+    wanted = [name_of(place) for place in places(chosen.cases)]
+    for there in (one for one in cases(chosen.folder / "cases") if one.name in wanted):
         for name in chosen.baseline or BASELINES:
             entry = chosen.folder / "entries" / name
             if not (entry / there.name / "answer.json").exists():
@@ -64,11 +73,12 @@ def main() -> None:
     one = commands.add_parser("make", help="make the cases of an edition")
     one.add_argument("folder", type=Path)
     one.add_argument("--key", type=Path, required=True, help="key of the edition; drawn if it is missing")
-    one.add_argument("--cases", default=f"0-{CASES - 1}", metavar="FIRST-LAST")
+    one.add_argument("--cases", default=f"0-{CASES - 1}", metavar="NUMBERS", help="such as 0-11,14")
     one.set_defaults(action=makes)
     two = commands.add_parser("run", help="answer cases with baselines")
     two.add_argument("folder", type=Path)
     two.add_argument("--baseline", action="append", choices=BASELINES, help="all by default")
+    two.add_argument("--cases", default=f"0-{CASES - 1}", metavar="NUMBERS", help="of those that exist")
     two.set_defaults(action=runs)
     three = commands.add_parser("board", help="score all entries and print the leaderboard")
     three.add_argument("folder", type=Path)

@@ -85,7 +85,7 @@ def least_squares(vehicle: Vehicle, public: Public, held: Held) -> Answered:
 
 
 def hydro(vehicle: Vehicle, public: Public, held: Held) -> Answered:
-    """Diagnose, with the earlier log where there is one, and predict with what is stated."""
+    """Diagnose, with the earlier log where there is one, and predict with the stated effects added."""
     found = diagnose(vehicle, public.log, before=public.before)
     stated = [one for one in found.findings if one.verdict in ADDED and one.parameters]
     model = extended(vehicle, [{"name": one.effect, **one.parameters} for one in stated])

@@ -34,7 +34,7 @@ def name_of(place: int) -> str:
 def make(key: bytes, folder: Path, places: Sequence[int]) -> None:
     """Make the missing cases of an edition.
 
-    `folder`/cases gets what entrants see, and `folder`/truth what only the scorer has.
+    `folder`/cases gets the files for entrants, and `folder`/truth those for the scorer.
 
     Args:
         key: Key of the edition.

@@ -2,8 +2,8 @@
 
     python packaging/data/build.py RECORDINGS -o dist
 
-Every table is read, encoded anew without loss, read back and compared by its content hash.  The wheel has the
-tables, their manifest with SHA-256 sums, and Croissant metadata.
+Every table is read, encoded again without loss, read back and compared by its content hash.  The wheel has
+the tables, their manifest with SHA-256 sums, and Croissant metadata.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ ABOUT = {
     "v3_thruster3": "thruster 3 at 60 % of its thrust",
     "v3_thruster3_replay90": "the same, 90 s in nine segments",
 }
-"""Tables of the distribution, and what each shows."""
+"""Tables of the distribution, each with its content."""
 BESIDE = {
     "vehicle.json": "facts of the vehicle, with conventions",
     "sessions.json": "kind, seed and rows of each session",
     "hull.obj": "surface of the hull",
     "vehicle.toml": "vehicle file without damping",
 }
-"""Other files, and what each is."""
+"""Other files, each with its content."""
 
 
 def encode(artefact: table.Artefact, path: Path) -> None:
@@ -72,7 +72,7 @@ def encode(artefact: table.Artefact, path: Path) -> None:
 
 
 def copied(source: Path, name: str, target: Path, vehicle: str) -> dict[str, Any]:
-    """Encode one table anew and return its entry of the manifest.
+    """Encode one table again and return its entry of the manifest.
 
     Raises:
         SystemExit: The values differ afterwards.
@@ -100,7 +100,7 @@ def copied(source: Path, name: str, target: Path, vehicle: str) -> dict[str, Any
 
 
 def entry(path: Path, about: str) -> dict[str, Any]:
-    """Return what the manifest says of a file of any kind."""
+    """Return the entry of a file of any kind in the manifest."""
     content = path.read_bytes()
     return {
         "name": path.name,
