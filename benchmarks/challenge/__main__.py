@@ -58,9 +58,9 @@ def boards(chosen: argparse.Namespace) -> None:
     rows = board(chosen.folder, entries)
     print(markdown(rows))
     if chosen.keep:
-        command = "python -m benchmarks.challenge board FOLDER"
+        command = "python -m benchmarks.challenge board edition"
         source = origin(pl.DataFrame({"seed": [0]}), command, chosen.keep)
-        keep("challenge", [row | source | {"seeds": "drawn from a sealed key"} for row in rows])
+        keep("challenge", [row | source | {"seeds": "by the key of the edition"} for row in rows])
 
 
 def main() -> None:
