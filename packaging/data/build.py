@@ -148,7 +148,7 @@ def wheel(recordings: Path, out: Path, names: Sequence[str] = tuple(ABOUT)) -> P
             "--outdir",
             str(Path(scratch) / "out"),
         ]
-        done = subprocess.run([*line, str(tree)], capture_output=True, text=True)
+        done = subprocess.run([*line, str(tree)], cwd=scratch, capture_output=True, text=True)
         if done.returncode:
             raise SystemExit(done.stdout + done.stderr)
         (built,) = (Path(scratch) / "out").glob("*.whl")
