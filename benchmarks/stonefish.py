@@ -1,11 +1,12 @@
 """Regression of the residual wrench on the Stonefish recordings, and excerpts of them for `hydro explain`.
 
-RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets four
-excerpts: four minutes of `nominal`, ten minutes before a change (before.parquet), four minutes of its other
-sessions (held_out.parquet), and four minutes of each changed vehicle.
-
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
-    python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
+    python -m benchmarks.stonefish [RECORDINGS] --labels labels.parquet --excerpts FOLDER
+
+RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet; by default that of
+the installed distribution deep-hydro-sim-data (`hydro data path`).  FOLDER gets five excerpts: four minutes
+of `nominal`, ten minutes before a change (before.parquet), four minutes of its other sessions
+(held_out.parquet), and four minutes of each changed vehicle.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+
+from benchmarks.full_recordings import folder_of
 
 EVERY = 37  # step between the label rows that are used
 
@@ -65,14 +68,14 @@ def excerpts(recordings: Path, folder: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("recordings", type=Path)
+    parser.add_argument("recordings", type=Path, nargs="?", help="by default the installed ones")
     parser.add_argument("--labels", type=Path, help="labels of nominal.parquet; no regression without them")
     parser.add_argument("--excerpts", type=Path, metavar="FOLDER", help="folder for the excerpts")
     chosen = parser.parse_args()
     if chosen.labels:
         terms(pl.read_parquet(chosen.labels))
     if chosen.excerpts:
-        excerpts(chosen.recordings, chosen.excerpts)
+        excerpts(folder_of(chosen.recordings), chosen.excerpts)
 
 
 if __name__ == "__main__":

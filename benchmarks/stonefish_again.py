@@ -2,8 +2,8 @@
 
 The bundled replay of 90 s is repeated with the bundled vehicle, and with one whose rotors have an exact lag
 in place of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
-thruster, which are repeated with the hidden change.  The program is found as by `hydro collect --teacher
-stonefish`.
+thruster, which are repeated with the hidden change; by default that of the installed distribution deep-hydro-sim-data,
+if there is one.  The program is found as by `hydro collect --teacher stonefish`.
 
     python -m benchmarks.stonefish_again [RECORDINGS] --keep COMMIT
 """
@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 import polars as pl
 
+from benchmarks.full_recordings import installed
 from benchmarks.kept_tables import Row, keep, markdown, origin
 from hydro.core.columns import MOTION, Array, command_columns
 from hydro.core.effects.record import Table
@@ -92,7 +93,7 @@ def main() -> None:
     )
     parser.add_argument("--keep", metavar="COMMIT", help="keep the table, of the code of a commit")
     given = parser.parse_args()
-    rows = study(given.recordings)
+    rows = study(given.recordings or installed())
     print(markdown(rows))
     if given.keep:
         command = "python -m benchmarks.stonefish_again $RECORDINGS"

@@ -1,11 +1,12 @@
 """Make the bundled recordings: python datasets/make.py [RECORDINGS].
 
-`hidden/` always; `stonefish/` too where the folder of the full Stonefish recordings is named.
+`hidden/` always; `stonefish/` and `changed/` too where the folder of the full Stonefish recordings is named.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import polars as pl
 import tomlkit
 
+from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
@@ -23,9 +25,20 @@ from hydro.io import table
 from hydro.io import vehicle as vehicles
 
 HERE = Path(__file__).parent
-STONEFISH, HIDDEN = HERE / "stonefish", HERE / "hidden"
+STONEFISH, HIDDEN, CHANGED = HERE / "stonefish", HERE / "hidden", HERE / "changed"
 ROWS = 1033
 """First rows of every session that the sample takes: sessions begin at rest, and so do the rotors."""
+
+EXCERPTS: dict[str, tuple[str, Sequence[int], int]] = {
+    "before": ("nominal", [58 * i // 12 for i in range(12)], 800),
+    "thruster": ("v3_thruster3", range(7), 800),
+    "thruster-heldout": ("v3_thruster3", (7, 8), 1000),
+    "current": ("v1_current", range(9), 800),
+    "current-heldout": ("v1_current", (9, 10), 1000),
+}
+"""Excerpts in changed/: recording, numbers of its sessions, and rows from the start of each."""
+FITTED = ("power_drag", "cross_axis_drag", "offset_drag")
+"""Effects of changed/vehicle.toml, which `hydro explain` finds in the unchanged vehicle's recordings."""
 
 SEED, RATE = 151, 50.0
 EFFECTS: tuple[dict[str, Any], ...] = (
@@ -47,6 +60,7 @@ def main(recordings: Path | None) -> None:
     make_hidden()
     if recordings is not None:
         make_stonefish(recordings)
+        make_changed(recordings)
 
 
 def make_hidden() -> None:
@@ -117,6 +131,25 @@ def make_stonefish(recordings: Path) -> None:
             parameters["rows_of_each_session"] = ROWS
         artefact = table.make("raw", frame, stage="import", parameters=parameters, vehicle_text=vehicle)
         _write(artefact, STONEFISH / f"{name}.parquet")
+
+
+def make_changed(recordings: Path) -> None:
+    """Write changed/: recordings before and after two changes, and a vehicle file fitted to the first."""
+    text = (STONEFISH / "vehicle.toml").read_text()
+    for name, (source, sessions, rows) in EXCERPTS.items():
+        raw = pl.read_parquet(recordings / f"{source}.parquet")
+        names = raw["session"].unique(maintain_order=True)
+        frame = pl.concat([raw.filter(session=names[number]).head(rows) for number in sessions])
+        parameters = {
+            "simulator": "Stonefish 1.6.0",
+            "file": f"{source}.parquet",
+            "rows_of_each_session": rows,
+        }
+        artefact = table.make("raw", frame, stage="import", parameters=parameters, vehicle_text=text)
+        _write(artefact, CHANGED / f"{name}.parquet")
+    effects = [part for name in FITTED for part in ("--effect", name)]
+    before = str(CHANGED / "before.parquet")
+    cli.main(["fit", str(STONEFISH / "vehicle.toml"), before, *effects, "-o", str(CHANGED / "vehicle.toml")])
 
 
 def _write(artefact: table.Artefact, path: Path) -> None:

@@ -14,7 +14,8 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 PAGES = (
-    "apart", "benchmarks", "engines", "export", "gpu", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish",
+    "apart", "benchmarks", "challenge", "engines", "export", "gpu", "imperfect", "import-figures", "mpc",
+    "rl-figures", "stonefish",
 )  # fmt: skip
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 

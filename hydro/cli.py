@@ -19,6 +19,7 @@ from typer.main import get_command
 
 from hydro.commands import (
     collect,
+    companion,
     compare,
     data,
     demo,
@@ -57,7 +58,7 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
     "Start": (start, demo, warm),
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
-    "Data": (imports, files, partition, collect),
+    "Data": (imports, files, partition, collect, companion),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),
     "Residual networks": (data, models, replay, study),
     "Policies (imitation and reinforcement learning)": (rl,),

@@ -52,9 +52,14 @@ SHARED = ROOT.parent / "shared" / "data" / "stonefish"
 @pytest.fixture(scope="session")
 def stonefish() -> Path:
     """Folder of the full Stonefish recordings; tests that need it skip where it is absent."""
-    if not (SHARED / "nominal.parquet").exists():
-        pytest.skip("the full Stonefish recordings are not beside this checkout (../shared/data/stonefish)")
-    return SHARED
+    from benchmarks.full_recordings import installed
+
+    found = installed() or SHARED
+    if not (found / "nominal.parquet").exists():
+        pytest.skip(
+            "the full Stonefish recordings are not installed (datasets/README.md), nor beside this checkout"
+        )
+    return found
 
 
 @pytest.fixture(scope="session")

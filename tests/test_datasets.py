@@ -16,7 +16,7 @@ from hydro.core.recording.segments import sample_time, segments
 from hydro.io import table, vehicle
 
 TABLES = ("sample", "replay90")
-FOLDERS = ("stonefish", "hidden")
+FOLDERS = ("stonefish", "hidden", "changed")
 RECORDINGS = ("stonefish/sample", "stonefish/replay90", "hidden/measured", "hidden/heldout")
 
 
@@ -27,6 +27,10 @@ def listed(datasets: Path, pattern: str) -> dict[str, str]:
         name: digest
         for digest, name in re.findall(rf"^({pattern}[0-9a-f]{{64}})  (\S+)$", text, re.MULTILINE)
     }
+
+
+CHANGED = {"before": 12, "thruster": 7, "thruster-heldout": 2, "current": 9, "current-heldout": 2}
+"""Excerpts of changed and unchanged vehicles, with their numbers of sessions."""
 
 
 def test_files_have_the_hashes_of_the_readme(datasets: Path) -> None:
@@ -69,6 +73,26 @@ def test_the_recordings_with_hidden_effects(datasets: Path) -> None:
         assert sample_time(frame) == pytest.approx(0.02)
         assert frame["u"].dtype == pl.Float32
     assert sum(path.stat().st_size for path in (datasets / "hidden").iterdir()) < 2_500_000
+
+
+@pytest.mark.parametrize("name", CHANGED)
+def test_the_excerpts_begin_with_rotors_at_rest_and_carry_their_origin(datasets: Path, name: str) -> None:
+    artefact = table.read(datasets / "changed" / f"{name}.parquet", "raw")
+    assert artefact.provenance.content == listed(datasets, "sha256:")[f"changed/{name}.parquet"]
+    assert artefact.provenance.vehicle == (datasets / "stonefish" / "vehicle.toml").read_text()
+    assert artefact.provenance.parameters["simulator"] == "Stonefish 1.6.0"
+    first = artefact.frame.group_by("session").first()
+    assert first.height == CHANGED[name]
+    assert (first["t"] == 0.0).all()
+    assert first.select(pl.col("u", "v", "w", "p", "q", "r").abs().max()).to_numpy().max() == 0.0
+
+
+def test_the_file_of_the_unchanged_vehicle_was_fitted_to_the_bundled_recording(datasets: Path) -> None:
+    known, _ = vehicle.read(datasets / "changed" / "vehicle.toml")
+    fitted = {str(one["name"]): one["fit"]["data"] for one in known.effect if "fit" in one}
+    assert set(fitted) == {"power_drag", "cross_axis_drag", "offset_drag"}
+    assert set(fitted.values()) == {listed(datasets, "sha256:")["changed/before.parquet"]}
+    assert sum(path.stat().st_size for path in (datasets / "changed").iterdir()) < 3_000_000
 
 
 def test_the_truth_made_the_recordings_and_stands_nowhere_else(datasets: Path) -> None:

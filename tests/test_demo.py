@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 
 from hydro import cli
-from hydro.io import table
+from hydro.io import table, vehicle
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -30,10 +30,9 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         assert cli.main(["demo", "out", "--epochs", "3"]) == 0
         printed, told = capsys.readouterr()  # findings are told beside the files that hold them
     steps = re.findall(r"^\$ hydro (\w+)", printed, re.MULTILINE)
-    assert steps[:4] == ["compare", "diagnose", "explain", "report"]
-    assert steps[4:] == ["labels", "split", "train", "train", "evaluate", "replay"]
-    assert "Ocean current: certain" in told
-    assert "Thruster gain: certain" in told
+    assert steps[:6] == ["compare", "diagnose", "add", "compare", "compare", "report"]
+    assert steps[6:] == ["labels", "split", "train", "train", "evaluate", "replay"]
+    assert "Thruster gain has changed: certain" in told
     assert printed.index("Predicted wrench") < printed.index("Open-loop replay") < printed.index("Written:")
     assert all(name in printed for name in ("mlp", "physfeat", "MJ0", "MJ0+M_A", "MJ1", "MJ4"))
     written = [
@@ -42,30 +41,28 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     ]
     report = Path(re.findall(r"for a browser: (\S+)$", printed, re.MULTILINE)[0])
     assert sorted([*written, report]) == sorted(Path(folder.name).iterdir())
-    assert "ocean_current" in report.read_text()
+    assert "thruster_gain" in report.read_text()
     for path in written:
         if path.suffix == ".png":
             assert imread(path).shape[1] > 600
         elif path.suffix == ".parquet":
             table.read(path)
-    ladder = table.read(f"{folder.name}/study/ladder.parquet", "ladder").frame.filter(axis="all", horizon=5.0)
-    assert set(ladder["effect"]) == {"", "ocean_current", "thruster_gain"}
-    for dataset in ("fit", "holdout"):
-        rows = ladder.filter(dataset=dataset).sort("step")
-        assert (rows["rmse"].diff().drop_nulls() < 0.0).all(), "every step lowers the error"
-        assert rows["rmse"][-1] < 1.1 * rows["noise_floor"][-1]
-    assert Path(f"{folder.name}/study/vehicle-2.toml").exists(), "the README names it"
-    held_out, readme = told.split("held-out data", 1)[1], (ROOT / "README.md").read_text()
+    added = vehicle.read(f"{folder.name}/vehicle-1.toml")[0].effects("thruster_gain")[0]
+    assert added["g"][2] == pytest.approx(-0.4, abs=2.0 * added["standard_error"]["g"][2])
+    readme = (ROOT / "README.md").read_text()
     row = r"^  (\w+) \[(?:m|rad)/s\] +((?:[\d.]+ *)+)$"
-    rows, found = re.findall(row, readme, re.MULTILINE), dict(re.findall(row, held_out, re.MULTILINE))
-    assert [axis for axis, _ in rows] == [*"uvwpqr", "all"]
-    for axis, numbers in rows:
-        assert [*map(float, found[axis].split())] == pytest.approx(
-            [*map(float, numbers.split())], rel=0.05
-        ), f"explain prints another row {axis} than the README"
-    for sentence in ("Thruster 5 delivers 70 % of its modelled thrust", "flows toward 323° (NW)"):
-        assert sentence in " ".join(readme.split())
-        assert sentence in " ".join(held_out.split())
+    rows = dict(re.findall(row, readme, re.MULTILINE))
+    assert list(rows) == [*"uvwpqr", "all"]
+    for place, name in enumerate(("heldout-before", "heldout-after")):
+        ahead = table.read(f"{folder.name}/{name}.parquet").frame.filter(
+            level="replay", by="all", horizon=5.0
+        )
+        for axis, numbers in rows.items():
+            (found,) = ahead.filter(axis=axis)["rmse"]
+            assert found == pytest.approx(float(numbers.split()[place]), rel=0.05), f"{name}, {axis}"
+    sentence = "Thruster 3 delivers 64 % (±4)"
+    assert sentence in " ".join(readme.split())
+    assert sentence in " ".join(told.split())
     errors = table.read(f"{folder.name}/errors.parquet", "metrics").frame.filter(metric="rmse")
     for axis in "uvwpqr":
         error = dict(errors.filter(axis=axis).select("variant", "value").rows())

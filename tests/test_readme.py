@@ -105,7 +105,8 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     binaries = checkout / ".venv" / "bin"
     binaries.mkdir(parents=True)
     shutil.copytree(ROOT / "datasets", checkout / "datasets")
-    shorten(checkout / "datasets" / "hidden", 10.0, sessions=2)
+    for folder in ("hidden", "changed"):
+        shorten(checkout / "datasets" / folder, 10.0, sessions=2)
     shutil.copy(ROOT / "Makefile", checkout)
     shutil.copy(ROOT / "pyproject.toml", checkout)
     (binaries / "activate").write_text(f'export PATH="{binaries}:$PATH"\n')
@@ -121,7 +122,7 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
         )
         assert done.returncode == 0, done.stderr.decode()[-3000:]
         printed.append((done.stdout + done.stderr).decode(errors="replace"))
-    assert {"study", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
+    assert {"vehicle-1.toml", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }
     if browser.CHROMIUM is not None:

@@ -84,7 +84,7 @@ def build(
             case "quadratic_damping":
                 quadratic += table["diagonal"]
             case "cross_axis_drag":
-                for key in set(table) - {"name"}:
+                for key in (one for one in table if one.startswith("D")):
                     across[int(key[1]), int(key[2])] += table[key]
             case "crossflow_drag":
                 drag += 0.5 * rho * np.array([get("Cd_y", 0.0) * hull.height, get("Cd_z", 0.0) * hull.width])

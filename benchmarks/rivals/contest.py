@@ -24,7 +24,12 @@ from benchmarks.imperfect_logs import study as on_logs
 from benchmarks.shares import rate
 from benchmarks.work import Results, add_workers, done
 from hydro.core.evaluation.replay_error import AHEAD, Ahead
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import corrected_first, predict, prepare
+from hydro.core.recording.arrays import Recording
+from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import body_states
 
 BASE = "imperfect base"
 CONDITIONS = (BASE, *on_logs.CONDITIONS)
@@ -50,6 +55,35 @@ KEY = ("rival", "condition", "kind", "seed", "seconds")
 
 
 @dataclass(frozen=True)
+class Held:
+    """Held-out recording, with the starts of predictions.
+
+    Attributes:
+        record: The recording; a prediction uses its commands.
+        eta: Smoothed pose, (N, 6); used in the rows of `starts` only.
+        nu: Smoothed velocity, (N, 6); likewise.
+        starts: First rows of predictions, (S,).
+        raw: Raw table of the recording; a prediction uses its commands.
+    """
+
+    record: Recording
+    eta: np.ndarray
+    nu: np.ndarray
+    starts: np.ndarray
+    raw: pl.DataFrame
+
+    @classmethod
+    def of(cls, errors: Ahead, raw: pl.DataFrame) -> Held:
+        """Return consecutive predictions over a held-out session."""
+        return cls(errors.record, errors.motion.eta, errors.motion.nu, ahead(errors), raw)
+
+    @property
+    def length(self) -> int:
+        """Return the rows of a prediction."""
+        return round(AHEAD / self.record.dt) + 1
+
+
+@dataclass(frozen=True)
 class Answer:
     """Answer of a rival.
 
@@ -57,10 +91,12 @@ class Answer:
         name: The named effect; empty if none.
         error: Function from the held-out session and its raw table to the root mean square velocity error 5 s
             ahead.
+        predict: Function from a held-out recording to the velocities of its predictions, (S, L, 6).
     """
 
     name: str
     error: Callable[[Ahead, pl.DataFrame], float]
+    predict: Callable[[Held], np.ndarray]
 
 
 Rival = Callable[[Vehicle, pl.DataFrame], Answer]
@@ -71,6 +107,20 @@ def ahead(errors: Ahead) -> np.ndarray:
     length = round(AHEAD / errors.record.dt) + 1
     parts = [np.arange(a, b - length + 1, length) for a, b in errors.record.segments]
     return np.concatenate(parts)
+
+
+def by_vehicle(vehicle: Vehicle, held: Held) -> np.ndarray:
+    """Return the velocities (S, L, 6) that a vehicle file predicts; NaN where its motion diverges."""
+    record, rows = held.record, held.starts[:, None] + np.arange(held.length)
+    segment = np.searchsorted(record.segments[:, 1], held.starts, side="right")
+    first = body_states(held.eta, held.nu)[held.starts]
+    logged = body_states(record.eta, record.nu)[rows]
+    shots = Shots(
+        *(record, held.starts, segment, held.length, 0, first, logged, np.ones(CHANNELS), held.eta, held.nu)
+    )
+    model = candidate(vehicle)
+    shots = corrected_first(shots, model)
+    return np.asarray(predict(prepare(model, shots), shots)[..., 7:])
 
 
 def weighed(errors: Ahead, starts: np.ndarray, predicted: np.ndarray) -> float:

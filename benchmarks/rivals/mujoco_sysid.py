@@ -24,10 +24,10 @@ from mujoco import sysid
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import Array
-from benchmarks.rivals.contest import Answer, ahead, main, weighed
+from benchmarks.rivals.contest import Answer, Held, main, weighed
 from benchmarks.rivals.output_error import MOVED, SECONDS, SHOTS
 from hydro.core.distillation.labels import labels
-from hydro.core.evaluation.replay_error import AHEAD, Ahead
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.recording.arrays import Recording, recording, smoothed
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN, quaternion_from_euler
@@ -234,16 +234,23 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     best = int(np.argmax(sizes))
     model = build_model(found, mujoco.MjSpec())
     return Answer(
-        those[best].name if sizes[best] >= MOVED else "", lambda errors, raw: error(model, given, errors, raw)
+        those[best].name if sizes[best] >= MOVED else "",
+        lambda errors, raw: error(model, given, errors, raw),
+        lambda held: predicted(model, given, held),
     )
 
 
 def error(model: mujoco.MjModel, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> float:
     """Return the prediction error 5 s ahead on the held-out session."""
-    record, starts = errors.record, ahead(errors)
-    length = round(AHEAD / record.dt) + 1
-    shots = Shots.of(record, errors.motion.eta, errors.motion.nu, thrusts(given, raw), starts, length)
-    return weighed(errors, starts, shots.predicted(model))
+    held = Held.of(errors, raw)
+    return weighed(errors, held.starts, predicted(model, given, held))
+
+
+def predicted(model: mujoco.MjModel, given: Vehicle, held: Held) -> Array:
+    """Return the velocities of all predictions, (S, L, 6)."""
+    force = thrusts(given, held.raw)
+    shots = Shots.of(held.record, held.eta, held.nu, force, held.starts, held.length)
+    return shots.predicted(model)
 
 
 if __name__ == "__main__":

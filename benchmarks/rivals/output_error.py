@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import BODY, Array, Plant, onward, resting, settled
-from benchmarks.rivals.contest import Answer, ahead, main, weighed
+from benchmarks.rivals.contest import Answer, Held, main, weighed
 from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.recording.arrays import Recording, noise, recording, smoothed
 from hydro.core.vehicle.description import Vehicle
@@ -147,16 +147,25 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     sizes = [float(np.sqrt(np.mean(part**2))) for part in parts]
     best = int(np.argmax(sizes))
     fitted = changed(plant, groups, x)
-    return Answer(groups[best].name if sizes[best] >= MOVED else "", lambda errors, _: error(fitted, errors))
+    return Answer(
+        groups[best].name if sizes[best] >= MOVED else "",
+        lambda errors, _: error(fitted, errors),
+        lambda held: predicted(fitted, held),
+    )
 
 
 def error(plant: Plant, errors: Ahead) -> float:
     """Return the prediction error 5 s ahead on the held-out session."""
-    starts, record = ahead(errors), errors.record
-    first = beginnings(record, errors.motion.eta, errors.motion.nu, starts)
-    length = round(5.0 / record.dt) + 1
-    states = predict(plant, first, starts, record.commands, length, record.dt)
-    return weighed(errors, starts, states[..., 7:])
+    held = Held.of(errors, pl.DataFrame())
+    return weighed(errors, held.starts, predicted(plant, held))
+
+
+def predicted(plant: Plant, held: Held) -> Array:
+    """Return the velocities of all predictions, (S, L, 6)."""
+    record = held.record
+    first = beginnings(record, held.eta, held.nu, held.starts)
+    states: Array = predict(plant, first, held.starts, record.commands, held.length, record.dt)
+    return states[..., 7:]
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import polars as pl
 from benchmarks.hidden_effects import vehicles
 from benchmarks.hidden_effects.build import PAIRS
 from benchmarks.hidden_effects.plant import Array
-from benchmarks.rivals.contest import Answer, main
+from benchmarks.rivals.contest import Answer, by_vehicle, main
 from hydro.core.distillation.labels import labels
 from hydro.core.errors import DataError
 from hydro.core.evaluation.replay_error import Ahead
@@ -104,7 +104,11 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
         chosen.append(name)
     flown = Ahead(measured, given)
     model = min(_models(given, chosen, columns, tables, target), key=lambda one: _error(flown, one))
-    return Answer(chosen[0] if chosen else "", lambda errors, _: _error(errors, model))
+    return Answer(
+        chosen[0] if chosen else "",
+        lambda errors, _: _error(errors, model),
+        lambda held: by_vehicle(model, held),
+    )
 
 
 def _models(

@@ -18,10 +18,10 @@ import polars as pl
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import Array
-from benchmarks.rivals.contest import Answer, ahead, main, weighed
+from benchmarks.rivals.contest import Answer, Held, main, weighed
 from benchmarks.rivals.regression import EDGE, EVERY, WRENCH
 from hydro.core.distillation.labels import labels
-from hydro.core.evaluation.replay_error import AHEAD, Ahead
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
@@ -104,7 +104,9 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     best = max(taken, key=lambda name: taken[name])
     model = sparse(terms, whole)
     return Answer(
-        best if explained >= EXPLAINED else "", lambda errors, raw: error(model, given, errors, raw)
+        best if explained >= EXPLAINED else "",
+        lambda errors, raw: error(model, given, errors, raw),
+        lambda held: predicted(model, given, held),
     )
 
 
@@ -120,11 +122,16 @@ def _thrusts(table: pl.DataFrame, thrusters: int) -> Array:
 
 
 def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> float:
-    """Return the error 5 s ahead, with all predictions integrated in parallel by Heun's method."""
-    record, starts = errors.record, ahead(errors)
-    thrusts = _thrusts(labels(given, raw, subtract="effects"), len(given.thruster))
-    nu, R = errors.motion.nu[starts].copy(), rotation(*errors.motion.eta[starts, 3:].T)
-    length = round(AHEAD / record.dt) + 1
+    """Return the prediction error 5 s ahead on the held-out session."""
+    held = Held.of(errors, raw)
+    return weighed(errors, held.starts, predicted(model, given, held))
+
+
+def predicted(model: Array, given: Vehicle, held: Held) -> Array:
+    """Return the velocities (S, L, 6) of all predictions, integrated in parallel by Heun's method."""
+    record, starts, length = held.record, held.starts, held.length
+    thrusts = _thrusts(labels(given, held.raw, subtract="effects"), len(given.thruster))
+    nu, R = held.nu[starts].copy(), rotation(*held.eta[starts, 3:].T)
     out = np.empty((starts.size, length, 6))
     with np.errstate(all="ignore"):  # divergence is counted as such
         for k in range(length):
@@ -134,7 +141,7 @@ def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> flo
             ahead_R = turned(R, nu[:, 3:] * record.dt)
             second = library(nu + record.dt * first, ahead_R, f) @ model.T
             nu, R = np.clip(nu + 0.5 * record.dt * (first + second), -1e3, 1e3), ahead_R
-    return weighed(errors, starts, out)
+    return out
 
 
 def turned(R: Array, angle: Array) -> Array:

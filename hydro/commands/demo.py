@@ -15,6 +15,7 @@ from hydro.commands.tables import print_table
 from hydro.io.files import bundled
 
 EPOCHS = 20
+HELD_OUT = "thruster-heldout.parquet"
 
 Folder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder to write into; created if needed."), FOLDER
@@ -30,35 +31,38 @@ def demo(
 ) -> None:
     """Run every stage on bundled data in a few minutes.
 
-    The first part finds missing physics: a vehicle file is compared with recordings of a vehicle that has
-    more effects. The output has the regimes in which the file fails, the missing effects, and the errors
-    before and after they are added, also on held-out data. A report shows the results on one page. The second
-    part trains two residual networks: labels, split, training, errors on the test part, and a 90 s manoeuvre
-    replayed open loop in MuJoCo without water forces, with added mass, and with each network. Every step is
-    an ordinary command, printed as it runs.
+    The first part finds a change of a vehicle in the simulator Stonefish, whose water model hydro does not
+    have. The vehicle file was fitted to the unchanged vehicle. The output has the regimes in which the file
+    fails on the changed vehicle, the change, and the errors on held-out data before and after the change is
+    added. A report shows the results on one page. The second part trains two residual networks: labels,
+    split, training, errors on the test part, and a 90 s manoeuvre replayed open loop in MuJoCo without water
+    forces, with added mass, and with each network. Every step is an ordinary command, printed as it runs.
     """
     root = context.find_root().command
     typer.echo("The first run after an installation also compiles the physics, a minute or two.")
-    typer.echo("\nWhat is missing in a vehicle file?\n")
-    report, *missing = _missing(root, folder)
+    typer.echo("\nWhat has changed in a vehicle?\n")
+    report, *changed = _changed(root, folder)
     learnt = _learnt(root, folder, epochs)
     typer.echo("Written:")
-    for path in [*missing, *learnt]:
+    for path in [*changed, *learnt]:
         typer.echo(f"  {path}")
-    typer.echo(f"\nThe whole study on one page, for a browser: {report}")
+    typer.echo(f"\nThe change on one page, for a browser: {report}")
 
 
-def _missing(root: Any, folder: Path) -> list[Path]:
-    """Find the hidden effects of the bundled recordings; return the report and the other written files."""
-    data, report, study = _bundled("hidden"), folder / "report.html", folder / "study"
-    comparison, diagnosis = folder / "comparison.parquet", folder / "diagnosis.parquet"
-    covariance = folder / "diagnosis.covariance.parquet"
-    given = [str(data / "vehicle.toml"), str(data / "measured.parquet")]
-    _run(root, ["compare", *given, "-o", str(comparison)])
-    _run(root, ["diagnose", *given, "-o", str(diagnosis)])
-    _run(root, ["explain", *given, "--holdout", str(data / "heldout.parquet"), "-o", str(study)])
-    _run(root, ["report", str(study), "-o", str(report)])
-    return [report, comparison, diagnosis, covariance, study]
+def _changed(root: Any, folder: Path) -> list[Path]:
+    """Find the change of the bundled recordings and add it; return the report and the other written files."""
+    data, report, vehicle = _bundled("changed"), folder / "report.html", folder / "vehicle-1.toml"
+    names = ("comparison", "diagnosis", "heldout-before", "heldout-after")
+    comparison, diagnosis, given, added = (folder / f"{name}.parquet" for name in names)
+    file, log, held_out = (str(data / one) for one in ("vehicle.toml", "thruster.parquet", HELD_OUT))
+    before = ["--before", str(data / "before.parquet")]
+    _run(root, ["compare", file, log, "-o", str(comparison)])
+    _run(root, ["diagnose", file, log, *before, "-o", str(diagnosis)])
+    _run(root, ["add", file, str(diagnosis), "-o", str(vehicle)])
+    _run(root, ["compare", file, held_out, "-o", str(given)])
+    _run(root, ["compare", str(vehicle), held_out, "--against", str(given), "-o", str(added)])
+    _run(root, ["report", str(comparison), str(diagnosis), "-o", str(report)])
+    return [report, comparison, diagnosis, vehicle, given, added]
 
 
 def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:

@@ -1,0 +1,146 @@
+"""Baselines: how each method of the leaderboard answers a case."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from benchmarks.challenge.layout import EVERY, LEAD, MOTION, VELOCITY, Given, Public
+from benchmarks.challenge.network import of_network
+from benchmarks.rivals.contest import Held, Rival, by_vehicle
+from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.findings import WITH_VALUES, Finding, extended
+from hydro.core.evaluation import yardsticks
+from hydro.core.recording.arrays import recording
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import vehicle as vehicles
+
+Answered = tuple[list[dict[str, Any]], np.ndarray]
+"""Named effects, and velocities (S, L, 6) in all windows."""
+ADDED = ("missing", "retune")
+"""Verdicts that are added to the file before it predicts."""
+
+
+def run(name: str, there: Path, out: Path) -> float:
+    """Answer a case with a baseline, and write the answer.
+
+    Args:
+        name: Name of the baseline.
+        there: Folder of the case.
+        out: Folder of the entry.
+
+    Returns:
+        Processor time [s].
+    """
+    public = Public.read(there)
+    vehicle = vehicles.parse(public.vehicle)
+    held = held_of(vehicle, public.held_out)
+    begun = time.process_time()
+    try:
+        effects, velocities = BASELINES[name](vehicle, public, held)
+    except Exception as error:  # a failed method names nothing and predicts nothing
+        print(f"{name}, {public.name}: {type(error).__name__}: {error}", flush=True)
+        effects, velocities = [], np.full((held.starts.size, held.length, 6), np.nan)
+    spent = time.process_time() - begun
+    Given(effects, spent, table_of(public.held_out, velocities, held)).write(out / public.name)
+    return spent
+
+
+def held_of(vehicle: Vehicle, held_out: pl.DataFrame) -> Held:
+    """Return the windows as a recording; rows after LEAD repeat the state there, and are not used."""
+    whole = held_out.with_columns(pl.col(name).forward_fill().over("session") for name in MOTION)
+    record = recording(vehicle, whole)
+    starts = record.segments[:, 0] + round(LEAD / record.dt)
+    return Held(record, record.eta, record.nu, starts, whole)
+
+
+def table_of(held_out: pl.DataFrame, velocities: np.ndarray, held: Held) -> pl.DataFrame:
+    """Return predicted velocities (S, L, 6) as the table of an answer."""
+    step = round(EVERY / held.record.dt)
+    names = held_out["session"].unique(maintain_order=True).to_list()
+    parts = []
+    for name, each in zip(names, velocities, strict=True):
+        rows = np.arange(step, len(each), step)
+        columns = {"session": [name] * rows.size, "t": np.round(LEAD + rows * held.record.dt, 6)}
+        parts.append(pl.DataFrame(columns | {axis: each[rows, i] for i, axis in enumerate(VELOCITY)}))
+    return pl.concat(parts)
+
+
+def as_given(vehicle: Vehicle, public: Public, held: Held) -> Answered:
+    """Name nothing, and predict with the file."""
+    return [], by_vehicle(vehicle, held)
+
+
+def least_squares(vehicle: Vehicle, public: Public, held: Held) -> Answered:
+    """Fit damping, cross terms and delayed thrust of each axis, and name nothing."""
+    fitted = yardsticks.Yardstick.of(vehicle, public.log).of_others
+    rows = held.starts[:, None] + np.arange(held.length)
+    tau = yardsticks._wrench(vehicle, held.record)
+    return [], fitted._by_least_squares(held.record, held.starts, rows, held.nu[held.starts], tau)
+
+
+def hydro(vehicle: Vehicle, public: Public, held: Held) -> Answered:
+    """Diagnose, with the earlier log where there is one, and predict with the stated effects added."""
+    found = diagnose(vehicle, public.log, before=public.before)
+    stated = [one for one in found.findings if one.verdict in ADDED and one.parameters]
+    model = extended(vehicle, [{"name": one.effect, **one.parameters} for one in stated])
+    return [_told(one) for one in found.findings if one.verdict in WITH_VALUES], by_vehicle(model, held)
+
+
+def _told(one: Finding) -> dict[str, Any]:
+    """Return a finding in the form of an answer."""
+
+    def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+        return {key: np.asarray(value).tolist() for key, value in values.items()}
+
+    return {
+        "name": one.effect.split(":")[0],
+        "confidence": float(np.nan_to_num(one.confidence)),
+        "parameters": plain(one.parameters),
+        "standard_errors": plain(one.standard_errors),
+    }
+
+
+def by_rival(load: Callable[[], Rival]) -> Callable[[Vehicle, Public, Held], Answered]:
+    """Return the baseline of a rival, which sees the log alone and names one effect without a confidence."""
+
+    def answer(vehicle: Vehicle, public: Public, held: Held) -> Answered:
+        found = load()(vehicle, public.log)
+        return [{"name": found.name}] if found.name else [], found.predict(held)
+
+    return answer
+
+
+def _sindy() -> Rival:
+    from benchmarks.rivals import sindy
+
+    return sindy.answer
+
+
+def _sysid() -> Rival:
+    from benchmarks.rivals import mujoco_sysid
+
+    return mujoco_sysid.answer
+
+
+def _output_error() -> Rival:
+    from benchmarks.rivals import output_error
+
+    return output_error.answer
+
+
+BASELINES: Mapping[str, Callable[[Vehicle, Public, Held], Answered]] = {
+    "file as given": as_given,
+    "least squares": least_squares,
+    "PySINDy": by_rival(_sindy),
+    "network": of_network,
+    "scipy output error": by_rival(_output_error),
+    "mujoco.sysid": by_rival(_sysid),
+    "hydro": hydro,
+}
+"""Baselines by the name of their entry, the quickest first."""
