@@ -2,8 +2,8 @@
 
 The bundled replay of 90 s is repeated with the bundled vehicle, and with one whose rotors have an exact lag
 in place of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
-thruster, which are repeated with the hidden change; by default that of the installed distribution deep-hydro-sim-data,
-if there is one.  The program is found as by `hydro collect --teacher stonefish`.
+thruster, which are repeated with the hidden change; by default that of the installed distribution
+deep-hydro-sim-data, if there is one.  The program is found as by `hydro collect --teacher stonefish`.
 
     python -m benchmarks.stonefish_again [RECORDINGS] --keep COMMIT
 """

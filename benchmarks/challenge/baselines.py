@@ -13,8 +13,8 @@ import polars as pl
 from benchmarks.challenge.layout import EVERY, LEAD, MOTION, VELOCITY, Given, Public
 from benchmarks.challenge.network import of_network
 from benchmarks.rivals.contest import Held, Rival, by_vehicle
-from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import WITH_VALUES, Finding, extended
+from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.evaluation import yardsticks
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
