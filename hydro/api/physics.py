@@ -232,6 +232,7 @@ def explain(
     model: Model | None = None,
     discover: bool = False,
     correct_thrusters: bool = False,
+    add: Sequence[str] = (),
     on_step: Callable[[Step], object] | None = None,
     progress: Progress | None = None,
 ) -> Study:
@@ -248,6 +249,8 @@ def explain(
             `before`.
         correct_thrusters: if the thruster audit contradicts the vehicle, continue with the directions and the
             order that it states.
+        add: findings to add, one in each step, as `hydro explain --add` names them; by default each step adds
+            the best one.
         on_step: called with each step as soon as it is done, such as `print`.
         progress: called with a few words and the share of the present step that is done.
 
@@ -275,6 +278,7 @@ def explain(
         hull=hull,
         beyond=beyond,
         corrected=correct_thrusters,
+        wanted=add,
         progress=progress,
     )
     rungs: list[Rung] = []
@@ -286,7 +290,7 @@ def explain(
         if on_step is not None:
             on_step(done[-1])
     answer = study_status(rungs, best(rungs), sample_time(raw)).headline
-    return Study.of(done, best(rungs).number, ending(rungs), answer)
+    return Study.of(done, best(rungs).number, ending(rungs, add), answer)
 
 
 def _hull(
