@@ -18,6 +18,9 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from hydro.commands import (
+    app as workbench,
+)
+from hydro.commands import (
     collect,
     compare,
     data,
@@ -54,7 +57,7 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 """
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
-    "Start": (start, demo),
+    "Start": (start, workbench, demo),
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
     "Data": (imports, files, partition, collect),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),
