@@ -68,17 +68,18 @@ def window(session: Session, vehicle: Vehicle, low: float, high: float, points: 
     assert live is not None
     begin, end = live.rows(low, high)
     record, x, floors = live.record, live.clock[begin:end], session.floors()
-    logged = np.hstack([record.eta, record.nu])[begin:end]
+    logged = live.windows.logged[begin:end].copy()
     if record.seen is not None:
         logged = np.where(record.seen[begin:end], logged, np.nan)
     breaks = np.flatnonzero(np.isin(np.arange(begin, end), record.segments[1:, 0]))
     logged[breaks] = np.nan
+    motion = live.predicted(vehicle, session.horizon, begin, end)
     return {
         "window": [low, high],
         "measured": [curve(*_present(x, logged[:, PLACE[name]]), points) for name in ORDER],
         "band": [_band(x, logged[:, PLACE[name]], floors.get(name)) for name in ORDER],
         "commands": [curve(x, column, points) for column in record.commands[begin:end].T],
-        "predicted": predicted(live, live.predicted(vehicle, session.horizon, begin, end), begin, points),
+        "predicted": predicted(live, motion, begin, points),
     }
 
 

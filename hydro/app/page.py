@@ -15,6 +15,8 @@ from hydro.report import words
 
 STATIC = "/static"
 """Address of the page's script and style."""
+PRIMARY = "#1769aa"
+"""Colour of buttons and of predicted curves."""
 REFRESH = 0.4
 """Interval at which the progress of work is shown [s]."""
 HEAD = """
@@ -38,11 +40,14 @@ MAIN = """
   </div>
   <div class="ladder" id="ladder"></div>
 </div>
-<div class="plotbox">
-  <div class="legend"><span><i style="color:#39424e"></i>measured</span>
+<div class="legend"><span><i style="color:#39424e"></i>measured</span>
     <span><i style="color:#1769aa"></i>predicted</span><span><i class="band"></i>noise floor</span>
-    <span>drag to zoom, double-click for all, space plays</span></div>
-  <div id="curves"></div><div class="cursor" id="cursor0"></div><div class="cursor" id="cursor1"></div>
+    <span>drag to zoom, double-click for all; space plays, arrows step</span></div>
+<div class="plotbox">
+  <div id="curves"></div>
+  <div class="cursor" id="cursor0"></div>
+  <div class="cursor" id="cursor1"></div>
+  <div class="cursor" id="cursor2"></div>
 </div>
 """
 
@@ -79,6 +84,7 @@ class _Page:
 
     def lay_out(self) -> None:
         """Make all elements."""
+        ui.colors(primary=PRIMARY)
         with ui.element("div").classes("bench"):
             with ui.element("header").classes("top"):
                 ui.label("hydro").classes("brand")
@@ -128,7 +134,7 @@ class _Page:
         with ui.element("nav").classes("steps"):
             for number, (title, _) in enumerate(STEPS, 1):
                 here = "here" if number == self.bench.tab.step else ""
-                ui.button(f"{number} {title}", on_click=lambda n=number: self._show(n)).props(
+                ui.button(f"{number} {title}", on_click=lambda n=number: self._show(n), color=None).props(
                     "flat dense no-caps"
                 ).classes(here)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Sequence
 from itertools import groupby
+from pathlib import Path
 
 from hydro.app.session import Rung, Session
 from hydro.core.diagnosis.findings import inline
@@ -61,7 +62,8 @@ def _lines(session: Session) -> Iterator[str]:
             yield f"cp {shlex.quote(file)} {new}  # then edit {new}: {last.label}"
             yield from _edits(_before(session, run[0]), last.vehicle)
             file = new
-    yield _line("compare", file, recording)
+    if session.at:
+        yield _line("compare", file, recording)
 
 
 def _statements(session: Session) -> Iterator[str]:
@@ -131,4 +133,6 @@ def _recording(session: Session) -> str:
 
 
 def _line(*words: str) -> str:
-    return shlex.join(["hydro", *words])
+    """Return a command line, with files below the working folder by their relative paths."""
+    here = f"{Path.cwd()}/"
+    return shlex.join(["hydro", *(word.removeprefix(here) for word in words)])

@@ -13,6 +13,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.errors import HydroError
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import diagnosis, words
+from hydro.report.cards import ADDED
 from hydro.report.diagnosis import Context
 
 UNSEEN = "not_excited"
@@ -27,7 +28,7 @@ def show(bench: Bench) -> None:
         ui.html("<p>Open a recording first.</p>", sanitize=False)
         return
     with ui.element("div").classes("row"):
-        ui.button("Diagnose again" if session.diagnosed else "Diagnose", on_click=bench.diagnose).props(
+        ui.button("Diagnosed" if session.diagnosed else "Diagnose", on_click=bench.diagnose).props(
             "unelevated dense no-caps color=primary"
         ).set_enabled(not session.diagnosed and not bench.busy)
         if session.diagnosed:
@@ -70,7 +71,8 @@ def _card(bench: Bench, row: dict[str, Any]) -> None:
     lines += [f"<div class='sure'>{escape(sure)}</div>"] if sure else []
     lines += [f"<div>{escape(sentence)}</div>"] if sentence else []
     lines += [f"<div class='facts'>{escape(facts)}</div>"] if facts else []
-    lines += [f"<div class='advice'>{escape(row['advice'])}</div>"] if row["advice"] else []
+    if row["advice"] and row["verdict"] not in ADDED:
+        lines.append(f"<div class='advice'>{escape(row['advice'])}</div>")
     with ui.element("div").classes(f"card {row['verdict']}"):
         ui.html("".join(lines), sanitize=False)
         if row["verdict"] not in WITH_VALUES or not row["parameters"]:

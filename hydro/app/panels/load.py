@@ -38,9 +38,10 @@ def show(bench: Bench) -> None:
         picked = event.value or []
         choice.logs, choice.map, bench.tab.proposed = tuple(picked), "", None
 
-    ui.select(
-        logs, value=list(choice.logs), multiple=True, label="Recording", on_change=chosen, with_input=True
-    ).props("dense outlined options-dense").mark("recording")
+    ui.html("<h3>Recording</h3>", sanitize=False)
+    ui.select(logs, value=list(choice.logs), multiple=True, on_change=chosen, with_input=True).props(
+        "dense outlined options-dense"
+    ).mark("recording")
     craft = {"": IN_RECORDING, **{path: name for name, path in opening.presets().items()}}
     craft |= {str(one): _named(bench, one) for one in bench.desk.places.listed((".toml",)) if is_vehicle(one)}
     craft |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if one.endswith(".toml")}
@@ -51,9 +52,10 @@ def show(bench: Bench) -> None:
     def flown(event: Any) -> None:
         choice.vehicle = event.value or ""
 
-    ui.select(craft, value=choice.vehicle, label="Vehicle", on_change=flown).props(
-        "dense outlined options-dense"
-    ).mark("vehicle")
+    ui.html("<h3>Vehicle</h3>", sanitize=False)
+    ui.select(craft, value=choice.vehicle, on_change=flown).props("dense outlined options-dense").mark(
+        "vehicle"
+    )
     with ui.element("div").classes("row"):
         ui.button("Open", on_click=bench.open).props("unelevated dense no-caps color=primary").mark("open")
         if choice.map:

@@ -10,6 +10,7 @@ const workbench = (() => {
   const SYMBOL = { phi: "φ", theta: "θ", psi: "ψ" };
   const INK = "#39424e", PREDICTED = "#1769aa", BAND = "rgba(57,66,78,0.16)", GRID = "#e3e7eb", MARK = "#c2410c";
   const COMMANDS = ["#1769aa", "#2e7d32", "#c2410c", "#6a3d9a", "#00838f", "#8d6e63", "#ad1457", "#616161"];
+  const ROWS = 7;           // of panels: six of velocity and pose, one of commands
   const STEP = 1.0;         // s, of an arrow key; 10 times that with shift
   const FRAME = 50;         // ms between redraws while the vehicle moves
   let plot = null, cursor = 0, end = 0, playing = false, speed = 1, last = 0, moved = 0;
@@ -18,30 +19,27 @@ const workbench = (() => {
   const delays = [];
 
   function layout(commands) {
-    const rows = 7, height = 1 / rows, made = {
-      margin: { l: 44, r: 8, t: 4, b: 22 }, showlegend: false, dragmode: "zoom", hovermode: "x",
+    const height = 1 / ROWS, made = {
+      margin: { l: 54, r: 8, t: 4, b: 32 }, showlegend: false, dragmode: "zoom", hovermode: "x",
       paper_bgcolor: "#fff", plot_bgcolor: "#fff", font: { family: "inherit", size: 10, color: INK },
-      annotations: [], shapes: [], uirevision: "same",
+      shapes: [], uirevision: "same",
     };
     for (let i = 0; i < 13; i++) {
       const row = i < 12 ? i >> 1 : 6, column = i & 1, name = i ? String(i + 1) : "";
-      const domain = i === 12 ? [0, 1] : column ? [0.535, 1] : [0, 0.465];
-      const top = 1 - row * height, low = top - height * 0.86;
+      const domain = i === 12 ? [0, 1] : column ? [0.54, 1] : [0, 0.46];
+      const top = i < 12 ? 1 - row * height : height * 0.72, low = i < 12 ? top - height * 0.86 : 0;
       made["xaxis" + name] = {
-        domain, anchor: "y" + name, matches: i ? "x" : undefined, showticklabels: i >= 10 && i !== 10 + 12,
+        domain, anchor: "y" + name, matches: i ? "x" : undefined, showticklabels: i >= 10,
         gridcolor: GRID, zeroline: false, ticks: "", range: window_.slice(),
       };
-      if (i < 12) made["xaxis" + name].showticklabels = false;
       made["yaxis" + name] = {
         domain: [low, top], anchor: "x" + name, gridcolor: GRID, zeroline: true, zerolinecolor: GRID,
         nticks: 4, fixedrange: false, tickfont: { size: 9 },
       };
-      const [symbol, unit] = i < 12 ? CHANNELS[i] : ["commands", "1"];
-      made.annotations.push({
-        xref: "x" + name + " domain", yref: "y" + name + " domain", x: 0.004, y: 0.99, xanchor: "left", yanchor: "top",
-        text: `<b>${SYMBOL[symbol] || symbol}</b> <span style="color:#7b8794">${unit === "1" ? "" : unit}</span>`,
-        showarrow: false, font: { size: 11 }, bgcolor: "rgba(255,255,255,0.7)", borderpad: 1,
-      });
+      const [symbol, unit] = i < 12 ? CHANNELS[i] : ["command", ""];
+      made["yaxis" + name].title = {
+        text: `<b>${SYMBOL[symbol] || symbol}</b> ${unit}`, standoff: 3, font: { size: 10.5 },
+      };
     }
     made.xaxis13.title = { text: "time along the recording [s]", standoff: 2, font: { size: 10 } };
     return made;
@@ -275,12 +273,15 @@ const workbench = (() => {
 
   function marker() {
     if (!plot || !plot._fullLayout) return;
-    ["xaxis", "xaxis2"].forEach((name, i) => {
+    const area = plot._fullLayout._size, last = area.h / ROWS;
+    ["xaxis", "xaxis2", "xaxis13"].forEach((name, i) => {
       const line = document.getElementById("cursor" + i), axis = plot._fullLayout[name];
       if (!line || !axis) return;
       const place = axis.l2p(cursor), inside = place >= 0 && place <= axis._length;
       line.style.display = inside ? "block" : "none";
       line.style.left = `${plot.offsetLeft + axis._offset + place}px`;
+      line.style.top = `${area.t + (i < 2 ? 0 : area.h - 0.72 * last)}px`;
+      line.style.height = `${i < 2 ? area.h - 1.14 * last : 0.72 * last}px`;
     });
   }
 

@@ -24,13 +24,17 @@ class Windows:
         record: The recording.
         eta: Smoothed pose, (N, 6).
         nu: Smoothed velocity, (N, 6).
+        logged: Pose and velocity as logged, with angles that go on beyond half a turn, (N, 12).
     """
 
     def __init__(self, record: Recording) -> None:
         """Smooth the recording once."""
         self.record = record
         self.eta, self.nu = smoothed(record)
-        self._first, self._logged = body_states(self.eta, self.nu), body_states(record.eta, record.nu)
+        self._first, self._states = body_states(self.eta, self.nu), body_states(record.eta, record.nu)
+        self.logged = np.hstack([record.eta, record.nu])
+        for start, stop in record.segments:
+            self.logged[start:stop, 3:6] = np.unwrap(self.logged[start:stop, 3:6], axis=0)
 
     def predicted(self, model: Candidate, horizon: float | None, begin: int, end: int) -> Array:
         """Predict the rows of a window.
@@ -54,12 +58,12 @@ class Windows:
             states = predict(prepare(model, shots), shots)
             for start, motion in zip(starts[part], states, strict=True):
                 first, last = max(start + 1, begin), min(start + length, end)
+                if first >= last:
+                    continue
                 rows = motion[first - start : last - start]
-                angles = euler_from_quaternion(rows[:, 3:7])
-                turns = np.round((self.record.eta[first:last, 3:] - angles) / (2.0 * np.pi))
-                out[first - begin : last - begin] = np.hstack(
-                    [rows[:, :3], angles + 2.0 * np.pi * turns, rows[:, 7:]]
-                )
+                angles = np.unwrap(euler_from_quaternion(rows[:, 3:7]), axis=0)
+                turns = 2.0 * np.pi * np.round((self.logged[first, 3:6] - angles[0]) / (2.0 * np.pi))
+                out[first - begin : last - begin] = np.hstack([rows[:, :3], angles + turns, rows[:, 7:]])
         return out
 
     def laid(self, horizon: float | None, begin: int, end: int) -> tuple[Rows, Rows, Rows]:
@@ -91,7 +95,7 @@ class Windows:
             length,
             0,
             self._first[starts],
-            self._logged[rows],
+            self._states[rows],
             np.ones(CHANNELS),
             self.eta,
             self.nu,
