@@ -374,8 +374,9 @@ class Bench:
     async def settle(self, key: str, value: float) -> None:
         """Keep the value of a slider that was released, or of a number that was typed."""
         self.slide(key, value)
-        if key in self._sliders:
-            await asyncio.to_thread(self.session.settle, key)
+        if (slider := self._sliders.get(key)) is not None:
+            number = f"{words.effect_name(slider.effect)} {slider.label}"
+            await asyncio.to_thread(self.session.settle, number)
             self.refresh()
 
     async def switch(self, effect: str, on: bool) -> None:

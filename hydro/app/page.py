@@ -45,6 +45,7 @@ MAIN = """
     <span>drag to zoom, double-click for all; space plays, arrows step</span></div>
 <div class="plotbox">
   <div id="curves"></div>
+  <canvas id="overlay"></canvas>
   <div class="cursor" id="cursor0"></div>
   <div class="cursor" id="cursor1"></div>
   <div class="cursor" id="cursor2"></div>

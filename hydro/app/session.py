@@ -27,6 +27,7 @@ from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import rewrite
 from hydro.io import vehicle as vehicles
+from hydro.report.words import effect_name
 
 AS_GIVEN = "as given"
 STUDY_STAGE = "explain"
@@ -190,17 +191,17 @@ class Session:
         self.vehicle = moved
         return moved
 
-    def settle(self, key: str) -> None:
+    def settle(self, number: str) -> None:
         """Make the vehicle on the page a state of the history.
 
         Consecutive changes of one number are one state.
 
         Args:
-            key: Name of the number that was changed.
+            number: Name of the number that was changed.
         """
         if self.present == self.rung.vehicle:
             return
-        label = f"{key} set"
+        label = f"{number} set"
         rung = self._tuned(label)
         if self.rung.kind == "tuned" and self.rung.label == label and not self.can_redo:
             self.history, self.at = self.history[:-1], self.at - 1
@@ -226,7 +227,7 @@ class Session:
             self.aside[effect] = dict(vehicle.effects(effect)[0])
             self.ticked = {one for one in self.ticked if one.partition(".")[0] != effect}
         self.vehicle = changed
-        self._append(self._tuned(f"{effect} {'on' if on else 'off'}"))
+        self._append(self._tuned(f"{effect_name(effect)} {'on' if on else 'off'}"))
 
     def _tuned(self, label: str) -> Rung:
         """Return the state of the vehicle on the page, with which a new study begins."""
@@ -282,7 +283,7 @@ class Session:
         craft = Craft(self.rung.base.path, text, vehicle)
         self._append(
             Rung(
-                f"fit of {listed(names)}",
+                f"fit of {listed([effect_name(one) for one in names])}",
                 "fitted",
                 vehicle,
                 text,
@@ -341,7 +342,7 @@ class Session:
         origin = {"data": self._content(), "method": STUDY_STAGE}
         for table in step.tables:
             text = vehicles.set_effect(text, table | {"fit": origin})
-        label = f"{listed(step.added)} added" if step.added else "re-estimated"
+        label = f"{listed([effect_name(one) for one in step.added])} added"
         self._append(
             Rung(
                 label,

@@ -53,7 +53,6 @@ const workbench = (() => {
     for (let i = 0; i < 12; i++) {
       made.push({ ...line("rgba(0,0,0,0)", 0), fill: "toself", fillcolor: BAND, hoverinfo: "skip", ...axes(i), name: "noise floor" });
       made.push({ ...line(INK, 1), ...axes(i), name: "measured" });
-      made.push({ ...line(PREDICTED, 1.4), ...axes(i), name: "predicted", connectgaps: false });
     }
     for (let i = 0; i < commands; i++) made.push({ ...line(COMMANDS[i % COMMANDS.length], 0.9), ...axes(12), name: `command ${i + 1}` });
     return made;
@@ -70,6 +69,7 @@ const workbench = (() => {
     quiet = false;
     plot.removeAllListeners("plotly_relayout");
     plot.on("plotly_relayout", zoomed);
+    for (const event of ["plotly_relayouting", "plotly_afterplot"]) plot.on(event, () => { overlay(); marker(); });
     plot.on("plotly_doubleclick", () => report("window", [0, end]));
     plot.on("plotly_click", (found) => { seek(found.points[0].x); });
     sessions(config.sessions);
@@ -102,26 +102,68 @@ const workbench = (() => {
     const put = (trace, curve) => { which.push(trace); x.push(curve.x); y.push(curve.y); };
     if (sent.window) {
       window_ = sent.window;
-      for (let i = 0; i < 12; i++) { put(3 * i, sent.band[i]); put(3 * i + 1, sent.measured[i]); }
-      sent.commands.forEach((curve, i) => put(36 + i, curve));
-    }
-    predicted = sent.predicted;
-    for (let i = 0; i < 12; i++) put(3 * i + 2, predicted[i]);
-    quiet = true;
-    if (sent.window) {
-      const range = {};
-      for (let i = 0; i < 13; i++) range[`yaxis${i ? i + 1 : ""}.autorange`] = true;
-      range["xaxis.range"] = window_;
-      await Plotly.update(plot, { x, y }, range, which);
+      for (let i = 0; i < 12; i++) { put(2 * i, sent.band[i]); put(2 * i + 1, sent.measured[i]); }
+      sent.commands.forEach((curve, i) => put(24 + i, curve));
+      const change = { "xaxis.range": window_, "yaxis13.range": [-1.05, 1.05] };
+      for (let i = 0; i < 12; i++) change[`yaxis${i ? i + 1 : ""}.range`] = reach([sent.measured[i], sent.predicted[i]]);
+      predicted = sent.predicted;
+      quiet = true;
+      await Plotly.update(plot, { x, y }, change, which);
+      quiet = false;
     } else {
-      await Plotly.restyle(plot, { x, y }, which);
+      predicted = sent.predicted;
+      overlay();
     }
-    quiet = false;
     draw();
     requestAnimationFrame(() => {
       if (slid) { delays.push(performance.now() - slid); slid = 0; }
       document.body.dataset.drawn = String(Number(document.body.dataset.drawn || 0) + 1);
     });
+  }
+
+  /* Range of the values of some curves, with a margin. */
+  function reach(some) {
+    let low = Infinity, high = -Infinity;
+    for (const one of some) for (const v of one.y) if (v !== null) { if (v < low) low = v; if (v > high) high = v; }
+    if (!(high > low)) { low = (Number.isFinite(low) ? low : 0) - 1; high = low + 2; }
+    const margin = 0.06 * (high - low);
+    return [low - margin, high + margin];
+  }
+
+  /* Predictions are drawn on a canvas above the plots: at every move of a slider Plotly would take too long. */
+  function overlay() {
+    const canvas = document.getElementById("overlay");
+    if (!canvas || !plot || !plot._fullLayout || !predicted) return;
+    const pen = prepared(canvas);
+    pen.strokeStyle = PREDICTED; pen.lineWidth = 1.4; pen.lineJoin = "round";
+    for (let i = 0; i < 12; i++) {
+      const name = i ? String(i + 1) : "", u = plot._fullLayout["xaxis" + name], v = plot._fullLayout["yaxis" + name];
+      pen.save();
+      pen.beginPath(); pen.rect(u._offset, v._offset, u._length, v._length); pen.clip();
+      pen.beginPath();
+      let drawing = false;
+      const curve = predicted[i];
+      for (let k = 0; k < curve.x.length; k++) {
+        if (curve.y[k] === null) { drawing = false; continue; }
+        const a = u._offset + u.l2p(curve.x[k]), b = v._offset + v.l2p(curve.y[k]);
+        if (drawing) pen.lineTo(a, b); else pen.moveTo(a, b);
+        drawing = true;
+      }
+      pen.stroke();
+      pen.restore();
+    }
+  }
+
+  /* A cleared canvas at the resolution of the screen. */
+  function prepared(canvas) {
+    const ratio = window.devicePixelRatio || 1, size = [canvas.clientWidth, canvas.clientHeight];
+    if (canvas.width !== Math.round(size[0] * ratio) || canvas.height !== Math.round(size[1] * ratio)) {
+      canvas.width = Math.round(size[0] * ratio); canvas.height = Math.round(size[1] * ratio);
+    }
+    const pen = canvas.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, ...size);
+    return pen;
   }
 
   function ladder(html) { const place = document.getElementById("ladder"); if (place) place.innerHTML = html; }
@@ -206,12 +248,9 @@ const workbench = (() => {
     marker();
     const canvas = document.getElementById("track");
     if (!canvas || !track || !track.t.length) return;
-    const ratio = window.devicePixelRatio || 1, size = [canvas.clientWidth, canvas.clientHeight];
+    const size = [canvas.clientWidth, canvas.clientHeight];
     if (!size[0]) return;
-    if (canvas.width !== size[0] * ratio || canvas.height !== size[1] * ratio) { canvas.width = size[0] * ratio; canvas.height = size[1] * ratio; }
-    const pen = canvas.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, ...size);
+    const pen = prepared(canvas);
     const here = at(cursor), session = track.session[here];
     const rows = track.t.map((_, i) => i).filter((i) => track.session[i] === session);
     const reach = [0, 1, 2].map((k) => rows.reduce(([a, b], i) => [Math.min(a, track.pose[i][k]), Math.max(b, track.pose[i][k])], [Infinity, -Infinity]));
