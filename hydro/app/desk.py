@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from hydro.app.opening import Proposed
@@ -66,6 +66,7 @@ class Desk:
         map: Map of the command line; empty without one.
         largest: Maximum size of an upload [bytes].
         uploaded: Files that the page has uploaded, by every tab.
+        worker: Maker of the worker of a tab.
         tabs: Tabs by name, the one that was used last at the end.
     """
 
@@ -75,12 +76,14 @@ class Desk:
     map: str = ""
     largest: int = 0
     uploaded: list[str] = field(default_factory=list)
+    worker: Callable[[], Worker] = Worker
     tabs: dict[str, Tab] = field(default_factory=dict)
 
     def tab(self, name: str) -> Tab:
         """Return a tab by its name, or a new one with the files of the command line."""
         if (found := self.tabs.pop(name, None)) is None:
-            found = Tab(secrets.token_urlsafe(6), Choice(self.vehicle, tuple(self.logs), self.map))
+            choice = Choice(self.vehicle, tuple(self.logs), self.map)
+            found = Tab(secrets.token_urlsafe(6), choice, worker=self.worker())
         self.tabs[found.name] = found
         while len(self.tabs) > MOST_TABS:
             oldest = next(iter(self.tabs))

@@ -79,10 +79,6 @@ class _Kept:
     recordings: Recordings | None = None
 
 
-def warm_up() -> None:
-    """Import what the first work needs; the imports of this module do it."""
-
-
 def propose(paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, tell: Tell) -> Proposed:
     """Propose the map of logs, see `opening.propose_map`."""
     return opening.propose_map(paths, given, thrusters, _progress(tell))

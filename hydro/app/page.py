@@ -8,11 +8,19 @@ from typing import Any
 
 from nicegui import app, events, ui
 
+from hydro.app import panel_compare, panel_keep, panel_learn, panel_load, panel_tune
 from hydro.app.bench import Bench
 from hydro.app.desk import Desk
-from hydro.app.panels import STEPS
 from hydro.report import words
 
+STEPS = (
+    ("Load", panel_load.show),
+    ("Compare", panel_compare.show),
+    ("Learn", panel_learn.show),
+    ("Add and tune", panel_tune.show),
+    ("Keep", panel_keep.show),
+)
+"""Title and panel of each step."""
 STATIC = "/static"
 """Address of the page's script and style."""
 PRIMARY = "#1769aa"
@@ -217,9 +225,7 @@ class _Page:
         if path not in self.bench.desk.uploaded:
             return
         if path.endswith(".toml"):
-            from hydro.app.panels.load import is_vehicle
-
-            if is_vehicle(path):
+            if panel_load.is_vehicle(path):
                 choice.vehicle = path
             else:
                 choice.map = path
@@ -236,9 +242,7 @@ class _Page:
         elif what == "place":
             await bench.jump(str(about))
         elif what == "open_effect":
-            from hydro.app.panels import tune
-
-            tune.toggle(bench, str(about))
+            panel_tune.toggle(bench, str(about))
             self._panel.refresh()
 
 

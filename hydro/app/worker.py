@@ -68,11 +68,6 @@ class Worker:
                     "the worker process ended; there may not be enough memory: try a shorter recording"
                 ) from error
 
-    def start(self) -> None:
-        """Start the process before there is work for it, because its imports take seconds."""
-        with self._lock:
-            self._started()
-
     def cancel(self) -> None:
         """End the process and the work in it."""
         self._cancelled = True
@@ -107,9 +102,6 @@ class Worker:
 def serve(pipe: Connection) -> None:
     """Run functions as they come through a pipe, until its other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
-    from hydro.app import jobs
-
-    jobs.warm_up()
     while True:
         try:
             work, arguments = pipe.recv()
