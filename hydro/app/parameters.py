@@ -72,7 +72,7 @@ def sliders(vehicle: Vehicle, effect: str) -> list[Slider]:
     record, found = CATALOGUE[effect], list[Slider]()
     held = record.known(table)
     for parameter in record.parameters:
-        if parameter.name not in table:
+        if table.get(parameter.name) is None:  # another form of the effect is given
             continue
         values = np.asarray(table[parameter.name], float)
         for index in np.ndindex(*values.shape):

@@ -112,9 +112,9 @@ def application(desk: Desk, address: Address) -> Guard:
             return PlainTextResponse("not found", status_code=404)
         return FileResponse(STATIC / name, headers=CACHED)
 
-    @inner.post("/upload")
-    async def upload(request: Request, name: str = "") -> Response:
+    async def upload(request: Request) -> Response:
         """Store a file that the page sends, and answer with its path."""
+        name = request.query_params.get("name", "")
         try:
             path = await uploads.store(desk.places, name, request.stream(), desk.largest)
         except DataError as error:
@@ -122,6 +122,7 @@ def application(desk: Desk, address: Address) -> Guard:
         desk.uploaded.append(str(path))
         return PlainTextResponse(str(path))
 
+    inner.add_route("/upload", upload, methods=["POST"])
     page.build(desk, package_version())
     ui.run_with(
         inner,
