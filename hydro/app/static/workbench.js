@@ -2,7 +2,7 @@
    zoom, keys and clicks.  Times are seconds on the page's axis, on which sessions follow each other. */
 "use strict";
 
-const workbench = (() => {
+var workbench = (() => {
   const CHANNELS = [
     ["u", "m/s"], ["x", "m"], ["v", "m/s"], ["y", "m"], ["w", "m/s"], ["z", "m"],
     ["p", "rad/s"], ["phi", "rad"], ["q", "rad/s"], ["theta", "rad"], ["r", "rad/s"], ["psi", "rad"],
