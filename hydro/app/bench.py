@@ -131,6 +131,15 @@ class Bench:
 
     # 1, Load
 
+    async def start(self) -> None:
+        """Show what is open already, after a reload; else open the command line's files or the sample."""
+        if self.session.live is not None:
+            await self.draw_all()
+        elif self.tab.choice.logs:
+            await self.open()
+        else:
+            await self.open_sample()
+
     async def open_sample(self) -> None:
         """Open the sample."""
         vehicle, raw = opening.sample()

@@ -5,11 +5,14 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from hydro.app.opening import Proposed
 from hydro.app.places import Places
-from hydro.app.session import Session
 from hydro.app.worker import Worker
+
+if TYPE_CHECKING:
+    from hydro.app.opening import Proposed
+    from hydro.app.session import Session
 
 MOST_TABS = 6
 """Maximum number of sessions that are kept; the one that was unused for longest is dropped."""
@@ -48,8 +51,8 @@ class Tab:
 
     name: str
     choice: Choice
-    session: Session = field(default_factory=Session)
-    worker: Worker = field(default_factory=Worker)
+    session: Session
+    worker: Worker
     owner: str = ""
     proposed: Proposed | None = None
     step: int = 1
@@ -81,9 +84,11 @@ class Desk:
 
     def tab(self, name: str) -> Tab:
         """Return a tab by its name, or a new one with the files of the command line."""
+        from hydro.app.session import Session
+
         if (found := self.tabs.pop(name, None)) is None:
             choice = Choice(self.vehicle, tuple(self.logs), self.map)
-            found = Tab(secrets.token_urlsafe(6), choice, worker=self.worker())
+            found = Tab(secrets.token_urlsafe(6), choice, Session(), self.worker())
         self.tabs[found.name] = found
         while len(self.tabs) > MOST_TABS:
             oldest = next(iter(self.tabs))

@@ -5,8 +5,12 @@ from __future__ import annotations
 import ipaddress
 import secrets
 import socket
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +92,18 @@ def is_loopback(host: str) -> bool:
     return ipaddress.ip_address(host).is_loopback
 
 
+def plotly_script() -> Path:
+    """Return the script that draws the curves, which the package plotly ships; it is not imported.
+
+    Raises:
+        DataError: The package is not installed.
+    """
+    found = find_spec("plotly")
+    if found is None or found.origin is None:
+        raise DataError("plotly is not installed: pip install 'deep-hydro-sim[app]'")
+    return Path(found.origin).with_name("package_data") / "plotly.min.js"
+
+
 def application(desk: Desk, address: Address) -> Guard:
     """Return the application behind its gate: scripts, uploads and the page."""
     from fastapi import FastAPI, Request
@@ -95,15 +111,13 @@ def application(desk: Desk, address: Address) -> Guard:
     from nicegui import ui
 
     from hydro.app import page, uploads
-    from hydro.io.provenance import package_version
-    from hydro.report.page import plotly_script
 
     inner = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @inner.get("/plotly.min.js")
     def script() -> Response:
         """Return the script that draws the curves, from the plotly package."""
-        return Response(plotly_script(), media_type="text/javascript", headers=CACHED)
+        return FileResponse(plotly_script(), media_type="text/javascript", headers=CACHED)
 
     @inner.get("/static/{name}")
     def static(name: str) -> Response:
@@ -123,7 +137,7 @@ def application(desk: Desk, address: Address) -> Guard:
         return PlainTextResponse(str(path))
 
     inner.add_route("/upload", upload, methods=["POST"])
-    page.build(desk, package_version())
+    page.build(desk, version("deep-hydro-sim"))
     ui.run_with(
         inner,
         title="hydro workbench",
@@ -132,6 +146,7 @@ def application(desk: Desk, address: Address) -> Guard:
         tailwind=False,
         show_welcome_message=False,
     )
+    threading.Thread(target=import_module, args=(page.PARTS,), daemon=True).start()
     return Guard(inner, address.token, address.hosts, desk.largest + SLACK)
 
 

@@ -54,6 +54,7 @@ def render(sources: Sources) -> str:
     """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
 
     charts = Charts()
     context = {
@@ -86,20 +87,12 @@ def render(sources: Sources) -> str:
     page = environment.from_string(_template()).render(
         context,
         charts=Markup(charts.json()),
-        plotly=Markup(plotly_script().replace("</script", "<\\/script")),
+        plotly=Markup(get_plotlyjs().replace("</script", "<\\/script")),
     )
     return page
 
 
 @cache
-def plotly_script() -> str:
-    """Return the script of Plotly, which its package ships."""
-    from plotly.offline import get_plotlyjs
-
-    script: str = get_plotlyjs()
-    return script
-
-
 def _template() -> str:
     return resources.files("hydro.report").joinpath("template.html").read_text(encoding="utf-8")
 
