@@ -4,8 +4,8 @@ The recording has ten minutes at 50 Hz: the sessions of the sample, repeated.  T
 starts it.  Chromium shows the page, and the benchmark moves a slider in it.  The delay is the time from the
 event of the slider to the frame with the new curves; processor times are of the server and of the browser
 together.
-A second part times the computation alone: the visible minute with 60 predictions, and the whole recording with
-all predictions.
+A second part times the computation alone: the visible minute with 60 predictions, and the whole recording
+with all predictions.
 
     python -m benchmarks.workbench --moves 40
 """

@@ -104,10 +104,10 @@ class Bench:
         self.problem = ""
         self.refresh()
 
-        def tell(kind: str, content: Any) -> None:
+        def told(kind: str, content: Any) -> None:
             if kind == "progress":
-                told, self.share = content
-                self.busy = f"{label}: {told}"
+                said, self.share = content
+                self.busy = f"{label}: {said}"
             elif isinstance(content, Provisional):
                 self.provisional = (
                     f"so far: {words.effect_name(content.effect)} ({in_words(content.confidence)}), "
@@ -115,7 +115,7 @@ class Bench:
                 )
 
         try:
-            return await asyncio.to_thread(self.tab.worker.run, task, *arguments, tell=tell)
+            return await asyncio.to_thread(self.tab.worker.run, task, *arguments, report=told)
         except Cancelled:
             self.remark = f"{label}: cancelled"
         except HydroError as error:
@@ -471,7 +471,7 @@ class Bench:
         """Write the study folder, and with `report` a page about it; return what was written.
 
         Raises:
-            DataError: There is no study, or the place is not one of the folders.
+            DataError: Nothing was diagnosed, or the place is not one of the folders.
         """
         session = self.session
         rung = session.rung
@@ -496,7 +496,7 @@ class Bench:
         return self.desk.places.writable(self.desk.places.folders[0] / name)
 
     def _keep_map(self, folder: Path) -> None:
-        """Write the map of the log beside a saved vehicle, unless it is in a folder already."""
+        """Copy the map of the log to the folder of a saved vehicle, unless it was a given file."""
         opened = self.session.opened
         if opened is not None and Path(opened.map).is_relative_to(self.desk.places.uploads):
             target = folder / "map.toml"

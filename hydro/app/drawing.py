@@ -12,7 +12,7 @@ from hydro.core.columns import DOF, POSE, UNITS, VELOCITY, WRENCH, Array
 from hydro.core.vehicle.description import Vehicle
 
 ORDER = tuple(name for pair in zip(VELOCITY, POSE, strict=True) for name in pair)
-"""Channels in the order of the page: each velocity with the pose beside it."""
+"""Channels in the order of the page: each velocity, then the pose in the second column."""
 PLACE = {name: i for i, name in enumerate((*POSE, *VELOCITY))}
 TRACK_POINTS = 3000
 """Maximum number of points of the track: more than a screen has in its width."""

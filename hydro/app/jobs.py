@@ -13,7 +13,7 @@ import polars as pl
 
 from hydro.app import opening
 from hydro.app.opening import Craft, Opened, Proposed
-from hydro.app.worker import Tell
+from hydro.app.worker import Report
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.provisional import Provisional
 from hydro.core.evaluation.added_force import added_force
@@ -79,29 +79,31 @@ class _Kept:
     recordings: Recordings | None = None
 
 
-def propose(paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, tell: Tell) -> Proposed:
+def propose(
+    paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, report: Report
+) -> Proposed:
     """Propose the map of logs, see `opening.propose_map`."""
-    return opening.propose_map(paths, given, thrusters, _progress(tell))
+    return opening.propose_map(paths, given, thrusters, _progress(report))
 
 
-def correct(paths: Sequence[str], before: Proposed, blocks: Mapping[str, Any], tell: Tell) -> Proposed:
+def correct(paths: Sequence[str], before: Proposed, blocks: Mapping[str, Any], report: Report) -> Proposed:
     """Return a map with blocks that a person has changed, see `opening.correct_map`."""
-    return opening.correct_map(paths, before, blocks, _progress(tell))
+    return opening.correct_map(paths, before, blocks, _progress(report))
 
 
-def open_recording(paths: Sequence[str], map_: str, craft: Craft, correct: bool, tell: Tell) -> Opened:
+def open_recording(paths: Sequence[str], map_: str, craft: Craft, correct: bool, report: Report) -> Opened:
     """Open a recording, see `opening.open_recording`."""
-    return opening.open_recording(paths, map_, craft, _progress(tell), correct=correct)
+    return opening.open_recording(paths, map_, craft, _progress(report), correct=correct)
 
 
-def compare(opened: Opened, vehicle: Vehicle, tell: Tell) -> Compared:
+def compare(opened: Opened, vehicle: Vehicle, report: Report) -> Compared:
     """Compare a vehicle with a recording: errors, noise floor, and the places where it fails."""
     log = opened.log
-    table = measure(vehicle, log.raw, record=log.observed, progress=_progress(tell))
+    table = measure(vehicle, log.raw, record=log.observed, progress=_progress(report))
     return Compared(table, place_times(table, vehicle, log.record, log.sessions))
 
 
-def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, tell: Tell) -> Stepped:
+def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, report: Report) -> Stepped:
     """Return the next step of `hydro explain`.
 
     Args:
@@ -109,18 +111,20 @@ def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, t
         craft: Vehicle file of step 0.
         steps: Steps so far; without any, the next one compares and diagnoses the file.
         wanted: Effect of the finding to add, or `explain.BEST`.
-        tell: Receives progress, and the provisional best candidate of the first diagnosis.
+        report: Receives progress, and the provisional best candidate of the first diagnosis.
     """
     recordings = _recordings(opened, craft)
 
     def provisional(best: Provisional) -> None:
-        tell("provisional", best)
+        report("provisional", best)
 
     told = None if steps else provisional
-    return Stepped(next_step(steps, craft.vehicle, recordings, wanted, _progress(tell), provisional=told))
+    return Stepped(next_step(steps, craft.vehicle, recordings, wanted, _progress(report), provisional=told))
 
 
-def fit(opened: Opened, vehicle: Vehicle, wanted: Sequence[str], held: Sequence[str], tell: Tell) -> Fitted:
+def fit(
+    opened: Opened, vehicle: Vehicle, wanted: Sequence[str], held: Sequence[str], report: Report
+) -> Fitted:
     """Fit effects of a vehicle, as `hydro fit` does.
 
     Args:
@@ -128,9 +132,9 @@ def fit(opened: Opened, vehicle: Vehicle, wanted: Sequence[str], held: Sequence[
         vehicle: The vehicle.
         wanted: Names of the effects.
         held: Parameters to keep at their values, each `effect.parameter`.
-        tell: Receives progress.
+        report: Receives progress.
     """
-    found = estimate(holding(vehicle, held), opened.source.frame, list(wanted), progress=_progress(tell))
+    found = estimate(holding(vehicle, held), opened.source.frame, list(wanted), progress=_progress(report))
     return Fitted(
         holding(found.vehicle, held, instead=vehicle),
         tuple(found.tables()),
@@ -140,16 +144,16 @@ def fit(opened: Opened, vehicle: Vehicle, wanted: Sequence[str], held: Sequence[
     )
 
 
-def force(opened: Opened, vehicle: Vehicle, without: Vehicle, tell: Tell) -> Array:
+def force(opened: Opened, vehicle: Vehicle, without: Vehicle, report: Report) -> Array:
     """Return the force of an effect along the recorded motion, (N, 6), see `core.evaluation.added_force`."""
-    tell("progress", ("force of the effect", 0.5))
+    report("progress", ("force of the effect", 0.5))
     record = opened.log.record
     motion = Motion.of(record)
     return np.asarray(added_force(vehicle, without, record, motion.eta, np.ascontiguousarray(motion.nu)))
 
 
 def save_study(
-    opened: Opened, craft: Craft, steps: Sequence[Step], wanted: Sequence[str], folder: str, tell: Tell
+    opened: Opened, craft: Craft, steps: Sequence[Step], wanted: Sequence[str], folder: str, report: Report
 ) -> str:
     """Write the study folder of some steps, as `hydro explain` does, and return its headline.
 
@@ -159,7 +163,7 @@ def save_study(
         steps: The steps.
         wanted: Effects that the steps were asked to add, for the footers.
         folder: Existing folder.
-        tell: Receives progress.
+        report: Receives progress.
 
     Raises:
         DataError: A file cannot be written.
@@ -180,23 +184,23 @@ def save_study(
     with alone(Path(folder)):
         study.clear([])
         for count in range(1, len(steps) + 1):
-            tell("progress", (f"step {count - 1}", 0.5 * count / len(steps)))
+            report("progress", (f"step {count - 1}", 0.5 * count / len(steps)))
             study.save_step(steps[:count])
         study.end(steps, ending(steps, wanted), headline)
-        tell("progress", ("replays and forces", 0.6))
+        report("progress", ("replays and forces", 0.6))
         save_recorded(study, {one.number: one.vehicle for one in (steps[0], chosen)}, log)
-        tell("progress", ("bands", 0.8))
+        report("progress", ("bands", 0.8))
         save_bands(study, chosen)
     return headline
 
 
-def write_report(folder: str, destination: str, tell: Tell) -> str:
+def write_report(folder: str, destination: str, report: Report) -> str:
     """Write the report of a study folder as one page, and return its path."""
     from hydro.io.files import write_bytes
     from hydro.report import sources
     from hydro.report.page import render
 
-    tell("progress", ("report", 0.5))
+    report("progress", ("report", 0.5))
     write_bytes(render(sources.gather([folder])).encode(), destination)
     return destination
 
@@ -235,6 +239,6 @@ def _recordings(opened: Opened, craft: Craft) -> Recordings:
     return _Kept.recordings
 
 
-def _progress(tell: Tell) -> Progress:
+def _progress(report: Report) -> Progress:
     """Return a callback of progress that sends its words and share as one message."""
-    return lambda words, share: tell("progress", (words, share))
+    return lambda words, share: report("progress", (words, share))

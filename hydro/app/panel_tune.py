@@ -52,7 +52,7 @@ def toggle(bench: Bench, effect: str) -> None:
 
 
 def opened(bench: Bench) -> list[str]:
-    """Return the effects whose numbers are shown; at first one of the vehicle that is no inertia."""
+    """Return the effects whose numbers are shown; at first one that changes the forces."""
     if bench.unfolded is None:
         own = [str(one["name"]) for one in bench.session.present.effect]
         bench.unfolded = [one for one in own if CATALOGUE[one].kind != "inertia"][:1]

@@ -162,10 +162,10 @@ def serve(desk: Desk, address: Address, listening: socket.socket, ready: Callabl
     import uvicorn
 
     class Server(uvicorn.Server):
-        """Server that tells when it answers."""
+        """Server that calls `ready` once it answers."""
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-            """Start, and tell."""
+            """Start, and call `ready`."""
             await super().startup(sockets)
             ready()
 

@@ -93,7 +93,7 @@ class Session:
     # Opening
 
     def open(self, craft: Craft, opened: Opened) -> None:
-        """Begin with a vehicle file and a recording; the history starts anew."""
+        """Begin with a vehicle file and a recording; a new history starts."""
         craft = craft.for_recording(opened.source)
         live = Live(opened)
         horizons = live.horizons

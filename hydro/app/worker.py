@@ -15,7 +15,7 @@ from typing import Any
 
 from hydro.core.errors import DataError, HydroError
 
-Tell = Callable[[str, Any], None]
+Report = Callable[[str, Any], None]
 """Called with the kind of a message, `progress` or `provisional`, and its content."""
 PATIENCE = 5.0
 """Time that a cancelled process has to end before it is killed [s]."""
@@ -35,13 +35,13 @@ class Worker:
         self._pipe: Connection | None = None
         self._cancelled = False
 
-    def run(self, work: Callable[..., Any], *arguments: Any, tell: Tell | None = None) -> Any:
+    def run(self, work: Callable[..., Any], *arguments: Any, report: Report | None = None) -> Any:
         """Run a function of a module in the process, and wait for its result.
 
         Args:
-            work: The function; it gets a `Tell` after the arguments.
+            work: The function; it gets a `Report` after the arguments.
             arguments: Arguments, which are copied to the process.
-            tell: Called in this thread with each message of the function.
+            report: Called in this thread with each message of the function.
 
         Raises:
             Cancelled: `cancel` was called.
@@ -58,8 +58,8 @@ class Worker:
                         return content
                     if kind == "failed":
                         raise content
-                    if tell is not None:
-                        tell(kind, content)
+                    if report is not None:
+                        report(kind, content)
             except (EOFError, OSError) as error:
                 self._end()
                 if self._cancelled:

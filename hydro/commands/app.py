@@ -65,9 +65,9 @@ def app(
 ) -> None:
     """Open the workbench, a local page for the whole job.
 
-    The page loads a log and a vehicle, compares measured and predicted motion, finds missing effects, adds
-    and tunes them with live curves, and saves the vehicle file, the study and its report. Without files it
-    opens a bundled sample. It needs the extra app: pip install 'deep-hydro-sim[app]'.
+    The page compares a vehicle with a recording and finds missing effects. It adds and tunes them with live
+    curves, and saves the vehicle file, the study and its report. Without files it opens a bundled sample.
+    It needs the extra app: pip install 'deep-hydro-sim[app]'.
 
         hydro app
         hydro app vehicle.toml dive.mcap --map map.toml

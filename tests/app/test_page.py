@@ -16,7 +16,7 @@ from hydro.app.desk import Desk
 from hydro.app.opening import Craft, presets
 from hydro.app.places import Places
 from hydro.app.server import application, bound
-from hydro.app.worker import Tell, Worker
+from hydro.app.worker import Report, Worker
 from hydro.core.explanation.explain import explain
 from hydro.io import covariance
 from hydro.io import vehicle as vehicles
@@ -32,8 +32,8 @@ DRAWN = "Number(document.body.dataset.drawn || 0)"
 class InThread(Worker):
     """Worker without a process of its own, so that the tests share compiled kernels."""
 
-    def run(self, work: Any, *arguments: Any, tell: Tell | None = None) -> Any:
-        return work(*arguments, tell or (lambda kind, content: None))
+    def run(self, work: Any, *arguments: Any, report: Report | None = None) -> Any:
+        return work(*arguments, report or (lambda kind, content: None))
 
 
 @pytest.fixture(scope="module")
@@ -179,8 +179,7 @@ def test_a_wrong_vehicle_and_a_bad_log_show_a_line_and_the_page_lives(tab: Page,
     upload(tab, "..%2Fetc.csv", "t")
     tab.wait("document.body.innerText.includes('file name')")
     assert tab.run(RUNGS) == rungs
-    tab.call("Page.reload")
-    tab.wait(f"window.workbench !== undefined && {DRAWN} === 1")
+    tab.visit(tab.run("location.href"), f"window.workbench !== undefined && {DRAWN} === 1")
     assert tab.run(RUNGS) == rungs
     tab.press("2")
     says(tab, "Error over")

@@ -7,36 +7,36 @@ from typing import Any
 
 import pytest
 
-from hydro.app.worker import Cancelled, Tell, Worker
+from hydro.app.worker import Cancelled, Report, Worker
 from hydro.core.errors import DataError
 
 
-def double(number: int, tell: Tell) -> int:
-    tell("progress", ("doubling", 0.5))
+def double(number: int, report: Report) -> int:
+    report("progress", ("doubling", 0.5))
     return 2 * number
 
 
-def fail(tell: Tell) -> None:
+def fail(report: Report) -> None:
     raise DataError("the log is empty")
 
 
-def bug(tell: Tell) -> None:
+def bug(report: Report) -> None:
     raise ValueError("two\nlines")
 
 
-def die(tell: Tell) -> None:
+def die(report: Report) -> None:
     os._exit(3)
 
 
-def wait(tell: Tell) -> None:
-    tell("progress", ("waiting", 0.0))
+def wait(report: Report) -> None:
+    report("progress", ("waiting", 0.0))
     time.sleep(60.0)
 
 
 def test_work_reports_progress_fails_in_one_line_and_is_cancelled() -> None:
     worker, told = Worker(), list[Any]()
     try:
-        assert worker.run(double, 21, tell=lambda kind, content: told.append((kind, content))) == 42
+        assert worker.run(double, 21, report=lambda kind, content: told.append((kind, content))) == 42
         assert told == [("progress", ("doubling", 0.5))]
         with pytest.raises(DataError, match="the log is empty"):
             worker.run(fail)
@@ -48,7 +48,7 @@ def test_work_reports_progress_fails_in_one_line_and_is_cancelled() -> None:
             threading.Thread(target=worker.cancel).start()
 
         with pytest.raises(Cancelled):
-            worker.run(wait, tell=cancel)
+            worker.run(wait, report=cancel)
         assert time.monotonic() - begun < 30.0
     finally:
         worker.close()

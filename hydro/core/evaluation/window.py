@@ -24,7 +24,7 @@ class Windows:
         record: The recording.
         eta: Smoothed pose, (N, 6).
         nu: Smoothed velocity, (N, 6).
-        logged: Pose and velocity as logged, with angles that go on beyond half a turn, (N, 12).
+        logged: Pose with unwrapped angles, and velocity, as logged, (N, 12).
     """
 
     def __init__(self, record: Recording) -> None:
