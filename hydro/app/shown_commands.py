@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hydro.app.session import Rung, Session
 from hydro.core.diagnosis.findings import inline
-from hydro.core.explanation.explain import BEST
+from hydro.core.explanation.explain import BEST, over
 from hydro.core.vehicle.description import Vehicle
 
 RAW = "raw.parquet"
@@ -47,15 +47,16 @@ def _lines(session: Session) -> Iterator[str]:
         last = run[-1]
         if kind == "added":
             folder = f"study-{number}"
-            yield _line("explain", file, recording, *_added(last.wanted), "-o", folder)
+            options = [] if _by_itself(last) else _added(last.wanted)
+            yield _line("explain", file, recording, *options, "-o", folder)
             file = f"{folder}/vehicle-{last.steps[-1].number}.toml"
             yield _line("report", folder, "-o", "report.html")
         elif kind == "fitted":
             names, held = last.fitted
-            options = [word for one in names for word in ("--effect", one)]
-            options += [word for one in held for word in ("--known", one)]
+            fitted = [word for one in names for word in ("--effect", one)]
+            fitted += [word for one in held for word in ("--known", one)]
             new = f"vehicle-{number}.toml"
-            yield _line("fit", file, recording, *options, "-o", new)
+            yield _line("fit", file, recording, *fitted, "-o", new)
             file = new
         else:
             new = f"vehicle-{number}.toml"
@@ -81,7 +82,7 @@ def _statements(session: Session) -> Iterator[str]:
     for kind, run in _runs(session):
         last = run[-1]
         if kind == "added":
-            wanted = "" if _plain(last.wanted) and session.over else f", add={list(last.wanted)!r}"
+            wanted = "" if _by_itself(last) else f", add={list(last.wanted)!r}"
             yield f"study = hydro.explain(vehicle, raw{wanted})"
             yield "vehicle = study[-1].vehicle" if wanted else "vehicle = study.vehicle"
         elif kind == "fitted":
@@ -122,9 +123,9 @@ def _added(wanted: Sequence[str]) -> list[str]:
     return [word for one in wanted for word in ("--add", one)]
 
 
-def _plain(wanted: Sequence[str]) -> bool:
-    """Return whether each step added the best finding, as `hydro explain` does by itself."""
-    return all(one == BEST for one in wanted)
+def _by_itself(rung: Rung) -> bool:
+    """Return whether `hydro explain` adds these findings by itself, and then stops."""
+    return all(one == BEST for one in rung.wanted) and bool(over(rung.steps))
 
 
 def _recording(session: Session) -> str:
