@@ -77,11 +77,17 @@ class Guard:
 
     def _in_address(self, scope: Scope) -> str:
         """Return the token of the address; empty without one."""
-        return dict(parse_qsl(scope.get("query_string", b"").decode("latin-1"))).get(PARAMETER, "")
+        return dict(parse_qsl(_query(scope))).get(PARAMETER, "")
 
     def _cookie(self, scope: Scope) -> str:
         """Return the cookie that keeps the token, for this server alone and for no other page."""
         return f"{_name(scope)}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+
+
+def _query(scope: Scope) -> str:
+    """Return the part of the address after the question mark."""
+    query: bytes = scope.get("query_string", b"")
+    return query.decode("latin-1")
 
 
 def _name(scope: Scope) -> str:
@@ -101,9 +107,7 @@ def _cookie_of(headers: dict[str, str], name: str) -> str:
 
 def _without_token(scope: Scope) -> str:
     """Return the address without the token, so that it does not stay in the address bar and the history."""
-    rest = [
-        pair for pair in parse_qsl(scope.get("query_string", b"").decode("latin-1")) if pair[0] != PARAMETER
-    ]
+    rest = [pair for pair in parse_qsl(_query(scope)) if pair[0] != PARAMETER]
     path = "/" + scope["path"].lstrip("/")
     return f"{path}?{urlencode(rest)}" if rest else path
 

@@ -15,6 +15,7 @@ from hydro.core.guessing.map_lines import KINDS
 
 SIZE = 65536
 """Bytes of a TOML file that are searched for the mark of a vehicle."""
+PROPOSE = "propose one; none for a raw table"
 IN_RECORDING = "the one in the recording, or a preset that fits"
 
 
@@ -43,8 +44,9 @@ def show(bench: Bench) -> None:
         "dense outlined options-dense"
     ).mark("recording")
     craft = {"": IN_RECORDING, **{path: name for name, path in opening.presets().items()}}
-    craft |= {str(one): _named(bench, one) for one in bench.desk.places.listed((".toml",)) if is_vehicle(one)}
-    craft |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if one.endswith(".toml")}
+    tomls = bench.desk.places.listed((".toml",))
+    craft |= {str(one): _named(bench, one) for one in tomls if is_vehicle(one)}
+    craft |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if is_vehicle(one)}
     craft |= (
         {choice.vehicle: Path(choice.vehicle).name} if choice.vehicle and choice.vehicle not in craft else {}
     )
@@ -56,10 +58,16 @@ def show(bench: Bench) -> None:
     ui.select(craft, value=choice.vehicle, on_change=flown).props("dense outlined options-dense").mark(
         "vehicle"
     )
-    with ui.element("div").classes("row"):
-        ui.button("Open", on_click=bench.open).props("unelevated dense no-caps color=primary").mark("open")
-        if choice.map:
-            ui.label(f"map: {Path(choice.map).name}").classes("hint")
+    maps = {"": PROPOSE, **{str(one): _named(bench, one) for one in tomls if is_map(one)}}
+    maps |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if is_map(one)}
+    maps |= {choice.map: Path(choice.map).name} if choice.map and choice.map not in maps else {}
+
+    def mapped(event: Any) -> None:
+        choice.map = event.value or ""
+
+    ui.html("<h3>Map of the log</h3>", sanitize=False)
+    ui.select(maps, value=choice.map, on_change=mapped).props("dense outlined options-dense").mark("map")
+    ui.button("Open", on_click=bench.open).props("unelevated dense no-caps color=primary").mark("open")
     if bench.problem:
         ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False).mark("problem")
     _map(bench)
@@ -127,11 +135,23 @@ def _understood(bench: Bench) -> None:
 
 def is_vehicle(path: str | Path) -> bool:
     """Return whether a TOML file is a vehicle file."""
+    return b"[rigid_body]" in _head(path)
+
+
+def is_map(path: str | Path) -> bool:
+    """Return whether a TOML file is a map of a log."""
+    return b"hydro-map" in _head(path)
+
+
+def _head(path: str | Path) -> bytes:
+    """Return the begin of a TOML file; nothing of another or an unreadable one."""
+    if Path(path).suffix.lower() != ".toml":
+        return b""
     try:
         with Path(path).open("rb") as file:
-            return b"[rigid_body]" in file.read(SIZE)
+            return file.read(SIZE)
     except OSError:
-        return False
+        return b""
 
 
 def _named(bench: Bench, path: Path) -> str:

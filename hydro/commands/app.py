@@ -97,14 +97,15 @@ def app(
     logs = [one for one in given if not one.endswith(VEHICLE_ENDING)]
     if len(vehicles) > 1:
         raise UsageError(f"{vehicles[1]}: a second vehicle file; give one")
-    for name in [*given, *([map_] if map_ is not None else [])]:
+    named = [*given, *([str(map_)] if map_ is not None else [])]
+    for name in named:
         if not Path(name).exists():
             raise UsageError(f"{name}: no such file")
     folders = folder or [Path(".")]
     for one in folders:
         if not one.is_dir():
             raise UsageError(f"{one}: no such folder; create it, or name another with --folder")
-    places = Places.of(folders, [*given, *([map_] if map_ is not None else [])])
+    places = Places.of(folders, named)
     desk = Desk(
         places,
         vehicles[0] if vehicles else "",
