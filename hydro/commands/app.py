@@ -129,5 +129,5 @@ def app(
 
 
 COMMANDS = {
-    app: "hydro app --help",
+    app: "hydro app datasets/hidden/vehicle.toml datasets/hidden/measured.parquet",
 }
