@@ -18,6 +18,9 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from hydro.commands import (
+    app as workbench,
+)
+from hydro.commands import (
     collect,
     companion,
     compare,
@@ -56,7 +59,7 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 """
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
-    "Start": (start, demo, warm),
+    "Start": (start, workbench, demo, warm),
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
     "Data": (imports, files, partition, collect, companion),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),

@@ -80,6 +80,26 @@ class Page:
         self.call("Page.navigate", url=path.resolve().as_uri())
         self._wait()
 
+    def visit(self, address: str, ready: str) -> None:
+        """Load an address and wait until an expression holds."""
+        self.loaded = False
+        self.call("Page.navigate", url=address)
+        self.wait(ready)
+
+    def wait(self, expression: str) -> None:
+        """Wait until a JavaScript expression holds in the page."""
+        end = time.monotonic() + self.seconds
+        while not self.run(expression):
+            assert time.monotonic() < end, f"{expression}: not so after {self.seconds} s: {self.complaints}"
+            time.sleep(0.1)
+
+    def press(self, key: str, modifiers: int = 0) -> None:
+        """Press and release a key; modifiers are 1 for Alt, 2 for Ctrl, 8 for Shift."""
+        text = {"text": key} if len(key) == 1 and not modifiers & 2 else {}
+        code = {"code": "Space"} if key == " " else {}
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers, **code, **text)
+
     def unfold(self) -> None:
         """Open every part that is folded, and wait until its figures have been drawn."""
         self.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")

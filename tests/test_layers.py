@@ -14,7 +14,8 @@ PACKAGE = ROOT / "hydro"
 ABOVE_IO = {"sim", "learn", "report"}
 MAY_IMPORT = {
     "cli": {"commands", "core"},
-    "commands": {"commands", "study", "export", "rl", *ABOVE_IO, "io", "core"},
+    "app": {"app", "study", "report", "io", "core"},
+    "commands": {"commands", "app", "study", "export", "rl", *ABOVE_IO, "io", "core"},
     "export": {"export", "rl", "sim", "learn", "io", "core"},
     "study": {"study", "rl", *ABOVE_IO, "io", "core"},
     "rl": {"rl", "sim", "io", "core"},
@@ -77,6 +78,9 @@ ONLY_IN = {
     "rich": {"cli.py", "commands", "report"},
     "matplotlib": {"report"},
     "plotly": {"report"},
+    "nicegui": {"app", "commands/app.py"},
+    "fastapi": {"app"},
+    "uvicorn": {"app"},
 }
 HEAVY = {
     "polars",

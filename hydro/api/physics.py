@@ -239,6 +239,7 @@ def explain(
     model: Model | None = None,
     discover: bool = False,
     correct_thrusters: bool = False,
+    add: Sequence[str] = (),
     on_step: Callable[[Step], object] | None = None,
     progress: Progress | None = None,
 ) -> Study:
@@ -256,6 +257,8 @@ def explain(
             `before`.
         correct_thrusters: if the recording contradicts the directions or the order of the thrusters,
             continue with those that it shows; by default an error is raised.
+        add: findings to add, one in each step, as `hydro explain --add` names them; by default each step adds
+            the best one.
         on_step: called with each step as soon as it is done; `print` prints its headline.
         progress: called as `progress(words, share)`: the present work, and the share of the present step
             that is done, 0 to 1.
@@ -284,6 +287,7 @@ def explain(
         hull=hull,
         beyond=beyond,
         corrected=correct_thrusters,
+        wanted=add,
         progress=progress,
     )
     rungs: list[Rung] = []
@@ -296,7 +300,7 @@ def explain(
             on_step(done[-1])
     chosen, dt = best(rungs), sample_time(raw)
     answer, sentences = study_status(rungs, chosen, dt).headline, corrections(rungs, chosen, dt)
-    return Study.of(done, chosen.number, ending(rungs), answer, sentences)
+    return Study.of(done, chosen.number, ending(rungs, add), answer, sentences)
 
 
 def _hull(

@@ -11,6 +11,7 @@ from hydro.commands.answers import AsText, Details, Printing, print_lines
 from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.diagnose import CorrectThrusters, print_findings
+from hydro.commands.help import ADVANCED
 from hydro.commands.places import STUDY
 from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from hydro.core.diagnosis.log_faults import Preprocessed
     from hydro.core.explanation.ladder import Step
     from hydro.core.explanation.trials import Recordings
     from hydro.core.vehicle.description import Vehicle
@@ -68,6 +68,15 @@ def explain(
     model: Network = None,
     discover: Discover = False,
     correct_thrusters: CorrectThrusters = False,
+    add: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT",
+            show_default=False,
+            help="Finding that the next step adds, or best; repeat for more steps.",
+            rich_help_panel=ADVANCED,
+        ),
+    ] = None,
     msg: Definitions = None,
     max_expanded: MaxExpanded = None,
 ) -> None:
@@ -109,6 +118,12 @@ def explain(
     model on parts of the first recording that it was not fitted to. --holdout is then a recording of the
     changed vehicle.
 
+    With --add the steps add the findings that it names, in this order, without a comparison with others; the
+    study ends after the last of them. The workbench (hydro app) adds findings in this way.
+
+        hydro explain vehicle.toml raw.parquet --add ocean_current \
+          --add best -o study
+
     With --discover a step adds a formula of sparse terms if no effect is stated and the formula reduces the
     error on regimes of motion that it was not fitted to; see hydro diagnose.
 
@@ -122,6 +137,7 @@ def explain(
     from hydro.core.explanation.trials import Recordings
     from hydro.io.study import Study
     from hydro.report.study import Outcome, answer
+    from hydro.study.explained import save_bands, save_recorded
 
     printing = Printing(str(folder), as_text, as_json)
     logs, name = Logs(map_, msg, vehicle), called(measured)
@@ -144,6 +160,8 @@ def explain(
         changes |= {f"{key}_holdout": lines for key, lines in held_out.items()}
     told = earlier.parameters if earlier else {"discover": True} if discover else {}
     inputs = earlier.inputs if earlier else ()
+    wanted = add or ()
+    told = told | ({"add": list(wanted)} if wanted else {})
     study = Study(folder, text, source, other, inputs, told | changes)
     steps = study.done()
     if study.clear(steps) and not steps:
@@ -165,6 +183,7 @@ def explain(
             recordings=recordings,
             beyond=discovered if discover else None,
             corrected=correct_thrusters,
+            wanted=wanted,
             progress=advance,
             provisional=tell_provisional(expected, of_change=bool(before)),
         )
@@ -174,15 +193,16 @@ def explain(
             _tell(steps)
         dt = recordings.log.record.dt
         headline = study_status(steps, best(steps), dt).headline
-        study.end(steps, ending(steps), headline)
+        study.end(steps, ending(steps, wanted), headline)
         update(0, 0, "files of the study")
-        _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
-        _save_bands(study, best(steps))
+        save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
+        if why := save_bands(study, best(steps)):
+            message(f"hydro: no bands: {why}")
     outcome = Outcome(
         steps,
         best(steps),
         headline,
-        ending(steps),
+        ending(steps, wanted),
         folder,
         corrections(steps, best(steps), dt),
     )
@@ -191,49 +211,6 @@ def explain(
         _print_details(study, outcome, recordings, printing.console)
     if as_json:
         _print_json(outcome)
-
-
-def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed) -> None:
-    """Write replays, unexplained forces and growth of these steps, and the list of sessions."""
-    import polars as pl
-
-    from hydro.core.evaluation.growth import growth
-    from hydro.core.evaluation.leftover import leftover
-    from hydro.core.evaluation.rolling_prediction import restarted
-    from hydro.core.explanation.ladder import DATASETS
-    from hydro.core.recording.segments import sessions
-    from hydro.io.study import NO_FORCES
-
-    given = [one.frame for one in (study.measured, study.holdout) if one is not None]
-    study.save("replay", restarted({f"step-{k}": one for k, one in vehicles.items()}, given[-1]))
-    why = ""
-    try:
-        study.save("leftover", leftover(vehicles, log.raw, log.observed))
-        grown = growth(list(vehicles.values())[-1], log.raw, log.observed)
-        if not grown.is_empty():
-            study.save("growth", grown)
-    except DataError as error:  # too few samples; other errors in a recording have ended the study before
-        why = str(error)
-    listed = [
-        sessions(frame).with_columns(dataset=pl.lit(name))
-        for name, frame in zip(DATASETS, given, strict=False)
-    ]
-    study.save("sessions", pl.concat(listed), **({NO_FORCES: why} if why else {}))
-
-
-def _save_bands(study: Study, step: Step) -> None:
-    """Write the bands of the step's predictions, unless no value was fitted."""
-    from hydro.core.evaluation.rolling_prediction import FEW_DRAWS, restarted_bands
-
-    if step.estimates is None:
-        return
-    shown = study.holdout or study.measured
-    try:
-        frame = restarted_bands(step.vehicle, step.estimates, shown.frame)
-    except DataError as error:
-        message(f"hydro: no bands: {error}")
-        return
-    study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
 
 def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hydro.core.columns import DOF, VELOCITY, WRENCH
-from hydro.core.discovery.growth import POWERS
+from hydro.core.evaluation.growth import POWERS
 from hydro.report import words
 from hydro.report.figures import TITLES
 from hydro.report.sources import Sources

@@ -27,7 +27,7 @@ from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
-from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial
+from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial, chosen_trial
 from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress, part, silent
 from hydro.core.recording.arrays import recording
@@ -36,6 +36,8 @@ from hydro.core.vehicle.description import Vehicle
 
 TRIED, COMPARED = 0.2, 0.15
 """Approximate shares of the time of a step for trials and for comparisons; the diagnosis takes the rest."""
+BEST = "best"
+"""Name of the best finding, whichever it is, among the wanted ones."""
 NO_BETTER = "no other candidate lowers the held-out prediction error"
 
 
@@ -49,6 +51,7 @@ def explain(
     beyond: Beyond | None = None,
     recordings: Recordings | None = None,
     corrected: bool = False,
+    wanted: Sequence[str] = (),
     progress: Progress | None = None,
     provisional: Told | None = None,
 ) -> Iterator[Step]:
@@ -65,6 +68,8 @@ def explain(
         recordings: Both recordings, if cleaned already, see `explanation.trials`.
         corrected: Continue where the thrusters contradict the file, with the columns as the audit states
             them.
+        wanted: Effects of the findings that the steps add, one each, or BEST; the last of them ends the
+            study.  By default each step adds the best finding until nothing is found.
         progress: Called with a short text and the share of the present step that is done.
         provisional: Called with the best candidate of the first diagnosis after its first fits.
 
@@ -79,7 +84,7 @@ def explain(
         if recorded is not None:
             long_enough(vehicle, recorded, beside=hull is not None)
     steps = list(done)
-    if steps and over(steps):
+    if _ended(steps, wanted):
         return
     recordings = recordings or Recordings.of(vehicle, raw, holdout, hull)
     progress = progress or silent
@@ -87,12 +92,20 @@ def explain(
         recordings = replace(recordings, log=recordings.log.as_audited())
     elif hull is None:
         recordings.log.require_directions()
-    while not (steps and over(steps)):
-        step = _next(steps, vehicle, recordings, progress, beyond, None if steps else provisional)
+    while not _ended(steps, wanted):
+        effect = wanted[len(steps) - 1] if steps and wanted else BEST
+        step = next_step(steps, vehicle, recordings, effect, progress, beyond, None if steps else provisional)
         if step is None:
             return
         steps.append(step)
         yield step
+
+
+def _ended(steps: Sequence[Step], wanted: Sequence[str]) -> bool:
+    """Return whether no step follows these: the wanted findings are added, or the steps are over."""
+    if wanted:
+        return len(steps) > min(len(wanted), MOST_STEPS)
+    return bool(steps and over(steps))
 
 
 def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
@@ -110,8 +123,15 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
         stable_shots(vehicle, Preprocessed(raw, tracked(vehicle, record), ()))
 
 
-def ending(steps: Sequence[Step]) -> str:
-    """Return the reason why no step follows the last of these, once `explain` has ended."""
+def ending(steps: Sequence[Step], wanted: Sequence[str] = ()) -> str:
+    """Return the reason why no step follows the last of these, once `explain` has ended.
+
+    Args:
+        steps: All steps.
+        wanted: Effects of the findings that were to be added; empty where each step chose its own.
+    """
+    if wanted:
+        return "all requested findings are added"
     return over(steps) or _with_suspects(NO_BETTER, steps[-1])
 
 
@@ -139,18 +159,37 @@ def _with_suspects(words: str, last: Step) -> str:
     return f"{words}; only suspected, and not added: {suspected}" if suspected else words
 
 
-def _next(
+def next_step(
     steps: Sequence[Step],
     file: Vehicle,
     recordings: Recordings,
-    progress: Progress,
-    beyond: Beyond | None,
-    provisional: Told | None,
+    wanted: str = BEST,
+    progress: Progress = silent,
+    beyond: Beyond | None = None,
+    provisional: Told | None = None,
 ) -> Step | None:
-    """Return the step after these; None if no candidate predicts better."""
+    """Return the step after these; None if no candidate predicts better.
+
+    Args:
+        steps: Steps so far; without any, the next one compares and diagnoses the file as given.
+        file: Vehicle file of step 0.
+        recordings: Both recordings.
+        wanted: Effect of the finding to add.
+        progress: Called with a short text and the share of the step that is done.
+        beyond: As for `explain`.
+        provisional: As for `explain`.
+
+    Raises:
+        DataError: The last diagnosis has no values for the wanted effect, or a fit diverges.
+    """
     number, log, hull = len(steps), recordings.log, recordings.hull
     first = Trial((), (), file)
-    tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, TRIED)) if steps else first
+    tried: Trial | None = first
+    if steps and wanted != BEST:
+        progress("joint fit", 0.0)
+        tried = chosen_trial(steps[-1], wanted, file, recordings)
+    elif steps:
+        tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, TRIED))
     if tried is None:
         return None
     begin = TRIED if steps else 0.0

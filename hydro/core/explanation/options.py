@@ -41,11 +41,25 @@ def options(step: Step) -> list[dict[str, Table]]:
     formulas = _discovered(with_values)
     suspected = _suspected(step)["effect"].to_list()
     missing = [*suspected, *first, *formulas] if is_open(step) else first or formulas
-    retuned = with_values.filter(verdict="retune")["effect"].to_list()
+    retuned = _retuned(step)
     if not missing and fitted.issuperset(retuned):
         return []
     wanted = [[name, *retuned] for name in dict.fromkeys(missing)] or [retuned]
     return [{table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted]
+
+
+def finding_option(step: Step, effect: str) -> dict[str, Table]:
+    """Return the option that adds one finding of a diagnosis, with the new values of existing effects.
+
+    Args:
+        step: Step with the diagnosis.
+        effect: Name of the finding's effect.
+
+    Raises:
+        DataError: The diagnosis has no values for it.
+    """
+    names = [effect] if of_change(step) else list(dict.fromkeys([effect, *_retuned(step)]))
+    return {table["name"]: table for table in tables(step.diagnosis, names)}
 
 
 def is_open(step: Step) -> bool:
@@ -87,6 +101,13 @@ def _missing(step: Step) -> pl.DataFrame:
     """Return findings with values that state a missing effect, the best first."""
     stated = pl.col("verdict").is_in(STEP_VERDICTS)
     return step.diagnosis.filter(pl.col("parameters") != "", stated).sort("rank")
+
+
+def _retuned(step: Step) -> list[str]:
+    """Return the existing effects for which the diagnosis has new values, the best first."""
+    return (
+        step.diagnosis.filter(pl.col("parameters") != "", verdict="retune").sort("rank")["effect"].to_list()
+    )
 
 
 def _suspected(step: Step) -> pl.DataFrame:

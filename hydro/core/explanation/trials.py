@@ -41,7 +41,7 @@ from hydro.core.evaluation.velocity_errors import Squares, squares_ahead, square
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.axes import worse_axes
 from hydro.core.explanation.ladder import HORIZON, Step
-from hydro.core.explanation.options import Table, is_open, options, states
+from hydro.core.explanation.options import Table, finding_option, is_open, options, states
 from hydro.core.explanation.screening import promising
 from hydro.core.explanation.with_hull import with_hull
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
@@ -205,6 +205,15 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
         first = first or trial
     stated = next((one for one in every if states(last, next(iter(one)))), None)
     return first if stated is None or first else _trial(last, stated, file, recordings)
+
+
+def chosen_trial(last: Step, effect: str, file: Vehicle, recordings: Recordings) -> Trial:
+    """Return the trial of one finding of the last diagnosis, without a comparison with others.
+
+    Raises:
+        DataError: The diagnosis has no values for the effect, or the fit diverges.
+    """
+    return _trial(last, finding_option(last, effect), file, recordings)
 
 
 def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:

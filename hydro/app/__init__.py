@@ -1,0 +1,1 @@
+"""Workbench: a local web page that compares a vehicle with a recording, and adds and tunes effects."""

@@ -1,0 +1,524 @@
+"""One tab of the page: carries out what a user does, and tells the page what to draw."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+from nicegui import background_tasks, ui
+
+from hydro.app import drawing, jobs, opening
+from hydro.app.desk import Choice, Desk, Tab
+from hydro.app.live import Errors
+from hydro.app.opening import Craft
+from hydro.app.parameters import Slider
+from hydro.app.session import Session
+from hydro.app.worker import Cancelled
+from hydro.core.diagnosis.provisional import Provisional
+from hydro.core.diagnosis.status import in_words
+from hydro.core.errors import DataError, HydroError
+from hydro.core.explanation.explain import BEST
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import vehicle as vehicles
+from hydro.io.files import write_bytes
+from hydro.report import words
+
+POINTS = 1200
+"""Points of a curve: twice the pixels of a panel on a usual screen."""
+MODIFIED = "vehicle-new.toml"
+"""Name under which the page offers to save the vehicle."""
+
+
+class Bench:
+    """State and actions of one tab.
+
+    Attributes:
+        desk: The server.
+        tab: The tab.
+        busy: Words on the work that runs; empty if none does.
+        share: Share of it that is done.
+        provisional: Best candidate of a diagnosis that is still running, in words.
+        problem: Last problem, in one line.
+        remark: Last remark.
+        window: Window of the curves [s].
+        unfolded: Effects whose numbers are shown; None before they are first shown.
+        saved: What was saved, the last first.
+        so_far: Label of the provisional answer.
+    """
+
+    def __init__(self, desk: Desk, tab: Tab) -> None:
+        """Show nothing yet; `page` sets the functions that refresh its parts."""
+        self.desk, self.tab = desk, tab
+        self.client = ui.context.client
+        self.busy, self.share, self.provisional = "", 0.0, ""
+        self.problem = self.remark = ""
+        self.window = (0.0, drawing.FIRST_WINDOW)
+        self.refresh: Callable[[], None] = lambda: None
+        self.refresh_error: Callable[[], None] = lambda: None
+        self.shown: Errors | None = None
+        self.unfolded: list[str] | None = None
+        self.saved: list[str] = []
+        self.so_far: ui.label | None = None
+        self._sliders = dict[str, Slider]()
+        self._evaluating = self._again = False
+        tab.owner = self.client.id
+
+    @property
+    def session(self) -> Session:
+        """The session of the tab."""
+        return self.tab.session
+
+    @property
+    def owned(self) -> bool:
+        """Whether this page still shows the tab, and no other page took it over."""
+        if self.tab.owner == self.client.id:
+            return True
+        self.say("this session is open in another tab: reload to take it back")
+        return False
+
+    def say(self, line: str) -> None:
+        """Show a problem in one line."""
+        self.problem = line
+        with self.client:
+            ui.notify(
+                line,
+                type="warning",
+                position="bottom-left",
+                timeout=8000,
+                close_button="close",
+                multi_line=True,
+            )
+
+    # Work in the other process
+
+    async def work(self, label: str, task: Callable[..., Any], *arguments: Any) -> Any:
+        """Run long work, show its progress, and return its result; None after a failure or a cancel."""
+        if self.busy:
+            self.say(f"still busy: {self.busy}; wait or cancel it")
+            return None
+        self.busy, self.share, self.provisional = label, 0.0, ""
+        self.problem = ""
+        self.refresh()
+
+        def told(kind: str, content: Any) -> None:
+            if kind == "progress":
+                said, self.share = content
+                self.busy = f"{label}: {said}"
+            elif isinstance(content, Provisional):
+                self.provisional = (
+                    f"so far: {words.effect_name(content.effect)} ({in_words(content.confidence)}), "
+                    f"removes {words.percent(content.share)} of the error above the noise"
+                )
+
+        try:
+            return await asyncio.to_thread(self.tab.worker.run, task, *arguments, report=told)
+        except Cancelled:
+            self.remark = f"{label}: cancelled"
+        except HydroError as error:
+            self.say(str(error))
+        finally:
+            self.busy, self.provisional = "", ""
+            self.refresh()
+        return None
+
+    def cancel(self) -> None:
+        """End the work that runs."""
+        self.tab.worker.cancel()
+
+    # 1, Load
+
+    async def start(self) -> None:
+        """Show what is open already, after a reload; else open the command line's files or the sample."""
+        if self.session.live is not None:
+            await self.draw_all()
+        elif self.tab.choice.logs:
+            await self.open()
+        else:
+            await self.open_sample()
+
+    async def open_sample(self) -> None:
+        """Open the sample."""
+        vehicle, raw = opening.sample()
+        self.tab.choice = Choice(vehicle, (raw,))
+        self.tab.proposed = None
+        await self.open()
+
+    async def open(self) -> None:
+        """Open the chosen files; propose a map first where one is needed."""
+        choice = self.tab.choice
+        if not choice.logs:
+            self.say("choose a recording first")
+            return
+        try:
+            logs = [str(self._readable(one)) for one in choice.logs]
+            table = await asyncio.to_thread(opening.is_table, logs)
+            map_ = "" if table else await self._map(logs)
+            if not table and not map_:
+                return
+            craft = await asyncio.to_thread(self._craft, logs[0], map_)
+        except (HydroError, OSError) as error:
+            self.say(str(error))
+            return
+        found = await self.work("opening", jobs.open_recording, logs, map_, craft, choice.correct)
+        if found is None:
+            return
+        try:
+            await asyncio.to_thread(self.session.open, craft, found)
+        except HydroError as error:
+            self.say(str(error))
+            return
+        choice.vehicle = craft.path
+        self.remark = found.audit
+        self.window = (0.0, drawing.FIRST_WINDOW)
+        self.refresh()
+        await self.draw_all()
+        await self.compare()
+
+    async def compare(self) -> None:
+        """Compare the present vehicle with the recording: noise floor, and where it fails."""
+        opened = self.session.opened
+        if opened is None:
+            return
+        found = await self.work("comparing", jobs.compare, opened, self.session.present)
+        if found is not None and self.session.opened is opened:
+            self.session.compared = found
+            self.refresh()
+            await self.draw_window(*self.window)
+
+    async def _map(self, logs: list[str]) -> str:
+        """Return the path of the map of logs; empty if a person must complete it first."""
+        if self.tab.choice.map:
+            return str(self._readable(self.tab.choice.map))
+        if self.tab.proposed is None:
+            vehicle = self.tab.choice.vehicle
+            count = len(Craft.read(self._readable(vehicle)).vehicle.thruster) if vehicle else None
+            self.tab.proposed = await self.work("reading", jobs.propose, logs, {}, count)
+        if (found := self.tab.proposed) is None:
+            return ""
+        if found.missing:
+            self.say(f"the log does not show its {', '.join(found.missing)}: name the columns in the map")
+            return ""
+        return opening.write_map(found, logs, self.desk.places.uploads / f"map-{self.tab.name}.toml")
+
+    async def change_map(self, name: str, text: str) -> None:
+        """Take a block of the map that a person wrote, and test the others by the motion."""
+        found = self.tab.proposed
+        if found is None:
+            return
+        try:
+            await self._corrected(opening.edited(found, name, text))
+        except HydroError as error:
+            self.say(str(error))
+
+    async def change_setting(self, name: str, key: str, value: str) -> None:
+        """Take another unit or frame of a block of the map."""
+        found = self.tab.proposed
+        if found is not None and name in found.blocks:
+            await self._corrected({**found.blocks, name: {**found.blocks[name], key: value}})
+
+    async def _corrected(self, blocks: dict[str, Any]) -> None:
+        logs = [str(self._readable(one)) for one in self.tab.choice.logs]
+        made = await self.work("testing the map", jobs.correct, logs, self.tab.proposed, blocks)
+        if made is not None:
+            self.tab.proposed = made
+            self.refresh()
+
+    def _craft(self, log: str, map_: str) -> Craft:
+        """Return the chosen vehicle file; else the one in the recording, or a preset that fits it."""
+        if self.tab.choice.vehicle:
+            return Craft.read(self._readable(self.tab.choice.vehicle))
+        count, text = (0, "") if map_ else opening.commands_of(log)
+        if text:
+            path = self.desk.places.uploads / f"vehicle-{self.tab.name}.toml"
+            write_bytes(text.encode(), path)
+            return Craft.read(path)
+        if map_ and self.tab.proposed is not None:
+            count = len(self.tab.proposed.blocks["commands"].get("columns", ()))
+        fitting = [Craft.read(path) for path in opening.presets().values()]
+        fitting = [one for one in fitting if len(one.vehicle.thruster) == count]
+        if not fitting:
+            raise DataError(f"no bundled vehicle has {count} thrusters: choose or drop a vehicle file")
+        lightest = min(fitting, key=lambda one: one.vehicle.rigid_body.mass)
+        self.remark = (
+            f"vehicle guessed from {count} thrusters: {lightest.vehicle.name}; change it in the menu"
+        )
+        return lightest
+
+    def _readable(self, path: str) -> Path:
+        """Return a path that may be read: bundled, in the folders, uploaded, or of the command line."""
+        bundled = {*opening.sample(), *opening.presets().values()}
+        return Path(path) if path in bundled else self.desk.places.readable(path)
+
+    # 2, Compare: curves
+
+    async def draw_all(self) -> None:
+        """Draw a recording that was just opened, or again after a reload of the page."""
+        if self.session.live is None:
+            return
+        first = drawing.begin(self.session)
+        self.window = (first["window"][0], first["window"][1])
+        self.send("begin", first)
+        await self.draw_window(*self.window)
+
+    async def draw_window(self, low: float, high: float) -> None:
+        """Draw all curves of a window [s], and the error."""
+        session = self.session
+        if session.live is None or not (np.isfinite([low, high]).all() and high > low):
+            return
+        self.window = (low, high)
+        vehicle = session.present
+
+        def computed() -> tuple[dict[str, Any], Errors | None]:
+            return drawing.window(session, vehicle, low, high, POINTS), session.errors()
+
+        try:
+            sent, self.shown = await asyncio.to_thread(computed)
+        except HydroError as error:
+            self.say(str(error))
+            return
+        self.send("curves", sent)
+        self.refresh_error()
+
+    async def jump(self, place: str) -> None:
+        """Show the longest stretch of a place where the vehicle fails; again shows the next one."""
+        session = self.session
+        if session.compared is None or session.live is None:
+            return
+        rows = session.compared.places.get(place)
+        if rows is None or not len(rows):
+            self.say(f"{place}: the whole recording")
+            return
+        starts = session.live.clock[rows[:, 0]]
+        later = np.flatnonzero(np.isclose(starts, self._jumped))
+        number = (int(later[0]) + 1) % len(rows) if later.size else 0
+        self._jumped = float(starts[number])
+        end = float(session.live.clock[rows[number, 1] - 1])
+        margin = max(0.5 * (end - self._jumped), 4.0)
+        await self.draw_window(max(self._jumped - margin, 0.0), end + margin)
+        self.send("seek", self._jumped)
+
+    _jumped = -1.0
+
+    async def set_horizon(self, horizon: float | None) -> None:
+        """Predict over another horizon [s]; None for whole sessions."""
+        self.session.horizon = horizon
+        self.refresh()
+        await self.draw_window(*self.window)
+
+    # 3, Learn
+
+    async def diagnose(self) -> None:
+        """Diagnose the present vehicle: step 0 of a study."""
+        await self.add(BEST, "diagnosing")
+
+    async def show_force(self, effect: str, vehicle: Vehicle, place: str) -> None:
+        """Draw the force of an effect of a vehicle in a card."""
+        session = self.session
+        if session.opened is None or session.live is None:
+            return
+        found = await self.work("force", jobs.force, session.opened, vehicle, vehicle.without(effect))
+        if found is not None:
+            self.send("forces", place, drawing.force(session.live, found))
+
+    # 4, Add and tune
+
+    async def add(self, effect: str, label: str = "adding") -> None:
+        """Take the next step of the study: diagnose, or add a finding."""
+        session = self.session
+        if session.opened is None or not self.owned:
+            return
+        rung = session.rung
+        wanted = effect if effect == BEST or not session.diagnosed else session.wanted(effect)
+        found = await self.work(label, jobs.add_step, session.opened, rung.base, rung.steps, wanted)
+        if found is None:
+            return
+        if session.rung is not rung:
+            self.say("the vehicle was changed meanwhile: start this again")
+            return
+        self.remark = await asyncio.to_thread(session.accept_step, found.step, wanted)
+        self.refresh()
+        await self.draw_window(*self.window)
+
+    async def fit(self) -> None:
+        """Fit the ticked parameters."""
+        session = self.session
+        if session.opened is None or not self.owned:
+            return
+        try:
+            names, held = session.to_fit()
+        except HydroError as error:
+            self.say(str(error))
+            return
+        rung = session.rung
+        found = await self.work("fitting", jobs.fit, session.opened, session.present, names, held)
+        if found is None or session.rung is not rung:
+            return
+        await asyncio.to_thread(session.accept_fit, found, held)
+        self.remark = " ".join(found.warnings)
+        self.refresh()
+        await self.draw_window(*self.window)
+
+    def offered(self, effect: str) -> list[Slider]:
+        """Return the sliders of an effect, which the page then may move."""
+        found = self.session.sliders(effect)
+        self._sliders |= {one.key: one for one in found}
+        return found
+
+    def slide(self, key: str, value: float) -> None:
+        """Follow a slider that moves."""
+        slider = self._sliders.get(key)
+        if slider is None or not self.owned:
+            return
+        try:
+            self.session.move(slider, float(value))
+        except (HydroError, ValueError) as error:
+            self.say(str(error))
+            return
+        self.evaluate()
+
+    async def settle(self, key: str, value: float) -> None:
+        """Keep the value of a slider that was released, or of a number that was typed."""
+        self.slide(key, value)
+        if (slider := self._sliders.get(key)) is not None:
+            number = f"{words.effect_name(slider.effect)} {slider.label}"
+            await asyncio.to_thread(self.session.settle, number)
+            self.refresh()
+
+    async def switch(self, effect: str, on: bool) -> None:
+        """Switch an effect on or off."""
+        if not self.owned:
+            return
+        try:
+            await asyncio.to_thread(self.session.switch, effect, on)
+        except HydroError as error:
+            self.say(str(error))
+        self.refresh()
+        await self.draw_window(*self.window)
+
+    def tick(self, key: str, on: bool) -> None:
+        """Tick a parameter for the next fit, or not."""
+        (self.session.ticked.add if on else self.session.ticked.discard)(key)
+
+    async def go(self, number: int) -> None:
+        """Show another state of the history."""
+        if not self.owned:
+            return
+        self.session.go(number)
+        self.remark = ""
+        self.refresh()
+        await self.draw_window(*self.window)
+
+    def evaluate(self) -> None:
+        """Redraw predictions and error soon; changes that come meanwhile are drawn together."""
+        if self._evaluating:
+            self._again = True
+        else:
+            self._evaluating = True
+            background_tasks.create(self._evaluate())
+
+    async def _evaluate(self) -> None:
+        session = self.session
+        try:
+            while True:
+                self._again = False
+                vehicle, live = session.present, session.live
+                if live is None:
+                    return
+                begin, end = live.rows(*self.window)
+
+                self.shown, curves = await asyncio.to_thread(
+                    drawing.redrawn, live, vehicle, session.horizon, (begin, end), POINTS
+                )
+                self.send("curves", {"predicted": curves})
+                self.refresh_error()
+                if not self._again:
+                    return
+        except HydroError as error:
+            self.say(str(error))
+        finally:
+            self._evaluating = False
+
+    # 5, Keep
+
+    def save_vehicle(self, name: str) -> str:
+        """Write the vehicle file and its covariance, and return its path.
+
+        Raises:
+            DataError: The place is not one of the folders, or cannot be written.
+        """
+        from hydro.io import covariance
+
+        session = self.session
+        session.settle("value")
+        path, rung = self._destination(name, ".toml"), session.rung
+        vehicles.write(rung.text, path)
+        beside = covariance.beside(path)
+        beside.unlink(missing_ok=True)
+        if rung.estimates is not None and session.opened is not None:
+            stage = "explain" if rung.kind == "added" else "fit"
+            covariance.write(
+                rung.estimates, path, stage=stage, inputs=[session.opened.source], vehicle_text=rung.text
+            )
+        if session.opened is not None and session.opened.map:
+            self._keep_map(path.parent)
+        return str(path)
+
+    async def save_study(self, name: str, report: bool) -> str:
+        """Write the study folder, and with `report` a page about it; return what was written.
+
+        Raises:
+            DataError: Nothing was diagnosed, or the place is not one of the folders.
+        """
+        session = self.session
+        rung = session.rung
+        if session.opened is None or not rung.steps:
+            raise DataError("diagnose the vehicle first: a study begins with that")
+        folder = self.desk.places.writable(self.desk.places.folders[0] / name)
+        wanted = () if session.over and set(rung.wanted) <= {BEST} else rung.wanted
+        done = await self.work(
+            "saving", jobs.save_study, session.opened, rung.base, rung.steps, wanted, str(folder)
+        )
+        if done is None:
+            return ""
+        if not report:
+            return str(folder)
+        page = self.desk.places.writable(folder.with_name(f"{folder.name}.html"))
+        await self.work("report", jobs.write_report, str(folder), str(page))
+        return f"{folder}, {page}"
+
+    def _destination(self, name: str, ending: str) -> Path:
+        """Return the path of a file to save, in the first folder unless the name has another one."""
+        name = name if name.endswith(ending) else f"{name}{ending}"
+        return self.desk.places.writable(self.desk.places.folders[0] / name)
+
+    def _keep_map(self, folder: Path) -> None:
+        """Copy the map of the log to the folder of a saved vehicle, unless it was a given file."""
+        opened = self.session.opened
+        if opened is not None and Path(opened.map).is_relative_to(self.desk.places.uploads):
+            target = folder / "map.toml"
+            content = Path(opened.map).read_bytes()
+            if not target.exists():
+                write_bytes(content, target)
+            self.remark = f"the map of the log is in {target}"
+
+    # Drawing
+
+    def send(self, function: str, *arguments: Any) -> None:
+        """Call a function of the page's script."""
+        texts = (
+            orjson.dumps(one, option=orjson.OPT_SERIALIZE_NUMPY).decode() for one in map(_plain, arguments)
+        )
+        self.client.run_javascript(f"workbench.{function}({', '.join(texts)})")
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays in memory order, as orjson needs them."""
+    if isinstance(value, np.ndarray):
+        return np.ascontiguousarray(value)
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list) else value

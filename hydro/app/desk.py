@@ -1,0 +1,102 @@
+"""State of the server: what the command line gave, and the tabs that are open."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hydro.app.places import Places
+from hydro.app.worker import Worker
+
+if TYPE_CHECKING:
+    from hydro.app.opening import Proposed
+    from hydro.app.session import Session
+
+MOST_TABS = 6
+"""Maximum number of sessions that are kept; the one that was unused for longest is dropped."""
+
+
+@dataclass
+class Choice:
+    """Files that a tab has chosen to open.
+
+    Attributes:
+        vehicle: Vehicle file; empty for the one in the recording, or the preset that fits.
+        logs: A raw table, or the logs of one dive.
+        map: Map file; empty for a raw table, or to propose one.
+        correct: Whether to accept the directions of the thrusters that the audit states.
+    """
+
+    vehicle: str = ""
+    logs: tuple[str, ...] = ()
+    map: str = ""
+    correct: bool = False
+
+
+@dataclass
+class Tab:
+    """State of one tab of the browser, which survives a reload of the page.
+
+    Attributes:
+        name: Its key in the address.
+        choice: Files that it has chosen.
+        session: Its session.
+        worker: Its worker process.
+        owner: Client of the page that shows it; another page with this address takes it over.
+        proposed: Map that was proposed for the chosen logs.
+        step: Number of the step that is shown, 1 to 5.
+    """
+
+    name: str
+    choice: Choice
+    session: Session
+    worker: Worker
+    owner: str = ""
+    proposed: Proposed | None = None
+    step: int = 1
+
+
+@dataclass
+class Desk:
+    """The server.
+
+    Attributes:
+        places: Folders that may be read and written.
+        vehicle: Vehicle file of the command line; empty without one.
+        logs: Logs of the command line.
+        map: Map of the command line; empty without one.
+        largest: Maximum size of an upload [bytes].
+        uploaded: Files that the page has uploaded, by every tab.
+        worker: Maker of the worker of a tab.
+        tabs: Tabs by name, the one that was used last at the end.
+    """
+
+    places: Places
+    vehicle: str = ""
+    logs: Sequence[str] = ()
+    map: str = ""
+    largest: int = 0
+    uploaded: list[str] = field(default_factory=list)
+    worker: Callable[[], Worker] = Worker
+    tabs: dict[str, Tab] = field(default_factory=dict)
+
+    def tab(self, name: str) -> Tab:
+        """Return a tab by its name, or a new one with the files of the command line."""
+        from hydro.app.session import Session
+
+        if (found := self.tabs.pop(name, None)) is None:
+            choice = Choice(self.vehicle, tuple(self.logs), self.map)
+            found = Tab(secrets.token_urlsafe(6), choice, Session(), self.worker())
+        self.tabs[found.name] = found
+        while len(self.tabs) > MOST_TABS:
+            oldest = next(iter(self.tabs))
+            self.tabs.pop(oldest).worker.close()
+        return found
+
+    def close(self) -> None:
+        """End the worker processes and remove the uploads."""
+        for tab in self.tabs.values():
+            tab.worker.close()
+        self.places.close()

@@ -1,0 +1,244 @@
+"""Long work of the workbench, each a function that its worker process runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.app import opening
+from hydro.app.opening import Craft, Opened, Proposed
+from hydro.app.worker import Report
+from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.provisional import Provisional
+from hydro.core.evaluation.added_force import added_force
+from hydro.core.evaluation.compare import compare as measure
+from hydro.core.evaluation.place_times import place_times
+from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.explanation.explain import next_step
+from hydro.core.explanation.ladder import Step
+from hydro.core.explanation.trials import Recordings
+from hydro.core.identification.fit import fit as estimate
+from hydro.core.progress import Progress
+from hydro.core.simulation.estimates import Estimates
+from hydro.core.vehicle.description import Vehicle
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Comparison of a vehicle with the recording.
+
+    Attributes:
+        table: Comparison table.
+        places: First row, and row after the last, of the stretches of each worst place, (K, 2).
+    """
+
+    table: pl.DataFrame
+    places: Mapping[str, Rows]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Result of a fit.
+
+    Attributes:
+        vehicle: Vehicle with the estimates.
+        tables: Tables of the fitted effects, with standard errors.
+        estimates: Values with their covariance.
+        chi2: Mean squared residual in units of the noise variance.
+        warnings: Sentences on values that are not determined or not plausible.
+    """
+
+    vehicle: Vehicle
+    tables: tuple[dict[str, Any], ...]
+    estimates: Estimates
+    chi2: float
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """Result of a step of a study.
+
+    Attributes:
+        step: The step; None if no candidate predicts better.
+    """
+
+    step: Step | None
+
+
+class _Kept:
+    """Recordings of the present study: they are prepared once, and all its steps use them."""
+
+    key: tuple[str, str, bool] | None = None
+    recordings: Recordings | None = None
+
+
+def propose(
+    paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, report: Report
+) -> Proposed:
+    """Propose the map of logs, see `opening.propose_map`."""
+    return opening.propose_map(paths, given, thrusters, _progress(report))
+
+
+def correct(paths: Sequence[str], before: Proposed, blocks: Mapping[str, Any], report: Report) -> Proposed:
+    """Return a map with blocks that a person has changed, see `opening.correct_map`."""
+    return opening.correct_map(paths, before, blocks, _progress(report))
+
+
+def open_recording(paths: Sequence[str], map_: str, craft: Craft, correct: bool, report: Report) -> Opened:
+    """Open a recording, see `opening.open_recording`."""
+    return opening.open_recording(paths, map_, craft, _progress(report), correct=correct)
+
+
+def compare(opened: Opened, vehicle: Vehicle, report: Report) -> Compared:
+    """Compare a vehicle with a recording: errors, noise floor, and the places where it fails."""
+    log = opened.log
+    table = measure(vehicle, log.raw, record=log.observed, progress=_progress(report))
+    return Compared(table, place_times(table, vehicle, log.record, log.sessions))
+
+
+def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, report: Report) -> Stepped:
+    """Return the next step of `hydro explain`.
+
+    Args:
+        opened: The recording.
+        craft: Vehicle file of step 0.
+        steps: Steps so far; without any, the next one compares and diagnoses the file.
+        wanted: Effect of the finding to add, or `explain.BEST`.
+        report: Receives progress, and the provisional best candidate of the first diagnosis.
+    """
+    recordings = _recordings(opened, craft)
+
+    def provisional(best: Provisional) -> None:
+        report("provisional", best)
+
+    told = None if steps else provisional
+    return Stepped(next_step(steps, craft.vehicle, recordings, wanted, _progress(report), provisional=told))
+
+
+def fit(
+    opened: Opened, vehicle: Vehicle, wanted: Sequence[str], held: Sequence[str], report: Report
+) -> Fitted:
+    """Fit effects of a vehicle, as `hydro fit` does.
+
+    Args:
+        opened: The recording.
+        vehicle: The vehicle.
+        wanted: Names of the effects.
+        held: Parameters to keep at their values, each `effect.parameter`.
+        report: Receives progress.
+    """
+    found = estimate(holding(vehicle, held), opened.source.frame, list(wanted), progress=_progress(report))
+    return Fitted(
+        holding(found.vehicle, held, instead=vehicle),
+        tuple(found.tables()),
+        found.estimates(),
+        found.chi2,
+        tuple(found.warnings),
+    )
+
+
+def force(opened: Opened, vehicle: Vehicle, without: Vehicle, report: Report) -> Array:
+    """Return the force of an effect along the recorded motion, (N, 6), see `core.evaluation.added_force`."""
+    report("progress", ("force of the effect", 0.5))
+    record = opened.log.record
+    motion = Motion.of(record)
+    return np.asarray(added_force(vehicle, without, record, motion.eta, np.ascontiguousarray(motion.nu)))
+
+
+def save_study(
+    opened: Opened, craft: Craft, steps: Sequence[Step], wanted: Sequence[str], folder: str, report: Report
+) -> str:
+    """Write the study folder of some steps, as `hydro explain` does, and return its headline.
+
+    Args:
+        opened: The recording.
+        craft: Vehicle file of step 0.
+        steps: The steps.
+        wanted: Effects that the steps were asked to add, for the footers.
+        folder: Existing folder.
+        report: Receives progress.
+
+    Raises:
+        DataError: A file cannot be written.
+    """
+    from hydro.core.explanation.explain import ending
+    from hydro.core.explanation.ladder import best
+    from hydro.core.explanation.status import study_status
+    from hydro.io.lock import alone
+    from hydro.io.study import Study
+    from hydro.study.explained import save_bands, save_recorded
+
+    log = opened.log
+    told: dict[str, Any] = {"add": list(wanted)} if wanted else {}
+    told |= {"cleaning": list(log.changes)} if log.changes else {}
+    study = Study(Path(folder), craft.text, opened.source, None, (), told)
+    chosen = best(steps)
+    headline = study_status(steps, chosen, log.record.dt).headline
+    with alone(Path(folder)):
+        study.clear([])
+        for count in range(1, len(steps) + 1):
+            report("progress", (f"step {count - 1}", 0.5 * count / len(steps)))
+            study.save_step(steps[:count])
+        study.end(steps, ending(steps, wanted), headline)
+        report("progress", ("replays and forces", 0.6))
+        save_recorded(study, {one.number: one.vehicle for one in (steps[0], chosen)}, log)
+        report("progress", ("bands", 0.8))
+        save_bands(study, chosen)
+    return headline
+
+
+def write_report(folder: str, destination: str, report: Report) -> str:
+    """Write the report of a study folder as one page, and return its path."""
+    from hydro.io.files import write_bytes
+    from hydro.report import sources
+    from hydro.report.page import render
+
+    report("progress", ("report", 0.5))
+    write_bytes(render(sources.gather([folder])).encode(), destination)
+    return destination
+
+
+def holding(vehicle: Vehicle, held: Sequence[str], *, instead: Vehicle | None = None) -> Vehicle:
+    """Return a vehicle whose tables hold some parameters as known.
+
+    Args:
+        vehicle: The vehicle.
+        held: Parameters, each `effect.parameter`.
+        instead: Vehicle from which the marks of the tables are restored, instead of setting them.
+    """
+    tables = list[dict[str, Any]]()
+    before = {} if instead is None else {table["name"]: table.get("known") for table in instead.effect}
+    for table in vehicle.effect:
+        made = dict(table)
+        own = [one.partition(".")[2] for one in held if one.partition(".")[0] == table["name"]]
+        if instead is not None and own:
+            made.pop("known", None)
+            made |= {"known": before[table["name"]]} if before.get(table["name"]) is not None else {}
+        elif own and made.get("known") is not True:
+            made["known"] = sorted({*own, *(made.get("known") or ())})
+        tables.append(made)
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
+
+
+def _recordings(opened: Opened, craft: Craft) -> Recordings:
+    """Return the recordings of a study, prepared once for all its steps."""
+    key = (opened.source.provenance.content, craft.text, opened.log.misdirected)
+    if _Kept.recordings is None or _Kept.key != key:
+        made = Recordings.of(craft.vehicle, opened.source.frame, None, None)
+        if not opened.log.misdirected and made.log.misdirected:  # the page accepted the audit's directions
+            made = Recordings(made.log.as_audited(), None, made.yardstick, None)
+        made.log.require_directions(Path(craft.path).name)
+        _Kept.key, _Kept.recordings = key, made
+    return _Kept.recordings
+
+
+def _progress(report: Report) -> Progress:
+    """Return a callback of progress that sends its words and share as one message."""
+    return lambda words, share: report("progress", (words, share))

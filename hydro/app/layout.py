@@ -1,0 +1,262 @@
+"""Parts of the page: top bar, panel of the present step, track, ladder and curves."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from typing import Any
+
+from nicegui import events, ui
+
+from hydro.app import panel_compare, panel_keep, panel_learn, panel_load, panel_tune
+from hydro.app.bench import Bench
+from hydro.report import words
+
+STEPS = (
+    ("Load", panel_load.show),
+    ("Compare", panel_compare.show),
+    ("Learn", panel_learn.show),
+    ("Add and tune", panel_tune.show),
+    ("Keep", panel_keep.show),
+)
+"""Title and panel of each step."""
+PRIMARY = "#1769aa"
+"""Colour of buttons and of predicted curves."""
+REFRESH = 0.4
+"""Interval at which the progress of work is shown [s]."""
+MAIN = """
+<div class="upper">
+  <div class="trackbox">
+    <canvas id="track" tabindex="0" aria-label="track of the vehicle"></canvas>
+    <div class="playback">
+      <button id="play" title="play or pause (space)">▶</button>
+      <input id="seek" type="range" min="0" max="1" step="0.05" value="0" aria-label="time">
+      <select id="speed" aria-label="speed">
+        <option value="0.5">0.5 x</option><option value="1" selected>1 x</option>
+        <option value="4">4 x</option><option value="16">16 x</option>
+      </select>
+      <span id="clock"></span>
+    </div>
+  </div>
+  <div class="ladder" id="ladder"></div>
+</div>
+<div class="legend"><span><i style="color:#39424e"></i>measured</span>
+    <span><i style="color:#1769aa"></i>predicted</span><span><i class="band"></i>noise floor</span>
+    <span>drag to zoom, double-click for all; space plays, arrows step</span></div>
+<div class="plotbox">
+  <div id="curves"></div>
+  <canvas id="overlay"></canvas>
+  <div class="cursor" id="cursor0"></div>
+  <div class="cursor" id="cursor1"></div>
+  <div class="cursor" id="cursor2"></div>
+</div>
+"""
+
+
+class Layout:
+    """The parts of the page of one tab."""
+
+    def __init__(self, bench: Bench) -> None:
+        """Connect the page's events with the actions of the tab."""
+        self.bench = bench
+        bench.refresh = self.refresh
+        bench.refresh_error = self.refresh_error
+
+    def lay_out(self) -> None:
+        """Make all elements."""
+        ui.colors(primary=PRIMARY)
+        with ui.element("div").classes("bench"):
+            with ui.element("header").classes("top"):
+                ui.label("hydro").classes("brand")
+                self._steps()
+                self.what = ui.label().classes("what")
+                self._busy()
+                self.error = ui.html("", sanitize=False).classes("error").mark("error")
+                self.undo = ui.button(icon="undo", on_click=lambda: self._undo("undo")).props(
+                    "flat dense round size=sm aria-label=undo"
+                )
+                self.redo = ui.button(icon="redo", on_click=lambda: self._undo("redo")).props(
+                    "flat dense round size=sm aria-label=redo"
+                )
+            with ui.element("aside").classes("panel"):
+                self._panel()
+            ui.html(MAIN, sanitize=False).classes("main")
+        for name, handler in (
+            ("window", self._window),
+            ("slide", self._slide),
+            ("settle", self._settle),
+            ("tick", self._tick),
+            ("switch", self._switch),
+            ("do", self._do),
+            ("step", self._step),
+            ("undo", lambda e: self._undo(e.args)),
+            ("uploading", self._uploading),
+            ("uploaded", self._uploaded),
+        ):
+            ui.on(f"workbench_{name}", handler)
+        ui.timer(REFRESH, self._progress)
+        self._head()
+
+    def refresh(self) -> None:
+        """Show the present state everywhere but in the curves."""
+        with self.bench.client:
+            self._steps.refresh()
+            self._panel.refresh()
+            self._busy.refresh()
+            self._head()
+
+    def refresh_error(self) -> None:
+        """Show the error of the vehicle on the page."""
+        self.error.set_content(_error(self.bench))
+
+    @ui.refreshable_method
+    def _steps(self) -> None:
+        with ui.element("nav").classes("steps"):
+            for number, (title, _) in enumerate(STEPS, 1):
+                here = "here" if number == self.bench.tab.step else ""
+                ui.button(f"{number} {title}", on_click=lambda n=number: self._show(n), color=None).props(
+                    "flat dense no-caps"
+                ).classes(here)
+
+    @ui.refreshable_method
+    def _panel(self) -> None:
+        _, show = STEPS[self.bench.tab.step - 1]
+        show(self.bench)
+
+    @ui.refreshable_method
+    def _busy(self) -> None:
+        bench = self.bench
+        if not bench.busy:
+            return
+        with ui.element("div").classes("busy"):
+            self.spinner = ui.circular_progress(bench.share, show_value=False, size="20px")
+            self.doing = ui.label(bench.busy)
+            ui.button("Cancel", on_click=bench.cancel).props("flat dense no-caps size=sm")
+
+    def _progress(self) -> None:
+        if self.bench.busy and hasattr(self, "doing") and not self.doing.is_deleted:
+            self.doing.set_text(f"{self.bench.busy[:46]} {100 * self.bench.share:.0f} %")
+            self.spinner.set_value(self.bench.share)
+            if (label := self.bench.so_far) is not None and not label.is_deleted:
+                label.set_text(self.bench.provisional)
+
+    def _head(self) -> None:
+        session, bench = self.bench.session, self.bench
+        if session.opened is not None:
+            self.what.set_text(f"{session.present.name} · {session.opened.name}")
+        self.undo.set_enabled(session.can_undo)
+        self.redo.set_enabled(session.can_redo)
+        self.refresh_error()
+        bench.client.run_javascript(f"workbench.ladder({_quoted(_ladder(bench))})")
+
+    def _show(self, number: int) -> None:
+        self.bench.tab.step = number
+        self.bench.problem = ""
+        self.refresh()
+
+    # Events of the page's script
+
+    async def _window(self, event: events.GenericEventArguments) -> None:
+        low, high = event.args
+        await self.bench.draw_window(float(low), float(high))
+
+    def _slide(self, event: events.GenericEventArguments) -> None:
+        key, value = event.args
+        self.bench.slide(str(key), value)
+
+    async def _settle(self, event: events.GenericEventArguments) -> None:
+        key, value = event.args
+        await self.bench.settle(str(key), value)
+
+    def _tick(self, event: events.GenericEventArguments) -> None:
+        key, on = event.args
+        self.bench.tick(str(key), bool(on))
+
+    async def _switch(self, event: events.GenericEventArguments) -> None:
+        effect, on = event.args
+        await self.bench.switch(str(effect), bool(on))
+
+    def _step(self, event: events.GenericEventArguments) -> None:
+        self._show(min(max(int(event.args), 1), len(STEPS)))
+
+    async def _undo(self, way: Any) -> None:
+        session = self.bench.session
+        if session.history:
+            await self.bench.go(session.at + (1 if way == "redo" else -1))
+
+    def _uploading(self, event: events.GenericEventArguments) -> None:
+        ui.notify(f"uploading {event.args}", position="bottom-left")
+
+    def _uploaded(self, event: events.GenericEventArguments) -> None:
+        told = event.args
+        if not told.get("ok"):
+            self.bench.say(str(told.get("text", "")).removeprefix("hydro app: "))
+            return
+        path, choice = str(told["text"]), self.bench.tab.choice
+        if path not in self.bench.desk.uploaded:
+            return
+        if path.endswith(".toml"):
+            if panel_load.is_vehicle(path):
+                choice.vehicle = path
+            else:
+                choice.map = path
+        else:
+            choice.logs, choice.map, self.bench.tab.proposed = (path,), "", None
+        self.bench.tab.step = 1
+        self.refresh()
+
+    async def _do(self, event: events.GenericEventArguments) -> None:
+        what, about = event.args
+        bench = self.bench
+        if what == "rung":
+            await bench.go(int(about))
+        elif what == "place":
+            await bench.jump(str(about))
+        elif what == "open_effect":
+            panel_tune.toggle(bench, str(about))
+            self._panel.refresh()
+
+
+def _quoted(text: str) -> str:
+    """Return a text as a literal of JavaScript."""
+    import orjson
+
+    return orjson.dumps(text).decode()
+
+
+def _error(bench: Bench) -> str:
+    """Return the error of the vehicle on the page, and the noise floor, as HTML."""
+    shown, session = bench.shown, bench.session
+    if shown is None or not math.isfinite(shown.all):
+        return ""
+    floor = session.floors().get("all")
+    told = f" <span class='floor'>noise floor {words.figure(floor, 2)}</span>" if floor else ""
+    ahead = "whole run" if session.horizon is None else f"{session.horizon:g} s ahead"
+    count = f"{shown.predictions} predictions, {ahead}"
+    return f"<span title='{count}'>error <span id='error'>{words.figure(shown.all)}</span> m/s</span>{told}"
+
+
+def _figure(error: float) -> str:
+    """Return an error as text; a dash where it is not known."""
+    return words.figure(error) if math.isfinite(error) else "–"
+
+
+def _ladder(bench: Bench) -> str:
+    """Return the history with the error of each state as HTML."""
+    session = bench.session
+    if not session.history:
+        return "<h3>error ladder</h3><p class='hint'>opening …</p>"
+    most = max((one.error for one in session.history if math.isfinite(one.error)), default=1.0) or 1.0
+    rows = ["<h3>error ladder: predictions 5 s ahead [m/s]</h3>"]
+    for number, one in enumerate(session.history):
+        kind = "here" if number == session.at else "undone" if number > session.at else ""
+        width = 100.0 * one.error / most if math.isfinite(one.error) else 0.0
+        rows.append(
+            f"<button class='rung {kind}' data-do='rung' data-with='{number}'><span>{number}</span>"
+            f"<span class='name' title='{escape(one.label)}'>{escape(one.label)}</span>"
+            f"<span><span class='bar' style='display:block;width:{width:.1f}%'></span></span>"
+            f"<span class='number'>{_figure(one.error)}</span></button>"
+        )
+    if bench.remark:
+        rows.append(f"<p class='hint'>{escape(bench.remark)}</p>")
+    return "".join(rows)

@@ -1,0 +1,287 @@
+"""Vehicle files and recordings that the workbench opens, with all that the page says about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+
+from hydro.core import effects
+from hydro.core.cleaning.readiness import require_ready
+from hydro.core.columns import COMMAND, Array
+from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
+from hydro.core.errors import DataError, listed
+from hydro.core.evaluation.replay_error import HORIZONS
+from hydro.core.evaluation.weights import Weights
+from hydro.core.guessing.aliases import Block
+from hydro.core.guessing.interview import lacking
+from hydro.core.guessing.map_lines import KINDS, block_of, text_of
+from hydro.core.prediction.candidate import candidate
+from hydro.core.progress import Progress
+from hydro.core.recording.segments import gaps
+from hydro.core.simulation.estimates import Estimates
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import covariance, mapdraft, recordings, table
+from hydro.io import vehicle as vehicles
+from hydro.io.files import bundled, write_bytes
+from hydro.io.log import opened
+from hydro.io.map_proposal import corrected, proposed
+from hydro.io.table import Artefact
+
+SAMPLE = "hidden effects"
+"""Name of the sample: a bundled recording of a vehicle with more effects than its file."""
+
+
+@dataclass(frozen=True)
+class Craft:
+    """Vehicle file.
+
+    Attributes:
+        path: The file.
+        text: Its text.
+        vehicle: The vehicle, with standard errors from the covariance next to the file.
+        estimates: This covariance; None without one.
+    """
+
+    path: str
+    text: str
+    vehicle: Vehicle
+    estimates: Estimates | None = None
+
+    @classmethod
+    def read(cls, path: str | Path) -> Craft:
+        """Read a vehicle file and the covariance next to it.
+
+        Raises:
+            DataError: The file is not a valid vehicle.
+        """
+        found, text = vehicles.read(path)
+        effects.validate(found)
+        estimates, _ = covariance.read(path, found)
+        return cls(
+            str(path),
+            text,
+            found if estimates is None else covariance.with_errors(found, estimates),
+            estimates,
+        )
+
+    def for_recording(self, source: Artefact) -> Craft:
+        """Return the file without standard errors from a recording, which are not independent of it."""
+        return replace(self, vehicle=vehicles.without_errors_from(self.vehicle, source.provenance.content))
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """Map of a log, as it was proposed or corrected.
+
+    Attributes:
+        columns: Columns of the log.
+        blocks: Blocks of the map.
+        lines: Each block as one text, such as `dvl_{x,y,z} FLU m/s`.
+        notes: Corrections by the motion of the log.
+        missing: Names of required blocks that the map lacks.
+    """
+
+    columns: tuple[str, ...]
+    blocks: Mapping[str, Block]
+    lines: Mapping[str, str]
+    notes: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Opened:
+    """Recording that is open.
+
+    Attributes:
+        name: Its name on the page.
+        paths: The logs, or the raw table.
+        map: Path of the map; empty for a raw table.
+        source: Raw table with its provenance.
+        log: Cleaned recording.
+        weights: Weights of the velocity axes, by the inertia of the vehicle that it was opened with, (6,).
+        lines: Result of the import, of the cleaning and of the thruster audit, a line each.
+        audit: Contradiction between the thrusters and the file; empty without one.
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    map: str
+    source: Artefact
+    log: Preprocessed
+    weights: Array
+    lines: tuple[str, ...]
+    audit: str = ""
+
+
+def sample() -> tuple[str, str]:
+    """Return the vehicle file and the recording of the sample."""
+    folder = bundled("hidden")
+    return str(folder / "vehicle.toml"), str(folder / "measured.parquet")
+
+
+def presets() -> dict[str, str]:
+    """Return the bundled vehicle files by name."""
+    return {path.stem: str(path) for path in sorted(bundled("vehicles").glob("*.toml"))}
+
+
+def is_table(paths: Sequence[str]) -> bool:
+    """Return whether a recording is a raw table, which needs no map."""
+    with ExitStack() as stack:
+        files = [stack.enter_context(opened(path, None)) for path in paths]
+        return len(files) == 1 and recordings.is_artefact(files[0])
+
+
+def commands_of(path: str) -> tuple[int, str]:
+    """Return the number of command columns of a raw table, and the vehicle file in its footer."""
+    found = table.read(path, "raw")
+    return sum(name.startswith(COMMAND) for name in found.frame.columns), found.provenance.vehicle or ""
+
+
+def propose_map(
+    paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, progress: Progress
+) -> Proposed:
+    """Propose the map of logs.
+
+    Args:
+        paths: The files of one dive.
+        given: Blocks that a person wrote, by name, each as one text.
+        thrusters: Number of thrusters of the vehicle, if known.
+        progress: Called with a few words and the share of the work done.
+
+    Raises:
+        DataError: A file cannot be read, or the text of a block is invalid.
+    """
+    progress("reading the log", 0.1)
+    with ExitStack() as stack:
+        files = [stack.enter_context(opened(path, None)) for path in paths]
+        found = proposed(files, given, thrusters=thrusters)
+        return _proposed(found.columns, found.blocks, found.notes)
+
+
+def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Return the settings of a block with a fixed choice, such as its unit, and their choices.
+
+    Args:
+        name: Name of the block, one of `map_lines.KINDS`.
+        block: The block.
+    """
+    hints = get_type_hints(KINDS[name])
+    unused = {"unit", "order"} if "quaternion" in block else {"layout", "turns"}
+    return {
+        field.encode_name: get_args(hints[field.name])
+        for field in msgspec.structs.fields(KINDS[name])
+        if get_origin(hints[field.name]) is Literal and field.encode_name not in {*unused, "from", "off"}
+    }
+
+
+def edited(before: Proposed, name: str, text: str) -> dict[str, Block]:
+    """Return the blocks of a map with one that a person wrote as text; `none` removes it.
+
+    Raises:
+        DataError: The text is not a block of this name.
+    """
+    blocks = {key: block for key, block in before.blocks.items() if key != name}
+    if (block := block_of(name, text, before.columns)) is not None:
+        blocks[name] = block
+    return blocks
+
+
+def correct_map(
+    paths: Sequence[str], before: Proposed, blocks: Mapping[str, Block], progress: Progress
+) -> Proposed:
+    """Return a map with blocks that a person has changed; the motion corrects the others.
+
+    Raises:
+        DataError: A file cannot be read.
+    """
+    progress("testing the map by the motion", 0.1)
+    changed = {name for name in blocks if blocks[name] != before.blocks.get(name)}
+    if lacking(blocks):
+        return _proposed(before.columns, blocks, ())
+    with ExitStack() as stack:
+        files = [stack.enter_context(opened(path, None)) for path in paths]
+        found, notes = corrected(files, before.columns, blocks, changed)
+    return _proposed(before.columns, found, notes)
+
+
+def _proposed(columns: Sequence[str], blocks: Mapping[str, Block], notes: Sequence[str]) -> Proposed:
+    lines = {name: text_of(name, blocks.get(name)) for name in KINDS}
+    return Proposed(tuple(columns), blocks, lines, tuple(notes), tuple(lacking(blocks)))
+
+
+def write_map(found: Proposed, paths: Sequence[str], destination: Path) -> str:
+    """Write the map file of a proposal, and return its path.
+
+    Raises:
+        DataError: The map lacks a required block.
+    """
+    if found.missing:
+        raise DataError(f"{Path(paths[0]).name}: the map has no {listed(found.missing)}: name its columns")
+    blocks: dict[str, Any] = {**found.blocks}
+    blocks.setdefault("session", {"name": Path(paths[0]).stem})
+    text = mapdraft.draft(blocks, found.columns, Path(paths[0]).name, blanks=False)
+    write_bytes(text.encode(), destination)
+    return str(destination)
+
+
+def open_recording(
+    paths: Sequence[str], map_: str, craft: Craft, progress: Progress, *, correct: bool = False
+) -> Opened:
+    """Open a recording for a vehicle: import, clean and audit it.
+
+    Args:
+        paths: A raw table, or the logs of one dive.
+        map_: Path of the map; empty for a raw table.
+        craft: The vehicle file.
+        progress: Called with a few words and the share of the work done.
+        correct: Accept the directions and the order of the thrusters that the audit states.
+
+    Raises:
+        DataError: A file, the map or the vehicle is invalid, or they do not fit each other.
+    """
+    lines = list[str]()
+    progress("reading", 0.05)
+    if map_:
+        with ExitStack() as stack:
+            files = [stack.enter_context(opened(path, None)) for path in paths]
+            source = recordings.imported(files, Path(map_), lines.append, vehicle_file=Path(craft.path))
+    else:
+        source = table.read(paths[0], "raw")
+        lines += _of_table(source)
+    progress("cleaning", 0.4)
+    craft = craft.for_recording(source)
+    log = preprocess(craft.vehicle, source.frame)
+    require_ready(log.observed)
+    lines += [line for line in log.changes if line not in lines]
+    if not map_ and log.audit is not None:
+        lines += log.audit.lines(Path(craft.path).name)
+    wrong = log.audit.headline(Path(craft.path).name) if log.audit is not None and log.audit.wrong else ""
+    if correct:
+        log, wrong = log.as_audited(), ""
+    progress("shots", 0.8)
+    _ = log.noise, log.lateness
+    for horizon in HORIZONS:
+        try:
+            log.shots(horizon)
+        except DataError:  # no session is that long; the page offers the shorter horizons
+            continue
+    weights = Weights.of(candidate(craft.vehicle)).velocity
+    return Opened(Path(paths[0]).name, tuple(paths), map_, source, log, weights, tuple(lines), wrong)
+
+
+def _of_table(source: Artefact) -> list[str]:
+    """Describe a raw table: rows, sessions and gaps."""
+    frame, apart = source.frame, gaps(source.frame)
+    sessions = frame["session"].n_unique()
+    rate = 1.0 / float(np.median(np.diff(frame["t"].head(50).to_numpy())))
+    plural = "s" if sessions > 1 else ""
+    return [
+        f"{frame.height:,} rows at {rate:.3g} Hz in {sessions} session{plural}",
+        *([apart] if apart else []),
+    ]

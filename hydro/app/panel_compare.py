@@ -1,0 +1,68 @@
+"""Panel of step 2: errors by axis at a horizon, and the places where the vehicle fails."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from nicegui import ui
+
+from hydro.app.bench import Bench
+from hydro.core.columns import DOF, UNITS, VELOCITY
+from hydro.report import words
+
+
+def show(bench: Bench) -> None:
+    """Make the panel."""
+    session = bench.session
+    ui.html("<h2>Compare measured and predicted motion</h2>", sanitize=False)
+    if session.live is None:
+        ui.html("<p>Open a recording first.</p>", sanitize=False)
+        return
+    horizons: dict[float | str, str] = {one: f"{one:g} s" for one in session.live.horizons}
+    horizons["whole"] = "whole run"
+    ui.html("<h3>Prediction horizon</h3>", sanitize=False)
+    ui.toggle(
+        horizons,
+        value="whole" if session.horizon is None else session.horizon,
+        on_change=lambda e: bench.set_horizon(None if e.value == "whole" else e.value),
+    ).props("dense no-caps unelevated toggle-color=primary size=12px").mark("horizon")
+    ui.html(_errors(bench), sanitize=False)
+    ui.html("<h3>Where the vehicle as given fails</h3>", sanitize=False)
+    if session.compared is None:
+        ui.html("<p>The comparison runs or was cancelled.</p>", sanitize=False)
+        ui.button("Compare", on_click=bench.compare).props("outline dense no-caps")
+        return
+    ui.html("<p>A click shows the longest moment; another click the next one.</p>", sanitize=False)
+    rows = [
+        f"<button class='place' data-do='place' data-with='{escape(one['place'], quote=True)}'>"
+        f"<b>{words.percent(one['share'])}</b>"
+        f"<span>{escape(_axis(one['axis']))}: {escape(one['place'])}</span></button>"
+        for one in session.worst()
+    ]
+    ui.html("".join(rows) or "<p>Nothing stands out from the noise.</p>", sanitize=False)
+
+
+def _errors(bench: Bench) -> str:
+    """Return the errors by axis with their noise floor as an HTML table."""
+    session = bench.session
+    found = bench.shown
+    if found is None:
+        return ""
+    floors = session.floors()
+    rows = [f"<h3>Error over {found.predictions} predictions</h3><table class='table'><tr><th>axis</th>"]
+    rows.append("<th>error</th><th>noise floor</th><th>ratio</th></tr>")
+    for name, error in zip((*VELOCITY, "all"), (*found.axes, found.all), strict=True):
+        floor = floors.get(name)
+        ratio = f"{error / floor:.1f}" if floor and math.isfinite(error) else ""
+        unit = UNITS.get(name, "m/s")
+        told = words.figure(error) if math.isfinite(error) else "–"
+        cells = (f"{name} [{unit}]", told, words.figure(floor, 2), ratio)
+        rows.append("<tr>" + "".join(f"<td>{one}</td>" for one in cells) + "</tr>")
+    return "".join(rows) + "</table>"
+
+
+def _axis(name: str) -> str:
+    """Return the word for the axis of a force."""
+    forces = dict(zip("XYZKMN", DOF, strict=True))
+    return forces.get(name, name)

@@ -1,0 +1,64 @@
+"""Panel of step 5: save the vehicle, the study and its report, and show the commands that do the same."""
+
+from __future__ import annotations
+
+from html import escape
+
+from nicegui import ui
+
+from hydro.app import shown_commands
+from hydro.app.bench import MODIFIED, Bench
+from hydro.core.errors import HydroError
+
+
+def show(bench: Bench) -> None:
+    """Make the panel."""
+    session = bench.session
+    ui.html("<h2>Keep the result</h2>", sanitize=False)
+    if session.live is None:
+        ui.html("<p>Open a recording first.</p>", sanitize=False)
+        return
+    folder = bench.desk.places.folders[0]
+    ui.html(f"<p>Files are saved in {escape(str(folder))}.</p>", sanitize=False)
+    ui.html("<h3>Vehicle file, with its covariance</h3>", sanitize=False)
+    with ui.element("div").classes("row"):
+        name = ui.input(value=MODIFIED).props("dense outlined").mark("vehicle-name")
+
+        def save() -> None:
+            try:
+                done(bench.save_vehicle(str(name.value)))
+            except HydroError as error:
+                bench.say(str(error))
+
+        ui.button("Save", on_click=save).props("unelevated dense no-caps color=primary").mark("save-vehicle")
+    ui.html("<h3>Study folder, as hydro explain writes it, and its report</h3>", sanitize=False)
+    with ui.element("div").classes("row"):
+        study = ui.input(value="study").props("dense outlined").mark("study-name")
+
+        async def save_study(report: bool) -> None:
+            try:
+                done(await bench.save_study(str(study.value), report))
+            except HydroError as error:
+                bench.say(str(error))
+
+        ui.button("Save", on_click=lambda: save_study(False)).props(
+            "unelevated dense no-caps color=primary"
+        ).mark("save-study").set_enabled(session.diagnosed)
+        ui.button("Save with report", on_click=lambda: save_study(True)).props("outline dense no-caps").mark(
+            "save-report"
+        ).set_enabled(session.diagnosed)
+    if not session.diagnosed:
+        ui.html("<p>A study begins with a diagnosis.</p>", sanitize=False)
+    if bench.saved:
+        lines = "".join(f"<div class='said'>saved {escape(one)}</div>" for one in bench.saved)
+        ui.html(lines, sanitize=False).mark("saved")
+    ui.html("<h3>Commands that do the same</h3>", sanitize=False)
+    ui.html(f"<pre class='commands'>{escape(shown_commands.shell(session))}</pre>", sanitize=False)
+    ui.html("<h3>The same in Python</h3>", sanitize=False)
+    ui.html(f"<pre class='commands'>{escape(shown_commands.python(session))}</pre>", sanitize=False)
+
+    def done(path: str) -> None:
+        """List what was written."""
+        if path:
+            bench.saved = [path, *bench.saved][:6]
+            bench.refresh()

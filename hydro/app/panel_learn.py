@@ -1,0 +1,103 @@
+"""Panel of step 3: diagnose the vehicle, and read the findings as cards."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+from nicegui import ui
+
+from hydro.app.bench import Bench
+from hydro.core.diagnosis.findings import WITH_VALUES, extended, tables
+from hydro.core.effects import CATALOGUE
+from hydro.core.errors import HydroError
+from hydro.core.vehicle.description import Vehicle
+from hydro.report import diagnosis, words
+from hydro.report.cards import ADDED
+from hydro.report.diagnosis import Context
+
+UNSEEN = "not_excited"
+"""Verdict on an effect that the recording cannot show."""
+
+
+def show(bench: Bench) -> None:
+    """Make the panel."""
+    session = bench.session
+    ui.html("<h2>Learn which effects are missing</h2>", sanitize=False)
+    if session.live is None:
+        ui.html("<p>Open a recording first.</p>", sanitize=False)
+        return
+    with ui.element("div").classes("row"):
+        ui.button("Diagnosed" if session.diagnosed else "Diagnose", on_click=bench.diagnose).props(
+            "unelevated dense no-caps color=primary"
+        ).set_enabled(not session.diagnosed and not bench.busy)
+        if session.diagnosed:
+            ui.button("Add the best", on_click=lambda: bench.add("best")).props("outline dense no-caps").mark(
+                "add-best"
+            ).set_enabled(not session.over and not bench.busy)
+    bench.so_far = ui.label(bench.provisional).classes("hint")
+    if bench.problem:
+        ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)
+    if not session.diagnosed:
+        ui.html(
+            "<p>The diagnosis tries every effect of the catalogue against the recording. It runs in the "
+            "background: the curves and sliders stay usable.</p>",
+            sanitize=False,
+        )
+        return
+    if session.over:
+        ui.html(f"<div class='said'>{escape(session.over.capitalize())}.</div>", sanitize=False)
+    unseen = []
+    for row in session.findings:
+        if row["verdict"] == UNSEEN:
+            unseen.append(words.effect_name(row["effect"]))
+        else:
+            _card(bench, row)
+    if unseen:
+        ui.html(f"<p>Not visible in this recording: {escape(', '.join(unseen))}.</p>", sanitize=False)
+
+
+def _card(bench: Bench, row: dict[str, Any]) -> None:
+    """Make the card of one finding."""
+    session = bench.session
+    live = session.live
+    assert live is not None
+    about = Context(session.rung.steps[-1].vehicle, live.record.dt)
+    told, sentence = words.verdict(row)
+    if row["verdict"] in diagnosis.TITLES:
+        told, sentence = diagnosis.title(row, about), diagnosis.said(row, about) or sentence
+    sure, facts = diagnosis.sureness(row), diagnosis.facts(row)
+    lines = [f"<div class='title'>{escape(told)}</div>"]
+    lines += [f"<div class='sure'>{escape(sure)}</div>"] if sure else []
+    lines += [f"<div>{escape(sentence)}</div>"] if sentence else []
+    lines += [f"<div class='facts'>{escape(facts)}</div>"] if facts else []
+    if row["advice"] and row["verdict"] not in ADDED:
+        lines.append(f"<div class='advice'>{escape(row['advice'])}</div>")
+    with ui.element("div").classes(f"card {row['verdict']}"):
+        ui.html("".join(lines), sanitize=False)
+        if row["verdict"] not in WITH_VALUES or not row["parameters"]:
+            return
+        effect, place = row["effect"], f"force-{row['rank']}"
+        with ui.element("div").classes("row"):
+            ui.button("Add", on_click=lambda: bench.add(effect)).props("outline dense no-caps").mark(
+                f"add-{effect}"
+            ).set_enabled(not bench.busy)
+            if CATALOGUE[effect].kind != "sensor":
+
+                async def draw() -> None:
+                    try:
+                        vehicle = _with(session.rung.vehicle, row)
+                    except HydroError as error:
+                        bench.say(str(error))
+                        return
+                    await bench.show_force(effect, vehicle, place)
+
+                ui.button("Show its force", on_click=draw).props("flat dense no-caps")
+        ui.html(f"<div id='{place}'></div>", sanitize=False)
+
+
+def _with(vehicle: Vehicle, row: dict[str, Any]) -> Vehicle:
+    """Return a vehicle with one finding."""
+    import polars as pl
+
+    return extended(vehicle, tables(pl.DataFrame([row]), [row["effect"]]))

@@ -1,0 +1,99 @@
+"""Panel of step 4: switches for the effects, sliders for their numbers, and the fit."""
+
+from __future__ import annotations
+
+from html import escape
+
+from nicegui import ui
+
+from hydro.app.bench import Bench
+from hydro.app.parameters import Slider
+from hydro.core.effects import CATALOGUE
+from hydro.report import words
+
+MOST_OPEN = 4
+"""Maximum number of effects whose numbers are shown at once; the oldest closes."""
+
+
+def show(bench: Bench) -> None:
+    """Make the panel."""
+    session = bench.session
+    ui.html("<h2>Add effects and tune their numbers</h2>", sanitize=False)
+    if session.live is None:
+        ui.html("<p>Open a recording first.</p>", sanitize=False)
+        return
+    with ui.element("div").classes("row"):
+        ui.button("Fit the ticked", on_click=bench.fit).props("unelevated dense no-caps color=primary").mark(
+            "fit"
+        ).set_enabled(not bench.busy)
+        if session.diagnosed:
+            ui.button("Add the best finding", on_click=lambda: bench.add("best")).props(
+                "outline dense no-caps"
+            ).set_enabled(not session.over and not bench.busy)
+    if bench.problem:
+        ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)
+    ui.html("<p>A click on a name shows its numbers. Ticked numbers are fitted.</p>", sanitize=False)
+    present = [name for name, on in session.switches() if on]
+    absent = [name for name, on in session.switches() if not on]
+    ui.html("<h3>Effects of the vehicle</h3>", sanitize=False)
+    ui.html("".join(_effect(bench, name, on=True) for name in present), sanitize=False)
+    ui.html("<h3>Other effects of the catalogue</h3>", sanitize=False)
+    ui.html("".join(_effect(bench, name, on=False) for name in absent), sanitize=False)
+
+
+def toggle(bench: Bench, effect: str) -> None:
+    """Show or hide the numbers of an effect."""
+    shown = opened(bench)
+    if effect in shown:
+        shown.remove(effect)
+    else:
+        shown.append(effect)
+    del shown[:-MOST_OPEN]
+
+
+def opened(bench: Bench) -> list[str]:
+    """Return the effects whose numbers are shown; at first one that changes the forces."""
+    if bench.unfolded is None:
+        own = [str(one["name"]) for one in bench.session.present.effect]
+        bench.unfolded = [one for one in own if CATALOGUE[one].kind != "inertia"][:1]
+    return bench.unfolded
+
+
+def _effect(bench: Bench, name: str, *, on: bool) -> str:
+    """Return an effect with its switch, and its numbers if they are shown."""
+    record = CATALOGUE[name]
+    remark = " (random: not in predictions)" if record.is_random else ""
+    head = (
+        f"<div class='head'><input type='checkbox' data-switch='{escape(name)}' {'checked' if on else ''} "
+        f"aria-label='switch {escape(name)}'>"
+        f"<span class='name {'on' if on else ''}' data-do='open_effect' data-with='{escape(name)}' "
+        f"title='{escape(record.definition, quote=True)}'>"
+        f"{escape(words.effect_name(name))}{remark}</span></div>"
+    )
+    if not on or name not in opened(bench):
+        return f"<div class='effect'>{head}</div>"
+    rows, seen = [], set[str]()
+    for one in bench.offered(name):
+        rows.append(_number(bench, one, first=one.parameter not in seen))
+        seen.add(one.parameter)
+    return f"<div class='effect'>{head}{''.join(rows)}</div>"
+
+
+def _number(bench: Bench, one: Slider, *, first: bool) -> str:
+    """Return the row of one number: tick of its parameter, slider, field and unit."""
+    key, parameter = escape(one.key, quote=True), escape(f"{one.effect}.{one.parameter}", quote=True)
+    ticked = "checked" if f"{one.effect}.{one.parameter}" in bench.session.ticked else ""
+    tick = (
+        f"<input type='checkbox' data-tick='{parameter}' {ticked} title='fit {parameter}'>" if first else ""
+    )
+    if one.known:
+        tick = "<span title='known: no fit changes it'>=</span>"
+    ends = f"{one.low:.4g} to {one.high:.4g} {escape(one.unit)}"
+    return (
+        f"<div class='number'><span>{tick}</span><span class='label' title='{key}'>{escape(one.label)}</span>"
+        f"<input type='range' data-slide='{key}' min='{one.low:.9g}' max='{one.high:.9g}' step='any' "
+        f"value='{one.value:.9g}' title='{ends}' aria-label='{key}'>"
+        f"<input type='number' data-number='{key}' step='{one.step:.9g}' value='{one.value:.5g}' "
+        f"aria-label='{key}'>"
+        f"<span class='unit'>{escape(one.unit)}</span></div>"
+    )

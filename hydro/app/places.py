@@ -1,0 +1,112 @@
+"""Folders that the workbench may read and write, and names of uploaded files."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hydro.core.errors import DataError, shown
+
+LOGS = (".mcap", ".bag", ".db3", ".bin", ".tlog", ".ulg", ".csv", ".parquet", ".npz", ".mat")
+"""Endings of recordings that the page offers to open, in lower case."""
+LONGEST_NAME = 120
+"""Maximum length of the name of an uploaded or saved file [characters]: below the limits of file systems."""
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. ()+-]*")
+"""Pattern of such a name: no separator of folders, no control character, no leading dot."""
+MOST_LISTED = 200
+"""Maximum number of files that the page lists, so that a large folder does not block it."""
+SKIPPED = frozenset({"node_modules", "__pycache__"})
+"""Folders that are not searched for recordings."""
+DEPTH = 2
+"""Depth of folders that are searched for recordings and vehicle files."""
+
+
+def safe_name(name: str) -> str:
+    """Return a plain file name.
+
+    Raises:
+        DataError: The name has a folder in it, starts with a dot, is too long, or has other characters.
+    """
+    if len(name) > LONGEST_NAME or not NAME.fullmatch(name):
+        raise DataError(
+            f"file name {shown(name[:LONGEST_NAME])}: use letters, digits, spaces and . _ - + ( ), "
+            f"at most {LONGEST_NAME}, without a folder"
+        )
+    return name
+
+
+@dataclass(frozen=True)
+class Places:
+    """Folders of the command line, files that it named, and a private folder for uploads.
+
+    Attributes:
+        folders: Folders that are listed, read and written; the first is the default for saving.
+        files: Further files that may be read.
+        uploads: Private folder for uploads; `close` removes it.
+    """
+
+    folders: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
+    uploads: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="hydro-app-")))
+
+    @classmethod
+    def of(cls, folders: Iterable[str | Path], files: Iterable[str | Path] = ()) -> Places:
+        """Resolve folders and files; links are followed now, so that changing a link later has no effect."""
+        return cls(tuple(Path(one).resolve() for one in folders), tuple(Path(one).resolve() for one in files))
+
+    def close(self) -> None:
+        """Remove the uploads."""
+        shutil.rmtree(self.uploads, ignore_errors=True)
+
+    def readable(self, path: str | Path) -> Path:
+        """Return a path that may be read, with all links followed.
+
+        Raises:
+            DataError: It is outside the folders and is not a file of the command line.
+        """
+        found = Path(path).resolve()
+        inside = any(found.is_relative_to(one) for one in (*self.folders, self.uploads.resolve()))
+        if not inside and found not in self.files:
+            raise self._outside(path)
+        return found
+
+    def writable(self, path: str | Path) -> Path:
+        """Return a path that may be written, with all links followed.
+
+        Raises:
+            DataError: It is outside the folders.
+        """
+        found = Path(path).resolve()
+        if not any(found.is_relative_to(one) for one in self.folders):
+            raise self._outside(path)
+        return found
+
+    def listed(self, endings: Sequence[str]) -> list[Path]:
+        """Return files with some endings in the folders and below, sorted."""
+        found = list[Path]()
+        for folder in self.folders:
+            self._list(folder, DEPTH, tuple(endings), found)
+        return found[:MOST_LISTED]
+
+    def _list(self, folder: Path, depth: int, endings: tuple[str, ...], found: list[Path]) -> None:
+        """Append files of a folder, and of its folders down to a depth."""
+        try:
+            inside = sorted(folder.iterdir())
+        except OSError:
+            return
+        for one in inside:
+            if one.name.startswith(".") or one.is_symlink() or len(found) >= MOST_LISTED:
+                continue
+            if one.is_dir() and depth > 0 and one.name not in SKIPPED:
+                self._list(one, depth - 1, endings, found)
+            elif one.suffix.lower() in endings and one.is_file():
+                found.append(one)
+
+    def _outside(self, path: str | Path) -> DataError:
+        """Return the error for a path outside the folders."""
+        named = ", ".join(map(str, self.folders))
+        return DataError(f"{shown(str(path))}: outside {named}; add its folder with --folder")

@@ -1,0 +1,119 @@
+"""Worker process for long work, with progress and cancelling.
+
+Work of minutes runs in a process of its own, so that the page stays responsive.  Cancelling ends the process;
+the next work starts another one.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+from hydro.core.errors import DataError, HydroError
+
+Report = Callable[[str, Any], None]
+"""Called with the kind of a message, `progress` or `provisional`, and its content."""
+PATIENCE = 5.0
+"""Time that a cancelled process has to end before it is killed [s]."""
+
+
+class Cancelled(HydroError):
+    """Error of work that was cancelled."""
+
+
+class Worker:
+    """A process that runs one function at a time."""
+
+    def __init__(self) -> None:
+        """Start no process yet."""
+        self._lock, self._ends = threading.Lock(), threading.Lock()
+        self._process: Any = None
+        self._pipe: Connection | None = None
+        self._cancelled = False
+
+    def run(self, work: Callable[..., Any], *arguments: Any, report: Report | None = None) -> Any:
+        """Run a function of a module in the process, and wait for its result.
+
+        Args:
+            work: The function; it gets a `Report` after the arguments.
+            arguments: Arguments, which are copied to the process.
+            report: Called in this thread with each message of the function.
+
+        Raises:
+            Cancelled: `cancel` was called.
+            DataError: The function raised an error of the data, or the process ended on its own.
+        """
+        with self._lock:
+            self._cancelled = False
+            pipe = self._started()
+            try:
+                pipe.send((work, arguments))
+                while True:
+                    kind, content = pipe.recv()
+                    if kind == "done":
+                        return content
+                    if kind == "failed":
+                        raise content
+                    if report is not None:
+                        report(kind, content)
+            except (EOFError, OSError) as error:
+                self._end()
+                if self._cancelled:
+                    raise Cancelled("cancelled") from None
+                raise DataError(
+                    "the worker process ended; there may not be enough memory: try a shorter recording"
+                ) from error
+
+    def cancel(self) -> None:
+        """End the process and the work in it."""
+        self._cancelled = True
+        self._end()
+
+    def close(self) -> None:
+        """End the process."""
+        self._end()
+
+    def _started(self) -> Connection:
+        with self._ends:
+            if self._pipe is None:
+                context = multiprocessing.get_context("spawn")
+                self._pipe, other = context.Pipe()
+                self._process = context.Process(target=serve, args=(other,), daemon=True)
+                self._process.start()
+                other.close()
+            return self._pipe
+
+    def _end(self) -> None:
+        with self._ends:
+            process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
+        if process is not None:
+            process.terminate()
+            process.join(PATIENCE)
+            if process.is_alive():
+                process.kill()
+        if pipe is not None:
+            pipe.close()
+
+
+def serve(pipe: Connection) -> None:
+    """Run functions as they come through a pipe, until its other end closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
+    while True:
+        try:
+            work, arguments = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer = ("done", work(*arguments, lambda kind, content: pipe.send((kind, content))))
+        except HydroError as error:
+            answer = ("failed", error)
+        except MemoryError:
+            answer = ("failed", DataError("not enough memory: use a shorter recording"))
+        except Exception as error:
+            told = " ".join(str(error).split())
+            answer = ("failed", DataError(f"{type(error).__name__}: {told}; this is a bug: please report it"))
+        pipe.send(answer)

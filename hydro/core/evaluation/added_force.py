@@ -1,0 +1,36 @@
+"""Force by which two vehicle files differ along a recorded motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.effects.layout import MASS_MATRIX
+from hydro.core.effects.program import constants_of
+from hydro.core.prediction.candidate import accelerations, candidate
+from hydro.core.recording.arrays import Recording
+from hydro.core.vehicle.description import Vehicle
+
+
+def added_force(vehicle: Vehicle, without: Vehicle, record: Recording, eta: Array, nu: Array) -> Array:
+    """Return M times the difference of the accelerations of two vehicles, (N, 6) [N, N m].
+
+    M is the inertia of `vehicle`.  For an effect that adds a wrench, the result is this wrench; for one that
+    changes the inertia, it is the wrench that would change the motion as much.
+
+    Args:
+        vehicle: Vehicle file with an effect.
+        without: The same file without it.
+        record: Recording.
+        eta: Smoothed pose of the recording, (N, 6).
+        nu: Smoothed velocity, (N, 6).
+
+    Raises:
+        DataError: A file is not valid in the catalogue.
+    """
+    model = candidate(vehicle)
+    with_it = accelerations(model, record, eta, nu)
+    difference = with_it - accelerations(candidate(without), record, eta, nu)
+    mass = constants_of(model.program.flat)[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)
+    force: Array = np.asarray(difference @ mass.T)
+    return force

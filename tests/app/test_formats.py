@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hydro.app import opening
+from hydro.app.live import Live
+from hydro.app.opening import Craft
+from hydro.app.panel_load import is_map, is_vehicle
+from hydro.core.errors import DataError
+
+LOGS = {
+    "dive/ros2.db3": "mavros",
+    "dive/ros2.mcap": "mavros",
+    "dive/cut.tlog": "telemetry",
+    "dive/cut.npz": "arrays",
+    "dive/cut.mat": "arrays",
+}
+
+
+def quiet(words: str, share: float) -> None:
+    """Ignore progress."""
+
+
+@pytest.fixture(scope="module")
+def heavy(datasets: Path) -> Craft:
+    return Craft.read(datasets / "vehicles" / "bluerov2_heavy.toml")
+
+
+LONG = {"dive/dive.bag": "mavros", "dive/dive.bin": "dataflash"}
+"""Logs of two minutes, which take 3 s of processor time each."""
+
+
+@pytest.mark.parametrize("log", [*LOGS, *(pytest.param(one, marks=pytest.mark.slow) for one in LONG)])
+def test_each_bundled_format_opens_with_its_map(log: str, datasets: Path, heavy: Craft) -> None:
+    pytest.importorskip("rosbags")
+    path, map_ = str(datasets / log), str(datasets / "dive" / f"{(LOGS | LONG)[log]}.toml")
+    assert not opening.is_table([path])
+    opened = opening.open_recording([path], map_, heavy, quiet)
+    assert any("rows at" in line for line in opened.lines)
+    assert 0.0 < Live(opened).errors(heavy.vehicle, 1.0).all < 1.0
+
+
+def test_a_map_is_proposed_edited_and_written(datasets: Path, tmp_path: Path) -> None:
+    log = [str(datasets / "logs" / "example.csv")]
+    found = opening.propose_map(log, {}, None, quiet)
+    assert found.missing == ()
+    assert "unit" in opening.settings("velocity", found.blocks["velocity"])
+    without = opening.edited(found, "rates", "none")
+    changed = opening.correct_map(log, found, without, quiet)
+    assert changed.lines["rates"] == "none"
+    written = opening.write_map(changed, log, tmp_path / "map.toml")
+    assert is_map(written)
+    assert not is_vehicle(written)
+    vehicle = Craft.read(datasets / "logs" / "rov.toml")
+    opened = opening.open_recording(log, written, vehicle, quiet)
+    assert opened.source.frame["p"].null_count() == opened.source.frame.height
+    with pytest.raises(DataError, match="commands"):
+        opening.write_map(
+            opening.correct_map(log, found, opening.edited(found, "commands", "none"), quiet),
+            log,
+            tmp_path / "x",
+        )

@@ -1,0 +1,185 @@
+"""The page in a browser: the sample from the log to the saved file, and what goes wrong on the way."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import CHROMIUM, Page, page
+
+from hydro.app.desk import Desk
+from hydro.app.opening import Craft, presets
+from hydro.app.places import Places
+from hydro.app.server import application, bound
+from hydro.app.worker import Report, Worker
+from hydro.core.explanation.explain import explain
+from hydro.io import covariance
+from hydro.io import vehicle as vehicles
+from hydro.io.study import Study
+from hydro.io.table import Artefact
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+ERROR = "document.getElementById('error').textContent"
+RUNGS = "[...document.querySelectorAll('.rung')].map(one => one.querySelector('.name').textContent)"
+DRAWN = "Number(document.body.dataset.drawn || 0)"
+
+
+class InThread(Worker):
+    """Worker without a process of its own, so that the tests share compiled kernels."""
+
+    def run(self, work: Any, *arguments: Any, report: Report | None = None) -> Any:
+        return work(*arguments, report or (lambda kind, content: None))
+
+
+@pytest.fixture(scope="module")
+def desk(folder: Path) -> Desk:
+    places = Places.of([folder])
+    return Desk(
+        places, str(folder / "vehicle.toml"), [str(folder / "short.parquet")], "", 10**6, worker=InThread
+    )
+
+
+@pytest.fixture(scope="module")
+def link(desk: Desk) -> Iterator[str]:
+    import uvicorn
+
+    address, listening = bound("127.0.0.1", 0, None)
+    guarded = application(desk, address)
+    server = uvicorn.Server(uvicorn.Config(guarded, log_level="error", ws="websockets-sansio"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive()
+        time.sleep(0.02)
+    yield address.link
+    server.should_exit = True
+    thread.join(20.0)
+    desk.close()
+
+
+@pytest.fixture(scope="module")
+def tab(link: str) -> Iterator[Page]:
+    with page() as opened:
+        opened.seconds = 90.0
+        opened.screen(1280, 800)
+        opened.visit(link, "document.querySelector('.bench') !== null")
+        opened.wait(f"{DRAWN} >= 2")
+        yield opened
+
+
+def click(tab: Page, words: str) -> None:
+    """Click the first button of the panel with these words."""
+    found = f"[...document.querySelectorAll('.panel button')].find(one => one.innerText.trim() === '{words}')"
+    tab.wait(f"{found} !== undefined && !{found}.disabled")
+    tab.run(f"{found}.click()")
+
+
+def says(tab: Page, words: str) -> None:
+    """Wait until the panel has these words."""
+    tab.wait(f"document.querySelector('.panel').textContent.includes({json.dumps(words)})")
+
+
+def warned(tab: Page, words: str) -> None:
+    """Wait until the panel has a warning of one line with these words."""
+    tab.wait(f"document.querySelector('.said.warning')?.textContent.includes({json.dumps(words)}) ?? false")
+    assert "\n" not in tab.run("document.querySelector('.said.warning').textContent")
+
+
+def upload(tab: Page, name: str, text: str) -> None:
+    tab.run(f"workbench.upload([new File([{json.dumps(text)}], {json.dumps(name)})])")
+
+
+def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
+    tab: Page, desk: Desk, folder: Path, craft: Craft, short: Artefact
+) -> None:
+    says(tab, "800 rows at 25 Hz in 2 sessions")
+    assert "token" not in tab.run("location.href")
+    given = float(tab.run(ERROR))
+
+    tab.press("2")
+    says(tab, "Error over 6 predictions")
+    tab.run("document.querySelector('.place').click()")
+    tab.wait("workbench.state().cursor > 0 || workbench.state().window[0] > 0")
+    before = tab.run("workbench.state().cursor")
+    tab.press("ArrowRight")
+    assert tab.run("workbench.state().cursor") == pytest.approx(before + 1.0)
+    tab.press(" ")
+    tab.wait(f"workbench.state().cursor > {before + 1.05}")
+    tab.press(" ")
+    assert tab.run("workbench.state().playing") is False
+
+    tab.press("3")
+    click(tab, "Diagnose")
+    tab.wait("document.querySelector('.card') !== null")
+    session = next(iter(desk.tabs.values())).session
+    effect = session.findings[0]["effect"]
+    click(tab, "Add")
+    tab.wait(f"{RUNGS}.length === 2")
+    assert float(tab.run(ERROR)) < given
+
+    tab.press("4")
+    tab.wait("document.querySelector('input[data-slide]') !== null")
+    drawn, here = tab.run(DRAWN), tab.run(ERROR)
+    slide = "var one = document.querySelector('input[data-slide]'); one.value = one.max;"
+    tab.run(f"{slide} one.dispatchEvent(new Event('input', {{bubbles: true}}))")
+    tab.wait(f"{DRAWN} > {drawn} && {ERROR} !== '{here}'")
+    assert len(tab.run(RUNGS)) == 2
+    tab.run(f"{slide} one.dispatchEvent(new Event('change', {{bubbles: true}}))")
+    tab.wait(f"{RUNGS}.length === 3")
+    tab.press("z", modifiers=2)
+    tab.wait(f"{ERROR} === '{here}'")
+
+    tab.press("5")
+    says(tab, f"hydro explain {folder}/vehicle.toml {folder}/short.parquet --add {effect} -o study-1")
+    click(tab, "Save")
+    says(tab, f"saved {folder}/vehicle-new.toml")
+    click(tab, "Save with report")
+    says(tab, f"saved {folder}/study, {folder}/study.html")
+    assert tab.complaints == []
+    assert [
+        one
+        for one in tab.requests
+        if not one.startswith(("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:"))
+    ] == []
+
+    told = {"add": [effect]}
+    study = Study(folder / "study", craft.text, short, None, (), told)
+    done = study.done()
+    assert len(done) == 2
+    assert study.has_ended(done)
+    last = list(explain(craft.vehicle, short.frame, done=session.rung.steps[:1], wanted=[effect]))[-1]
+    saved, text = vehicles.read(folder / "vehicle-new.toml")
+    assert text == (folder / "study" / "vehicle-1.toml").read_text()
+    for table in last.tables:
+        written = saved.effects(table["name"])[0]
+        for key, value in table.items():
+            if key not in ("name", "standard_error") and value is not None:
+                assert written[key] == pytest.approx(value, rel=1e-6)
+    estimates, warning = covariance.read(folder / "vehicle-new.toml", saved)
+    assert warning == ""
+    assert len(estimates.entries) == len(last.estimates.entries)
+
+
+def test_a_wrong_vehicle_and_a_bad_log_show_a_line_and_the_page_lives(tab: Page, folder: Path) -> None:
+    rungs = tab.run(RUNGS)
+    tab.press("1")
+    upload(tab, "fewer.toml", Path(presets()["remus100"]).read_text())
+    says(tab, "fewer.toml")
+    click(tab, "Open")
+    warned(tab, "thrusters")
+    upload(tab, "broken.mcap", "no log")
+    says(tab, "broken.mcap")
+    click(tab, "Open")
+    warned(tab, "broken.mcap")
+    upload(tab, "..%2Fetc.csv", "t")
+    tab.wait("document.body.innerText.includes('file name')")
+    assert tab.run(RUNGS) == rungs
+    tab.visit(tab.run("location.href"), f"window.workbench !== undefined && {DRAWN} === 1")
+    assert tab.run(RUNGS) == rungs
+    tab.press("2")
+    says(tab, "Error over")
