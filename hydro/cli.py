@@ -63,8 +63,7 @@ SECTIONS: dict[str, tuple[ModuleType, ...]] = {
     "Compare and diagnose": (explain, diagnose, compare, fit, report),
     "Data": (imports, files, partition, collect, companion),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),
-    "Residual networks": (data, models, replay, study),
-    "Policies (imitation and reinforcement learning)": (rl,),
+    "Networks and policies": (data, models, replay, study, rl),
 }
 """Modules of commands by section of `hydro --help`.  `COMMANDS` of a module has its functions, each with an
 example that runs.  A module with `NAME` and `HELP` is a group of commands under one name."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from hydro.app.opening import Opened
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.transfer import Squares, squares_ahead
 from hydro.core.errors import DataError
 from hydro.core.evaluation.replay_error import HORIZONS
+from hydro.core.evaluation.velocity_errors import Squares, squares_ahead
 from hydro.core.evaluation.window import Windows
 from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.shots import Shots, kept_evenly

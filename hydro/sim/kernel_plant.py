@@ -162,7 +162,8 @@ def fly_kernel(
     rotors, due = np.zeros((3, thrusters)), np.zeros(2)
     buffers = Room(np.empty(room[0], np.float32), np.empty(room[1]))
     tables = Tables(control.block, control.gains, control.program, control.weights)
-    for k in np.flatnonzero(mask):
+    for each in np.flatnonzero(mask):
+        k = int(each)
         row = crafts.kind[k]
         program, table = crafts.programs[row], crafts.tables[row]
         s[:] = 0.0

@@ -30,8 +30,9 @@ from hydro.rl.tasks.point_to_point import PointToPoint
 from hydro.rl.tasks.registry import task_of
 from hydro.rl.tasks.task import Ends, Scene, Task, generator
 from hydro.rl.world.config import Randomisation, Settings
+from hydro.sim.craft import STEP
 from hydro.sim.gpu import memory
-from hydro.sim.gpu.plant import STEP, GpuPlant
+from hydro.sim.gpu.plant import GpuPlant
 
 POOL = 16_384
 """Greatest number of scenes drawn in advance."""

@@ -47,7 +47,7 @@ def changed(config: T, choices: Mapping[str, str]) -> T:
         meant = near or get_close_matches(unknown[0], known) or list(known)
         raise UsageError(f"no choice is called {unknown[0]!r}: choose one of {', '.join(meant)}")
     try:
-        return built(type(config), known | choices)
+        return built(type(config), known | dict(choices))
     except (msgspec.MsgspecError, RecursionError) as error:
         names = ", ".join(f"{name}={value}" for name, value in choices.items())
         raise UsageError(f"{names}: not a value for this choice ({error})") from error
