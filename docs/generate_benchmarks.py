@@ -15,7 +15,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 PAGES = (
     "apart", "benchmarks", "challenge", "engines", "export", "gpu", "imperfect", "import-figures", "mpc",
-    "rl-figures", "stonefish",
+    "rl-figures", "stonefish", "workbench-figures",
 )  # fmt: skip
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
