@@ -274,7 +274,7 @@ class Training:
         if self.curves and self.curves[-1]["steps"] == self.steps:
             self.curves.pop()
         task, level = self.curriculum.level
-        losses = np.mean(self._losses, axis=0).tolist() if self._losses else [None] * len(Losses._fields)
+        losses = _means(self._losses) if self._losses else [None] * len(Losses._fields)
         self.curves.append(
             {
                 "steps": self.steps,
@@ -336,6 +336,15 @@ _COUNTS = (
     "_evaluated",
 )  # fmt: skip
 _NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
+
+
+def _means(losses: list[list[float]]) -> list[float]:
+    """Return the mean of every loss over the updates that computed it; NaN if none did."""
+    rows = np.array(losses)
+    computed = ~np.isnan(rows)
+    counts = computed.sum(axis=0)
+    sums = np.where(computed, rows, 0.0).sum(axis=0)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).tolist()
 
 
 def _finite(number: float | None) -> float | None:
