@@ -56,10 +56,10 @@ LEVELS = {
         ("errors", "nesting", "progress"),
     ),
     "hydro.sim": (
-        ("film", "gpu", "replay", "stonefish", "teacher_plant"),
+        ("film", "gpu", "kernel_plant", "replay", "stonefish", "teacher_plant"),
         ("flight",),
         ("plant", "scene", "single", "teacher"),
-        ("student",),
+        ("craft", "student"),
         ("bridge",),
         ("residual",),
     ),

@@ -35,8 +35,8 @@ Flown = Annotated[
     ),
 ]
 In = Annotated[
-    Literal["student", "teacher", "stonefish"],
-    typer.Option("--in", help="Simulator."),
+    Literal["kernels", "student", "teacher", "stonefish"],
+    typer.Option("--in", help="Simulator; student is MuJoCo."),
 ]
 TaskName = Annotated[
     str | None,

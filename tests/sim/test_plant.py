@@ -1,4 +1,4 @@
-"""Plants: MuJoCo model and reference simulator by control steps, compared with continuous simulation."""
+"""Plants: MuJoCo, kernels and reference simulator by control steps, against continuous simulation."""
 
 import msgspec
 import numpy as np
@@ -7,6 +7,7 @@ import pytest
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler, rotation
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
+from hydro.sim.kernel_plant import KernelPlant
 from hydro.sim.plant import StudentPlant
 from hydro.sim.student import Student
 from hydro.sim.teacher import fly, teacher
@@ -81,7 +82,7 @@ def test_time_goes_on_from_step_to_step_and_begins_anew_with_a_reset():
     np.testing.assert_allclose(plant.velocity, motion[[20, 10], 6:], atol=1e-9)
 
 
-@pytest.mark.parametrize("make", [StudentPlant, TeacherPlant])
+@pytest.mark.parametrize("make", [StudentPlant, KernelPlant, TeacherPlant])
 def test_specific_force_is_acceleration_without_gravity(make):
     plant = make(craft(), period=0.002)
     plant.reset(ALL, pose(ETA), NU[None])
@@ -98,7 +99,7 @@ def test_specific_force_is_acceleration_without_gravity(make):
         np.testing.assert_allclose(felt[k], wanted, atol=0.02)
 
 
-@pytest.mark.parametrize("make", [StudentPlant, TeacherPlant])
+@pytest.mark.parametrize("make", [StudentPlant, KernelPlant, TeacherPlant])
 def test_a_reset_of_some_leaves_the_others_alone(make):
     one, two = make(craft(), count=2), make(craft(), count=2)
     both, held = np.ones(2, dtype=bool), commands(12).reshape(6, 2, 8)
@@ -115,7 +116,7 @@ def test_a_reset_of_some_leaves_the_others_alone(make):
     assert (one.velocity[0] != two.velocity[0]).any()
 
 
-@pytest.mark.parametrize("make", [StudentPlant, TeacherPlant])
+@pytest.mark.parametrize("make", [StudentPlant, KernelPlant, TeacherPlant])
 def test_a_snapshot_brings_everything_back(make):
     plant, held = make(craft(), count=2), commands(20).reshape(10, 2, 8)
     plant.reset(np.ones(2, dtype=bool), np.repeat(pose(ETA), 2, axis=0), np.repeat(NU[None], 2, axis=0))
@@ -153,7 +154,7 @@ def test_a_teacher_beyond_all_numbers_is_told():
     assert not plant.diverged[0]
 
 
-@pytest.mark.parametrize("kind", [StudentPlant, TeacherPlant])
+@pytest.mark.parametrize("kind", [StudentPlant, KernelPlant, TeacherPlant])
 def test_who_rests_stays_and_changes_nothing_for_the_others(kind):
     first, all_, held = pose(ETA).repeat(3, axis=0), np.ones(3, dtype=bool), commands(3)
     plants = [kind(craft(), count=3) for _ in range(2)]

@@ -18,7 +18,8 @@ from hydro.io.vehicle import vehicle_hash
 from hydro.rl.environment.wrench import WrenchSettings
 from hydro.rl.world.config import Settings
 from hydro.sim.bridge.water import Water, dry, residual, wet
-from hydro.sim.plant import StudentPlant
+from hydro.sim.kernel_plant import KernelPlant
+from hydro.sim.plant import Plant, StudentPlant
 from hydro.sim.residual.beside import beside
 from hydro.sim.residual.control import Control
 
@@ -141,20 +142,25 @@ def plant(
     *,
     threads: int = 1,
     folder: Path | None = None,
-) -> StudentPlant:
-    """Make MuJoCo models (students) under a condition; see `water`.
+) -> Plant:
+    """Make vehicles under a condition, in the engine of the settings; see `water`.
 
     Args:
         condition: The condition.
         vehicle: The vehicle file.
-        settings: Physics and control step.
+        settings: Engine, its integration step, and control step.
         count: Number of vehicles.
         threads: Number of threads.
-        folder: Folder of the vehicle file.
+        folder: Folder of the vehicle file, for hull meshes of MuJoCo.
     """
+    water = waters(condition, vehicle, settings.period)
+    if settings.engine == "kernels":
+        return KernelPlant(
+            vehicle, water, count=count, period=settings.period, timestep=settings.step, threads=threads
+        )
     return StudentPlant(
         vehicle,
-        waters(condition, vehicle, settings.period),
+        water,
         count=count,
         physics=settings.physics,
         period=settings.period,

@@ -1,8 +1,8 @@
-"""Fleets of a training: in the MuJoCo model (student), the reference simulator (teacher) or Stonefish."""
+"""Fleets of a training in kernels, MuJoCo (student), the reference simulator (teacher) or Stonefish."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -15,12 +15,19 @@ from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.trials import Trial
-from hydro.rl.world.config import Settings
+from hydro.rl.world.config import Engine, Settings
 from hydro.sim.plant import Plant
 from hydro.sim.stonefish.plant import StonefishPlant
 from hydro.sim.teacher_plant import TeacherPlant
 
-Simulator = Literal["student", "teacher", "stonefish"]
+Simulator = Literal["kernels", "student", "teacher", "stonefish"]
+"""Simulator of a flight, as in the column `plant` of evaluations.
+
+The first two are the engines of the environment: this project's own kernels, and the MuJoCo model.
+"""
+ENGINES: dict[Simulator, Engine] = {"kernels": "kernels", "student": "mujoco"}
+PLANTS: dict[Engine, Simulator] = {engine: name for name, engine in ENGINES.items()}
+"""Name of each engine in the column `plant`."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,6 @@ class Builder:
     """Factory of the fleets of a training and of its evaluations.
 
     Attributes:
-        config: Condition, settings and threads.
         config: Condition, settings and threads.
         vehicle: Vehicle file, which allocates actions to thrusters.
         model: Residual model, if the condition has one.
@@ -45,9 +51,15 @@ class Builder:
     truth: Vehicle | None = None
 
     def __call__(
-        self, count: int, seed: int, simulator: Simulator = "student", trial: Trial | None = None
+        self, count: int, seed: int, simulator: Simulator | None = None, trial: Trial | None = None
     ) -> Fleet:
         """Build a fleet of `count` vehicles with the tasks of a seed, for training or for a trial.
+
+        Args:
+            count: Number of vehicles.
+            seed: Seed of tasks and noise.
+            simulator: Simulator; by default the engine of the training.
+            trial: Test setting; by default the settings of the training.
 
         Raises:
             DataError: The vehicle cannot be simulated.
@@ -63,7 +75,7 @@ class Builder:
             )
         return Fleet(
             settings,
-            self._plant(settings, count, simulator),
+            self._plant(settings, count, simulator or PLANTS[settings.engine]),
             seed,
             Guidance(settings, count),
             believed=self.vehicle,
@@ -79,4 +91,5 @@ class Builder:
         condition = conditions.Condition(
             config.condition, self.model, config.conditioning, config.wrench
         )
+        settings = replace(settings, engine=ENGINES[simulator])
         return conditions.plant(condition, flown, settings, count, threads=config.threads, folder=self.folder)

@@ -45,6 +45,20 @@ STAGE = "rl train"
 AGAIN = "perhaps an earlier version wrote it: train again with `hydro rl train`"
 RENAMED = {"ladder": "curriculum"}
 """Groups of settings that version 0.1 called otherwise, with their present names."""
+ADDED = {
+    "recipe": '""',
+    "settings.engine": '"mujoco"',
+    "settings.step": "0.01",
+    "wrench.lead": "0.5",
+    "wrench.ratio": "1000000.0",
+    "wrench.beta": "null",
+    "wrench.clip": "null",
+    "wrench.deadband": "null",
+    "curriculum.row": "[]",
+    "sac.delay": "1",
+    "sac.correlation": "0.0",
+}
+"""Settings that earlier versions lacked, with the JSON values that describe how those versions behaved."""
 
 
 def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact | None) -> Artefact:
@@ -60,7 +74,7 @@ def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact |
     inputs = [one for one in sources if one is not None]
     return table.make(
         "run", frame, stage=STAGE, seed=config.seed, inputs=inputs, vehicle_text=vehicle_text,
-        parameters={"condition": config.condition},
+        parameters={"recipe": config.recipe, "condition": config.condition, "engine": config.settings.engine},
     )  # fmt: skip
 
 
@@ -71,6 +85,7 @@ def config_of(run: Artefact) -> TrainingConfig:
         DataError: Another version with other settings wrote the table.
     """
     choices = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
+    choices = ADDED | choices
     if strange := sorted(choices.keys() ^ _choices(TrainingConfig()).keys()):
         # A missing setting must not take its default: the version without it behaved otherwise.
         raise DataError(
@@ -188,8 +203,9 @@ class Folder:
         old, new = config_of(before), config_of(run)
         longer = replace(old, steps=new.steps, curriculum=new.curriculum)
         if longer != new or before.provenance.inputs != run.provenance.inputs:
-            changed = before.frame.join(run.frame, on="name").filter(pl.col("value") != pl.col("value_right"))
-            names = ", ".join(n for n in changed["name"] if n != "steps" and not n.startswith("curriculum."))
+            now = _choices(new)
+            changed = [name for name, value in _choices(longer).items() if value != now[name]]
+            names = ", ".join(changed)
             raise DataError(
                 f"{self.path}: holds a training with other {names or 'inputs'}: give another folder, or the "
                 "same choices to continue"

@@ -18,6 +18,7 @@ from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.interfaces import Step
 from hydro.rl.environment.observation import encoding
+from hydro.rl.training.build import PLANTS
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
 from hydro.rl.training.demonstrations import Disturbed, corrections, demonstrations, own_actions
@@ -253,7 +254,13 @@ class Training:
         """
         task, number = level or self.curriculum.level
         who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
-        why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "task": task, "level": number}
+        why = {
+            "flown_by": POLICY,
+            "plant": PLANTS[self.config.settings.engine],
+            "purpose": purpose,
+            "task": task,
+            "level": number,
+        }
         why |= {"setting": NOMINAL} | who
         for one in self.evaluations:
             if one.items() >= why.items():

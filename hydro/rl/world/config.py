@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from hydro.core.errors import UsageError
+from hydro.sim.craft import STEP
 from hydro.sim.student import Physics
+
+Engine = Literal["kernels", "mujoco"]
 
 
 @dataclass(frozen=True)
@@ -314,7 +318,10 @@ class Settings:
         docking: Task `docking`.
         randomise: Random differences from the vehicle file.
         history: Number of stacked observations, the newest first.
-        physics: Physics step and integrator; the paper's 500 Hz by default.
+        engine: Simulator of the vehicles: `kernels`, this project's own code without MuJoCo, or `mujoco`.
+            The physics is the same; only the integration differs.
+        step: Greatest integration step of the kernels, which use the classical Runge-Kutta method [s].
+        physics: Step and integrator of MuJoCo; the paper's 500 Hz by default.
         period: Control step [s].
         overspeed: Speed above which steps are counted [m/s]; it does not end an episode.
     """
@@ -332,6 +339,8 @@ class Settings:
     docking: Docking = field(default_factory=Docking)
     randomise: Randomisation = field(default_factory=Randomisation)
     history: int = 1
+    engine: Engine = "kernels"
+    step: float = STEP
     physics: Physics = field(default_factory=Physics)
     period: float = 0.04
     overspeed: float = 5.0
@@ -340,8 +349,9 @@ class Settings:
         """Check that the settings are consistent.
 
         Raises:
-            UsageError: Loitering is rewarded more than success, open water does not fit into the tank, or the
-                control step is not a multiple of the physics step.
+            UsageError: Loitering is rewarded more than success, open water does not fit into the tank, the
+                control step is not a multiple of MuJoCo's step, the engine is unknown, or a number is not
+                positive.
         """
         loitering = self.task.steps * (self.reward.heading + self.reward.upright)
         if self.reward.success <= loitering:
@@ -357,4 +367,10 @@ class Settings:
             )
         if self.history < 1:
             raise UsageError(f"settings.history is {self.history}; give 1 or more")
+        if self.engine not in get_args(Engine):
+            raise UsageError(
+                f"settings.engine is {self.engine!r}; choose one of {', '.join(get_args(Engine))}"
+            )
+        if not 0.0 < self.step < math.inf:
+            raise UsageError(f"settings.step is {self.step:g} s; give a number above 0")
         self.physics.steps(self.period, "the control step")

@@ -13,58 +13,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
-from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Array32, Mask
+from hydro.core.columns import Array, Mask
 from hydro.core.compiled import copy_kernel
 from hydro.core.effects.layout import MOTION, TIME
 from hydro.core.simulation.dynamics import BODY, Motion
 from hydro.core.simulation.held import FELT, WITH_HELD
 from hydro.core.simulation.integrate import Thrusters
+from hydro.sim.craft import Control, Crafts
 from hydro.sim.flight import Fleet, Pace, begin, fly
 from hydro.sim.plant import Readings
 from hydro.sim.residual.control import Room, Tables, attend
 
 BLOCK = 128
 """Number of threads per block."""
-
-
-class Crafts(NamedTuple):
-    """Programs of N vehicles.
-
-    Attributes:
-        programs: Programs of P vehicles, (P, L); shorter ones are padded with zeros.
-        tables: Their thruster tables, (P, n, columns).
-        kind: Row of each vehicle's program, (N,).
-        facets: (8, 0): water forces follow from the file alone.
-        inertia: Inertia whose Coriolis and centripetal forces a residual network cancels, (P, 36).
-    """
-
-    programs: Array
-    tables: Array
-    kind: NDArray[np.int32]
-    facets: Array
-    inertia: Array
-
-
-class Control(NamedTuple):
-    """Residual network and its states for N vehicles; empty arrays without a network.
-
-    Attributes:
-        block: Parameters; this and the next three are those of `sim.residual.control.Tables`.
-        gains: Gains of the filter.
-        program: Program of the network.
-        weights: Weights of the network.
-        states: States of each vehicle, (N, states).
-        felt: Index of the network's velocity input in the state of motion.
-    """
-
-    block: Array
-    gains: Array
-    program: Array
-    weights: Array32
-    states: Array
-    felt: int
 
 
 class Sizes(NamedTuple):

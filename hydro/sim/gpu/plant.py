@@ -10,16 +10,13 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError, UsageError
-from hydro.core.simulation.dynamics import BODY, NO_HULL
+from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.sim.bridge.water import Water, wet
+from hydro.sim.craft import STEP, Craft, assigned, control_of, crafts_of, require_period
 from hydro.sim.flight import Fleet, Pace, remembered, require_alike, steps_of
 from hydro.sim.gpu import memory
-from hydro.sim.gpu.craft import Craft, control_of
 from hydro.sim.plant import Readings, Snapshot
-
-STEP = 0.01
-"""Integration step [s]: a quarter of the control step, for a method of order 4."""
 
 
 class GpuPlant:
@@ -59,9 +56,7 @@ class GpuPlant:
             if not 0 < value < np.inf:
                 raise UsageError(f"{name}: expected a positive number, got {value:g}")
         felt = water(vehicle)
-        if felt.control is not None and abs(felt.control.period - period) > 1e-9:
-            own = f"{felt.control.period:g}"
-            raise UsageError(f"the network's control step is {own} s: set period={own}")
+        require_period(felt, period)
         first = Craft.of(vehicle, felt)
         flat = first.program
         table, states = thrusters_of(flat), int(flat[STATE_COUNT])
@@ -73,7 +68,7 @@ class GpuPlant:
         sizes = kernels.Sizes(states, len(table), remembered(table, period), *room)
         self.vehicle, self.count, self._water = vehicle, count, water
         self._start, self._step = kernels.start_kernel(sizes), kernels.step_kernel(sizes)
-        self._control = control_of(felt, count)
+        self._control = control_of(felt, count, memory.put)
         self._pace = Pace(period, steps_of(period, timestep), vehicle.environment.gravity)
         self._fleet = Fleet(
             memory.zeros((count, BODY + states)),
@@ -83,7 +78,6 @@ class GpuPlant:
         )
         self._readings = Readings(*(memory.put(each) for each in Readings.of(count, len(table))))
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
-        self._facets = memory.put(NO_HULL)
         self._upload([first], np.zeros(count, dtype=np.int32))
 
     @property
@@ -111,15 +105,8 @@ class GpuPlant:
         Raises:
             DataError: One cannot be simulated or is too different.
         """
-        kind, crafts = memory.host(self.kind), list(self._crafts_on_host)
-        rows = {craft.key: row for row, craft in enumerate(crafts)}
-        for number, vehicle in vehicles.items():
-            craft = self._craft(vehicle)
-            kind[number] = rows.setdefault(craft.key, len(crafts))
-            if kind[number] == len(crafts):
-                crafts.append(craft)
-        kept, renamed = np.unique(kind, return_inverse=True)
-        self._upload([crafts[row] for row in kept], renamed.astype(np.int32))
+        changes = {number: self._craft(vehicle) for number, vehicle in vehicles.items()}
+        self._upload(*assigned(self._crafts_on_host, memory.host(self.kind), changes))
 
     def _craft(self, vehicle: Vehicle) -> Craft:
         """Return a vehicle that can be simulated together with the first."""
@@ -129,16 +116,7 @@ class GpuPlant:
 
     def _upload(self, crafts: list[Craft], kind: NDArray[np.int32]) -> None:
         """Copy programs and the assignment of vehicles to the device."""
-        from hydro.sim.gpu.kernels import Crafts
-
-        self._crafts_on_host = crafts
-        rows = np.zeros((len(crafts), max(len(craft.program) for craft in crafts)))
-        for row, craft in zip(rows, crafts, strict=True):
-            row[: len(craft.program)] = craft.program
-        tables = np.stack([thrusters_of(craft.program) for craft in crafts])
-        inertias = np.stack([craft.inertia for craft in crafts])
-        bring = memory.put
-        self._crafts = Crafts(bring(rows), bring(tables), bring(kind), self._facets, bring(inertias))
+        self._crafts_on_host, self._crafts = crafts, crafts_of(crafts, kind, memory.put)
 
     def reset(self, mask: ArrayLike, pose: ArrayLike, velocity: ArrayLike) -> None:
         """Start some vehicles at given states; see `sim.plant.Plant`.

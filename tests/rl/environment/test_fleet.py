@@ -125,7 +125,7 @@ def test_arriving_ends_the_episode():
 
 def test_a_diverged_vehicle_is_told_and_starts_anew():
     """A vehicle too fast for MuJoCo's integrator is reset; its last valid state is observed."""
-    subject = fleet(count=2)
+    subject = fleet(replace(QUIET, engine="mujoco"), count=2)
     subject.reset()
     subject.plant._student.batch.qvel[0] = 1e12
     step = subject.step(np.zeros((2, 6)))
@@ -141,7 +141,7 @@ def test_a_diverged_vehicle_is_told_and_starts_anew():
 def test_divergence_costs_what_a_collision_does():
     others = ("shaping", "heading", "upright", "energy", "action", "smoothness", "obstacle")
     only = Reward(**dict.fromkeys(others, 0.0))
-    subject = fleet(replace(QUIET, reward=only), count=2, craft=neutral())
+    subject = fleet(replace(QUIET, reward=only, engine="mujoco"), count=2, craft=neutral())
     subject.reset()
     subject.pillars[:] = np.nan
     subject.plant._student.batch.qvel[0] = 1e12

@@ -1,0 +1,166 @@
+"""Vehicles in water without MuJoCo: `sim.bridge.water.Water` as arrays for the processor or a GPU.
+
+Without MuJoCo, M nu_r_dot + C(nu_r) nu_r is balanced as a whole (`core.simulation.dynamics`).  M is M_RB plus
+the inertia added to MuJoCo's mass matrix.  The part of C(nu) nu that MuJoCo does not exert is cancelled
+together with the held wrench of a residual network (`core.simulation.held`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.columns import Array, Array32
+from hydro.core.effects.layout import INVERSE_MASS_MATRIX, MASS_MATRIX, RELATIVE_VELOCITY, VELOCITY
+from hydro.core.effects.program import constants_of, thrusters_of
+from hydro.core.errors import UsageError
+from hydro.core.simulation.dynamics import NO_HULL
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import mass_matrix
+from hydro.sim.bridge.water import Water
+from hydro.sim.residual.control import tables_of
+
+STEP = 0.01
+"""Integration step [s]: a quarter of the control step, for a method of order 4."""
+
+Put = Callable[[NDArray[Any]], Any]
+"""Function that copies an array to where the vehicles are simulated."""
+
+
+class Crafts(NamedTuple):
+    """Programs of N vehicles.
+
+    Attributes:
+        programs: Programs of P vehicles, (P, L); shorter ones are padded with zeros.
+        tables: Their thruster tables, (P, n, columns).
+        kind: Row of each vehicle's program, (N,).
+        facets: (8, 0): water forces follow from the file alone.
+        inertia: Inertia whose Coriolis and centripetal forces a residual network cancels, (P, 36).
+    """
+
+    programs: Array
+    tables: Array
+    kind: NDArray[np.int32]
+    facets: Array
+    inertia: Array
+
+
+class Control(NamedTuple):
+    """Residual network and its states for N vehicles; empty arrays without a network.
+
+    Attributes:
+        block: Parameters; this and the next three are those of `sim.residual.control.Tables`.
+        gains: Gains of the filter.
+        program: Program of the network.
+        weights: Weights of the network.
+        states: States of each vehicle, (N, states).
+        felt: Index of the network's velocity input in the state of motion.
+    """
+
+    block: Array
+    gains: Array
+    program: Array
+    weights: Array32
+    states: Array
+    felt: int
+
+
+class Craft(NamedTuple):
+    """Vehicle in water.
+
+    Attributes:
+        program: Its program, with the mass matrix of the water model.
+        inertia: Part of the inertia that must not exert C(nu) nu, (36,) row by row.
+    """
+
+    program: Array
+    inertia: Array
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, felt: Water) -> Craft:
+        """Return a vehicle with the given water forces.
+
+        Raises:
+            UsageError: The water has forces that only MuJoCo can compute.
+        """
+        if felt.held or felt.ellipsoid:
+            raise UsageError(
+                "wrenches of the host and MuJoCo's own fluid forces act only in MuJoCo: use its engine"
+            )
+        inertia, coriolis, cancelled = (
+            np.zeros((6, 6)) if matrix is None else matrix
+            for matrix in (felt.inertia, felt.coriolis, felt.cancelled)
+        )
+        taken = inertia - coriolis + cancelled
+        if felt.control is None and taken.any():
+            raise UsageError(f"{vehicle.name}: inertia without its Coriolis forces needs a residual network")
+        program = felt.program.flat.copy()
+        constants, M = constants_of(program), mass_matrix(vehicle) + inertia
+        if not np.array_equal(constants[MASS_MATRIX : MASS_MATRIX + 36], M.ravel()):
+            constants[MASS_MATRIX : MASS_MATRIX + 36] = M.ravel()
+            constants[INVERSE_MASS_MATRIX : INVERSE_MASS_MATRIX + 36] = np.linalg.inv(M).ravel()
+        return cls(program, taken.ravel())
+
+    @property
+    def key(self) -> bytes:
+        """Key that is equal for identical vehicles."""
+        return self.program.tobytes() + self.inertia.tobytes()
+
+
+def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.array) -> Crafts:
+    """Return the programs of some vehicles, with the row of each of N vehicles in them, as arrays."""
+    rows = np.zeros((len(crafts), max(len(craft.program) for craft in crafts)))
+    for row, craft in zip(rows, crafts, strict=True):
+        row[: len(craft.program)] = craft.program
+    tables = np.stack([thrusters_of(craft.program) for craft in crafts])
+    inertias = np.stack([craft.inertia for craft in crafts])
+    return Crafts(put(rows), put(tables), put(kind), put(NO_HULL), put(inertias))
+
+
+def assigned(
+    crafts: Sequence[Craft], kind: NDArray[np.int32], changes: dict[int, Craft]
+) -> tuple[list[Craft], NDArray[np.int32]]:
+    """Assign other vehicles to some of N, by index.
+
+    Args:
+        crafts: Vehicles so far.
+        kind: Row of each of N vehicles in them, (N,).
+        changes: New vehicle of each index.
+
+    Returns:
+        The vehicles in use, each once, and the row of each of N in them, (N,).
+    """
+    kind, pool = kind.copy(), list(crafts)
+    rows = {craft.key: row for row, craft in enumerate(pool)}
+    for number, craft in changes.items():
+        kind[number] = rows.setdefault(craft.key, len(pool))
+        if kind[number] == len(pool):
+            pool.append(craft)
+    kept, renamed = np.unique(kind, return_inverse=True)
+    return [pool[row] for row in kept], renamed.astype(np.int32)
+
+
+def control_of(felt: Water, count: int, put: Put = np.array) -> Control:
+    """Return the residual network with its states for `count` vehicles."""
+    if felt.control is None:
+        none = np.zeros(1), np.zeros((1, 6, 2)), np.zeros((1, 1)), np.zeros(1, np.float32)
+        block, gains, program, weights = (put(array) for array in none)
+        return Control(block, gains, program, weights, put(np.zeros((count, 1))), VELOCITY)
+    tables = tables_of(felt.control.encode(), felt.control.network.weights)
+    block, gains, program, weights = (put(array) for array in tables)
+    asked = RELATIVE_VELOCITY if felt.drifting else VELOCITY
+    return Control(block, gains, program, weights, put(np.zeros((count, felt.control.states))), asked)
+
+
+def require_period(felt: Water, period: float) -> None:
+    """Check that the control step of a residual network is that of the vehicles.
+
+    Raises:
+        UsageError: It is another.
+    """
+    if felt.control is not None and abs(felt.control.period - period) > 1e-9:
+        own = f"{felt.control.period:g}"
+        raise UsageError(f"the network's control step is {own} s: set period={own}")

@@ -1,0 +1,177 @@
+"""Plant of vehicles in this project's own kernels: the physics of the MuJoCo model without MuJoCo.
+
+The computation is that of the plant on a GPU (`sim.gpu`): `sim.flight` integrates with the classical
+Runge-Kutta method.  Water forces, thrusters, residual network and conditioning are those of the MuJoCo model.
+Contacts and waves are absent; the environments test collisions themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from hydro.core.columns import Array, Mask
+from hydro.core.compiled import jit
+from hydro.core.effects.layout import MOTION, TIME
+from hydro.core.effects.program import STATE_COUNT, thrusters_of
+from hydro.core.errors import DataError, UsageError
+from hydro.core.simulation.dynamics import BODY, Motion
+from hydro.core.simulation.held import FELT, WITH_HELD
+from hydro.core.simulation.integrate import Thrusters
+from hydro.core.threads import spread
+from hydro.core.vehicle.description import Vehicle
+from hydro.sim.bridge.water import Water, wet
+from hydro.sim.craft import STEP, Control, Craft, Crafts, assigned, control_of, crafts_of, require_period
+from hydro.sim.flight import Fleet, Pace, begin, fly, remembered, require_alike, steps_of
+from hydro.sim.plant import Readings, Snapshot
+from hydro.sim.residual.control import Room, Tables, attend
+
+
+class KernelPlant:
+    """Vehicles in this project's own kernels; see `sim.plant.Plant` for its arrays."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        water: Callable[[Vehicle], Water] = wet,
+        *,
+        count: int = 1,
+        period: float = 0.04,
+        timestep: float = STEP,
+        threads: int = 1,
+    ) -> None:
+        """Allocate the vehicles; `reset` starts them.
+
+        Args:
+            vehicle: Vehicle file.
+            water: Function that returns the water forces of a vehicle; by default all of its file. The
+                residual network and conditioning of the first vehicle are used for all.
+            count: Number of vehicles N.
+            period: Control step [s].
+            timestep: Maximum integration step [s].
+            threads: Number of threads that share the vehicles; results do not depend on it, bit for bit.
+
+        Raises:
+            UsageError: A number is not positive, the network has another control step, or the water has
+                forces that only MuJoCo can compute.
+            DataError: The vehicle cannot be simulated, or has no thrusters.
+        """
+        for name, value in (("count", count), ("period", period), ("timestep", timestep)):
+            if not 0 < value < np.inf:
+                raise UsageError(f"{name}: expected a positive number, got {value:g}")
+        felt = water(vehicle)
+        require_period(felt, period)
+        first = Craft.of(vehicle, felt)
+        table, states = thrusters_of(first.program), int(first.program[STATE_COUNT])
+        if not len(table):
+            raise DataError(f"{vehicle.name}: has no thrusters; add some to the vehicle file")
+        self.vehicle, self._water, self._threads = vehicle, water, threads
+        self._pace = Pace(period, steps_of(period, timestep), vehicle.environment.gravity)
+        self._room = (0, 0) if felt.control is None else (felt.control.network.room, felt.control.scratch)
+        self._control = control_of(felt, count)
+        self._list, self._crafts = [first], crafts_of([first], np.zeros(count, dtype=np.int32))
+        self._readings = Readings.of(count, len(table))
+        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
+        self._fleet = Fleet(
+            np.zeros((count, BODY + states)),
+            np.zeros((count, len(table))),
+            np.zeros((count, remembered(table, period), len(table))),
+            np.zeros(count),
+        )
+
+    def change(self, vehicles: Mapping[int, Vehicle]) -> None:
+        """Replace some vehicles; see `Plant`.
+
+        Raises:
+            DataError: One cannot be simulated together with the first.
+        """
+        changes = {}
+        for number, vehicle in vehicles.items():
+            changes[number] = Craft.of(vehicle, self._water(vehicle))
+            require_alike(vehicle.name, changes[number].program, self._list[0].program)
+        self._list, kind = assigned(self._list, self._crafts.kind, changes)
+        self._crafts = crafts_of(self._list, kind)
+
+    def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
+        """Start some vehicles at given states; see `Plant`."""
+        self.diverged[mask] = False
+        for array in (*self._fleet, self._control.states):
+            array[mask] = 0.0
+        self._fleet.y[mask, :7], self._fleet.y[mask, 7:BODY] = pose[mask], velocity[mask]
+        self._fly(mask, self._pace._replace(steps=0))
+
+    def step(self, commands: Array, flying: Mask | None = None) -> None:
+        """Simulate one control step; see `Plant`."""
+        held = self._fleet.commands
+        held[:, :-1] = held[:, 1:]
+        held[:, -1] = commands
+        self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
+
+    def _fly(self, mask: Mask, pace: Pace) -> None:
+        """Simulate the vehicles of a mask (N,) for a control step; with 0 steps, start them."""
+
+        def work(part: Mask) -> None:
+            fly_kernel(part, self._crafts, self._control, self._room, self._fleet, pace, self._readings)
+
+        if self._threads == 1:
+            work(mask)
+            return
+        owner = np.arange(len(mask)) * self._threads // len(mask)
+        spread(work, [mask & (owner == k) for k in range(self._threads)], self._threads)
+
+    def snapshot(self) -> Snapshot:
+        """Return all states and readings."""
+        return {name: np.array(array) for name, array in self._state().items()}
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Restore a snapshot, bit for bit."""
+        for name, array in self._state().items():
+            array[:] = snapshot[name]
+
+    def _state(self) -> Snapshot:
+        """Return the arrays that change during simulation, by name."""
+        return self._fleet._asdict() | self._readings._asdict() | {"control": self._control.states}
+
+
+@jit
+def fly_kernel(
+    mask: Mask,
+    crafts: Crafts,
+    control: Control,
+    room: tuple[int, int],
+    fleet: Fleet,
+    pace: Pace,
+    readings: Readings,
+) -> None:
+    """Simulate the vehicles of a mask (N,) for a control step.
+
+    Args:
+        mask: Vehicles that move.
+        crafts: Programs of all vehicles.
+        control: Residual network and its states.
+        room: Sizes of the network's workspace and of its scratch; (0, 0) without a network.
+        fleet: States of all vehicles; the newest commands are those of this step.
+        pace: Time steps; with 0 steps, the internal states start at their steady values instead.
+        readings: Written; a vehicle whose state is not finite is marked as diverged.
+    """
+    size, thrusters, networked = fleet.y.shape[1], fleet.lags.shape[1], room[0] > 0
+    y, work = np.zeros(size), np.zeros((4, size))
+    s, clock = np.zeros(WITH_HELD if networked else MOTION), np.empty(fleet.commands.shape[1])
+    target, upcoming, decay = np.zeros(thrusters), np.zeros(thrusters, np.int64), np.ones(thrusters)
+    rotors, due = np.zeros((3, thrusters)), np.zeros(2)
+    buffers = Room(np.empty(room[0], np.float32), np.empty(room[1]))
+    tables = Tables(control.block, control.gains, control.program, control.weights)
+    for k in np.flatnonzero(mask):
+        row = crafts.kind[k]
+        program, table = crafts.programs[row], crafts.tables[row]
+        s[:] = 0.0
+        if networked:
+            s[TIME], s[FELT] = fleet.time[k], float(control.felt)
+            attend(program, fleet.y[k], tables, control.states[k], crafts.inertia[row], s, buffers)
+        motion = Motion(program, crafts.facets, y, s, work)
+        if pace.steps > 0:
+            crew = Thrusters(table, target, upcoming, decay, rotors, due)
+            fly(k, motion, crew, clock, fleet, pace, readings)
+        else:
+            begin(k, motion, table, rotors, fleet, pace, readings)
