@@ -27,7 +27,8 @@ Conditions = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Only this condition; may be repeated.")
 ]
 Recipe = Annotated[
-    Literal["paper", "demos"], typer.Option(help="Recipe of every training; see hydro rl train.")
+    Literal["paper", "sac", "imitation", "demos"],
+    typer.Option(help="Recipe of every training; see hydro rl train."),
 ]
 Choices = Annotated[
     list[str] | None,
@@ -62,7 +63,7 @@ def study(
 
     Details:
 
-    Conditions: R_0 without water forces; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
+    Conditions: R_0 without water forces; R_0+M_A with added mass and a network of output zero; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
     with the effects of the vehicle file; R_identified with those of a file that was identified from data of
     the reference simulator. All policies fly the same tasks. Trainings run seed by seed, so that a stopped
     study has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room,
@@ -71,6 +72,7 @@ def study(
     DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line names conditions that
     are not run because a file is missing.
     """
+    from hydro.commands.rl import current_recipe
     from hydro.study import policies
 
     known = policies.Study(
@@ -83,7 +85,7 @@ def study(
         stages=stages,
         steps=steps,
         episodes=episodes,
-        recipe=recipe,
+        recipe=current_recipe(recipe),
         choices=tuple(choices or ()),
         max_expanded=max_expanded,
     )

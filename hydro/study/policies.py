@@ -13,7 +13,7 @@ from hydro.study.steps import Step
 if TYPE_CHECKING:
     import polars as pl
 
-CONDITIONS = ("R_0", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
+CONDITIONS = ("R_0", "R_0+M_A", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
 """Physics under which policies are trained, in the order of the results."""
 SIMULATORS = ("student", "teacher")
 """Simulators of the test flights: the MuJoCo model and the reference simulator."""

@@ -179,7 +179,9 @@ class TrainingConfig:
         steps: Greatest number of control steps of all vehicles.
         vehicles: Number of parallel vehicles.
         threads: Threads of updates and physics; another number changes rounding.
-        evaluate: Steps between evaluations; each saves the state.
+        evaluate: Steps between evaluations; each saves the tables.
+        checkpoint: Evaluations between checkpoints, from which a training continues.  A checkpoint of 500,000
+            transitions takes as long as a thousand updates.
         record: Steps between points of the curves; `evaluate` is a multiple of it.
         episodes: Episodes per evaluation.
         pilot: Success rate at the first level that the hand-written pilot with a map must reach.  If it is
@@ -215,6 +217,7 @@ class TrainingConfig:
     vehicles: int = 8
     threads: int = 1
     evaluate: int = 20_000
+    checkpoint: int = 1
     record: int = 4_000
     episodes: int = 50
     pilot: float = 0.8
@@ -238,7 +241,7 @@ class TrainingConfig:
                 multiples of a step of all vehicles.
         """
         seeds.check(self.seed)
-        counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")
+        counts = ("steps", "vehicles", "threads", "evaluate", "checkpoint", "record", "episodes")
         _require_counts({name: getattr(self, name) for name in counts})
         if self.demonstrations < 0 or self.clone < 0:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
@@ -279,7 +282,8 @@ RECIPES = {
         recipe=SAC,
         vehicles=64,
         steps=2_000_000,
-        evaluate=512_000,
+        evaluate=102_400,
+        checkpoint=5,
         record=12_800,
         curriculum=Curriculum(row=(2, 4, 8), examine=25_600),
         sac=SACConfig(

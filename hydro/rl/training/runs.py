@@ -9,8 +9,8 @@
     policy-TASK.parquet  policy that passed the last level of a task
     checkpoint.pt        complete state of the training
 
-Each table is written atomically, and the checkpoint last.  A training that continues writes all tables
-again, so an interruption between them does no harm.  No file contains a time: equal settings give equal
+Each table is written atomically, and the checkpoint last, at every evaluation or less often.  A training that
+continues writes all tables since the checkpoint again, so an interruption between them does no harm.  No file contains a time: equal settings give equal
 bytes.
 """
 
@@ -47,6 +47,7 @@ RENAMED = {"ladder": "curriculum"}
 """Groups of settings that version 0.1 called otherwise, with their present names."""
 ADDED = {
     "recipe": '""',
+    "checkpoint": "1",
     "settings.engine": '"mujoco"',
     "settings.step": "0.01",
     "wrench.lead": "0.5",
@@ -212,7 +213,7 @@ class Folder:
             )
 
     def save(self, training: Training, run: Artefact) -> None:
-        """Write the tables of a training, then its checkpoint."""
+        """Write the tables of a training, then its checkpoint if one is due."""
         config, tables = training.config, training.tables()
         for kind, name in (("curves", CURVES), ("evaluations", EVALUATIONS)):
             made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
@@ -220,7 +221,8 @@ class Folder:
         table.write(policy_artefact(training.policy(), run, config.seed), self.path / POLICY)
         for task, policy in training.task_policies.items():
             table.write(policy_artefact(policy, run, config.seed), self._task_policy(task))
-        _write_state(training.state(), self.path / CHECKPOINT)
+        if training.checkpoint_due:
+            _write_state(training.state(), self.path / CHECKPOINT)
 
     def config(self) -> TrainingConfig:
         """Return the settings of the training."""
@@ -280,7 +282,7 @@ class Folder:
 
 
 class Reached(TypedDict):
-    """Progress of a training as stored with a policy."""
+    """Progress of a training as stored with a policy; newer policies also state `recipe` and `updates`."""
 
     steps: int
     task: str
