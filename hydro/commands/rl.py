@@ -253,9 +253,7 @@ def current_recipe(name: str) -> str:
     if name not in RENAMED_RECIPES:
         return name
     present = RENAMED_RECIPES[name]
-    typer.echo(
-        f"hydro: --recipe {name} is called {present} now; the next version will not know it", err=True
-    )
+    typer.echo(f"hydro: --recipe {name} is called {present} now; the next version will not know it", err=True)
     return present
 
 

@@ -44,6 +44,9 @@ TaskName = Annotated[
 ]
 Stage = Annotated[int | None, typer.Option(min=1, max=3, help="Task of a stage of the curriculum.")]
 Level = Annotated[int | None, typer.Option(min=0, help="Number of baffles or pillars.")]
+Last = Annotated[
+    bool, typer.Option("--last", help="Fly the last policy, even if an earlier one passed the task.")
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--setting", metavar="NAME", help="Other settings; may be repeated."),
@@ -117,11 +120,13 @@ def _is_vehicle(run: Path) -> bool:
 
 
 def _flight(
-    run: Path, wanted: str | None, level: int | None, truth: Path | None = None
+    run: Path, wanted: str | None, level: int | None, truth: Path | None = None, *, last: bool = False
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
     """Return the policy of a run and its table (none for a vehicle file), its fleets, task and level."""
     alone = _is_vehicle(run)
-    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, wanted, truth)
+    policy, learnt, builder = (
+        (None, [], _of_vehicle(run, truth)) if alone else _opened(run, None if last else wanted, truth)
+    )
     begun = {"task": "point_to_point", "level": 0}
     chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
     return policy, learnt, builder, chosen, level
@@ -152,6 +157,7 @@ def eval_(
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
+    last: Last = False,
     setting: Settings = None,
     truth: Truth = None,
     pilot: Annotated[bool, typer.Option("--pilot/--no-pilot", help="Also fly a scripted pilot.")] = True,
@@ -188,7 +194,7 @@ def eval_(
     program hydro-stonefish.
 
     With --stage or --task the policy that passed this task in training flies, if there is one, because
-    training for the next stage may undo it.
+    training for the next stage may undo it; with --last the last policy flies.
 
     Settings: no_plan shows the goal instead of a way, current is 0.3 m/s, load a payload of 10 % of the mass,
     posterior draws values from the covariance next to the vehicle file; nominal is the file. With --truth
@@ -202,7 +208,7 @@ def eval_(
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
-    policy, learnt, builder, chosen, level = _flight(run, _asked(run, task, stage), level, truth)
+    policy, learnt, builder, chosen, level = _flight(run, _asked(run, task, stage), level, truth, last=last)
     known = builder.estimates is not None and truth is None
     trials = trials_of(setting or [NOMINAL], chosen, estimates=known)
     parameters: dict[str, Any] = {"in": simulator, "episodes": episodes, "seed": seed}
@@ -222,7 +228,13 @@ def eval_(
             learning = policy.training if policy is not None and name == POLICY else {}
             who = {"flown_by": name, "recipe": builder.config.recipe if policy is not None else ""}
             who |= {"condition": builder.config.condition, "seed": builder.config.seed}
-            what = {"steps": learning.get("steps", 0), "updates": learning.get("updates", 0), "plant": simulator, "purpose": "test", "setting": where}
+            what = {
+                "steps": learning.get("steps", 0),
+                "updates": learning.get("updates", 0),
+                "plant": simulator,
+                "purpose": "test",
+                "setting": where,
+            }
             rows.append(_result(flown, who | what))
     result = pl.concat(rows)
     if shows_table(output):

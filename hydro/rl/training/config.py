@@ -76,7 +76,10 @@ class SACConfig:
             UsageError: A number is too small, or a share is not within its range; the message names it.
         """
         _require_counts(
-            {f"sac.{name}": getattr(self, name) for name in ("horizon", "batch", "capacity", "updates", "delay")}
+            {
+                f"sac.{name}": getattr(self, name)
+                for name in ("horizon", "batch", "capacity", "updates", "delay")
+            }
         )
         _require_counts({"sac.layers": min(self.layers, default=1)})
         for name in ("discount", "tau", "average"):

@@ -303,9 +303,7 @@ class Gradients:
         excess = -sampled.density.mean() - self._entropy
         self._log_alpha.grad = excess.reshape(self._log_alpha.shape)
         loss = (alpha * sampled.density - smaller).mean()
-        return Values(
-            critic, loss, self._log_alpha * excess, alpha, excess + self._entropy, smaller.mean()
-        )
+        return Values(critic, loss, self._log_alpha * excess, alpha, excess + self._entropy, smaller.mean())
 
     def _learn_values(self, batch: TensorDict, alpha: Tensor) -> Tensor:
         """Return the loss of the critics, and set their gradients."""
