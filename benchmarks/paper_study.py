@@ -1,7 +1,7 @@
 """Result tables of `hydro rl study`: training of every condition, and performance of its policies.
 
     hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet
-        --model structured.parquet --identified identified.toml --recipe demos -o study
+        --model structured.parquet --identified identified.toml --recipe imitation -o study
     python -m benchmarks.paper_study study --commit COMMIT
 
 Flight cells are those of `benchmarks.policies`: the median training, with the range of all.  Expert
@@ -24,7 +24,7 @@ from hydro.io import table
 
 COMMAND = (
     "hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet "
-    "--model structured.parquet --identified identified.toml --recipe demos -o study"
+    "--model structured.parquet --identified identified.toml --recipe imitation -o study"
 )
 WITH_MAP = "helmsman with map"
 

@@ -104,8 +104,8 @@ def train(
     Inputs and outputs are standardised on the fitted rows. The optimiser is Adam with a learning rate that
     falls to zero as a half cosine, gradient clipping, and early stopping on a tenth of the training blocks,
     in one thread. --protocol paper uses the published settings instead: a learning rate of 1e-3 that falls at
-    plateaus, and L2 regularisation in the gradient. The paper gives the numbers of weights as 42K (mlp), 130K, 114K, 77K and 73K (physfeat);
-    the widths that it states for mlp give 68,358.
+    plateaus, and L2 regularisation in the gradient. The paper gives the numbers of weights as 42K (mlp),
+    130K, 114K, 77K and 73K (physfeat); the widths that it states for mlp give 68,358.
 
     The noise of a log is in the acceleration and, through M nu_dot, in the label: a network that has both
     learns the noise. From a noisy log, networks are therefore trained without accelerations and with a weight

@@ -98,9 +98,9 @@ def train(
 
     The slalom has none to four baffles; with --recipe sac stage 2 is a row of two, four and eight pillars
     instead (curriculum.row), because rewards alone do not lead through a slalom. The forest has a planned way
-    to follow. With --recipe sac an examination follows every 25,600 steps (curriculum.examine). Else, once 90 % of 150 episodes of
-    training succeed (curriculum.ready), as many are flown without exploration, of which 97 % pass a level
-    (curriculum.share). Training ends with the last level or with the steps.
+    to follow. Once 90 % of 150 episodes of training succeed (curriculum.ready), as many are flown without
+    exploration, of which 97 % pass a level (curriculum.share). With --recipe sac such an examination follows
+    every 25,600 steps (curriculum.examine). Training ends with the last level or with the steps.
 
     With --recipe imitation a scripted expert with a map flies first and the policy imitates it (behavioural
     cloning). Then the policy flies, the expert labels the states that it visits (DAgger), and the policy
@@ -111,8 +111,8 @@ def train(
     DIR gets run.parquet with all settings, curves.parquet, evaluations.parquet and policy.parquet at every
     evaluation, and a checkpoint. A resumed training has the same bits as an uninterrupted one; with more
     --steps, --stages or another curriculum it continues. With --recipe sac every fifth evaluation writes a
-    checkpoint. Lines of progress, curves and evaluations state the recipe and the number of SAC updates. With --start a policy of one condition is
-    trained further under another, from the first level.
+    checkpoint. Lines of progress, curves and evaluations state the recipe and the number of SAC updates. With
+    --start a policy of one condition is trained further under another, from the first level.
 
     --randomise current=0.3 draws a current of up to 0.3 m/s, load=0.1 a payload of up to 10 % of the mass,
     thruster=1 the share of thrust that one thruster has lost, bias=1 biases as large as the noise of the
@@ -170,6 +170,7 @@ def _train(given: _Given) -> None:
     from hydro.io import table
     from hydro.io.covariance import KIND, beside
     from hydro.io.vehicle import read as read_vehicle
+    from hydro.rl.training.config import PAPER, UNPUBLISHED
     from hydro.rl.training.runs import Folder, run_artefact
     from hydro.rl.training.train import Training
 
@@ -193,6 +194,8 @@ def _train(given: _Given) -> None:
         typer.echo(f"{given.output}: resumes after {training.steps:,} steps", err=True)
     else:
         print_table(run.frame, f"{given.output}: all settings; --set NAME=VALUE changes one", _stderr())
+        if config.recipe == PAPER:
+            typer.echo(f"the paper does not state, chosen here: {', '.join(UNPUBLISHED)}", err=True)
     clock.start(training)
     with progress("train") as update:
         while not training.finished:

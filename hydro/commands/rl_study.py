@@ -63,11 +63,11 @@ def study(
 
     Details:
 
-    Conditions: R_0 without water forces; R_0+M_A with added mass and a network of output zero; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
-    with the effects of the vehicle file; R_identified with those of a file that was identified from data of
-    the reference simulator. All policies fly the same tasks. Trainings run seed by seed, so that a stopped
-    study has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room,
-    and --workers does not count.
+    Conditions: R_0 without water forces; R_0+M_A with added mass and a network whose output is zero; R_MLP,
+    R_PhysFeat and R_structured with residual networks; R_effects with the effects of the vehicle file;
+    R_identified with those of a file that was identified from data of the reference simulator. All policies
+    fly the same tasks. Trainings run seed by seed, so that a stopped study has some of each. With --engine
+    ray steps run on the nodes of a Ray cluster, as many as have room, and --workers does not count.
 
     DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line names conditions that
     are not run because a file is missing.

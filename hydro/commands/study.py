@@ -140,7 +140,7 @@ def study(
     """
     if what == "paper":
         refused = {
-            "--test": test, "--minutes": minutes, "--effects": effects, "--model": model,
+            "--test": test, "--minutes": minutes, "--effects": effects,
             "--noise": None if noise == "none" else noise, "--device": None if device == "cpu" else device,
         }  # fmt: skip
         for option, value in refused.items():
@@ -152,6 +152,7 @@ def study(
             folder, raw, replay, _vehicle_file(raw, vehicle, folder), given, epochs=epochs, seeds=seeds,
             conditions=tuple(condition or paper.CONDITIONS), stages=stages, steps=steps, episodes=episodes,
             choices=(*paper.Study.choices, *(choices or ())),
+            networks=tuple(model or paper.NETWORKS),
         )  # fmt: skip
         with runner(context, folder, workers, engine, address, threads) as (steps_of, together):
             _paper(paper.quick(settings) if quick else settings, steps_of, together)

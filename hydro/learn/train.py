@@ -13,10 +13,9 @@ The default protocol, `annealed`, differs from the paper in three details (docs/
 * The weight decay is decoupled from the gradient (AdamW).  As a part of the gradient it dominates once the
   gradient of the error is small, and then biases the wrench visibly in a replay.
 
-The protocol `paper` has none of these differences: Adam with L2 regularisation in the gradient, and a learning
-rate that falls to a tenth after `PLATEAU` epochs without improvement.  The paper states neither the batch size
-nor these numbers nor a limit of epochs; batch and limit are those of the default protocol, and the others are
-PyTorch's defaults.
+The protocol `paper` is Adam with L2 regularisation in the gradient, and a learning rate that falls to a tenth
+after `PLATEAU` epochs without improvement.  The paper states neither the batch size nor these numbers nor a
+limit of epochs; batch and limit are those of the default protocol, and the others are PyTorch's defaults.
 
 With labels from a noisy log, networks train without accelerations (`trusted_accelerations`), and with a
 stronger weight decay.  It keeps them from fitting label noise, so 25,000 updates do not overfit.

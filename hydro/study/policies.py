@@ -13,10 +13,12 @@ from hydro.study.steps import Step
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.rl.training.config import Curriculum
+
 CONDITIONS = ("R_0", "R_0+M_A", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
 """Physics under which policies are trained, in the order of the results."""
 SIMULATORS = ("kernels", "student", "teacher")
-"""Simulators of the test flights: the kernels of the training, the MuJoCo model and the reference simulator."""
+"""Simulators of the test flights: the kernels, the MuJoCo model and the reference simulator."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +90,17 @@ class Study:
         """Return task and greatest level of every stage."""
         from dataclasses import replace
 
+        return list(dict(replace(self.curriculum, task="", last=self.stages).levels).items())
+
+    @property
+    def curriculum(self) -> Curriculum:
+        """Return the curriculum of the trainings."""
         from hydro.rl.training.config import RECIPES
         from hydro.rl.training.runs import changed
 
-        chosen = dict((name, value) for name, _, value in (one.partition("=") for one in self.choices))
+        chosen = {name: value for name, _, value in (one.partition("=") for one in self.choices)}
         of_curriculum = {name: value for name, value in chosen.items() if name.startswith("curriculum.")}
-        curriculum = changed(RECIPES[self.recipe], of_curriculum).curriculum
-        return list(dict(replace(curriculum, last=self.stages).levels).items())
+        return changed(RECIPES[self.recipe], of_curriculum).curriculum
 
 
 def _kind(path: Path) -> str:

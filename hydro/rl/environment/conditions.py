@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,7 @@ class Condition:
     name: str = EFFECTS
     model: TrainedModel | None = None
     conditioning: str = "paper"
-    wrench: WrenchSettings = WrenchSettings()
+    wrench: WrenchSettings = field(default_factory=WrenchSettings)
 
     def __post_init__(self) -> None:
         """Check that the name exists and that the residual model suits it.

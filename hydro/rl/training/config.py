@@ -322,10 +322,10 @@ RECIPES = {
 """Settings by recipe.
 
 `paper`: soft actor-critic with the published settings: 8 vehicles, batches of 512, a buffer of 10^6 and a
-learning rate of 3e-4.  The paper does not state the width of the networks, the updates per step, the number of
-steps, nor the horizon of the returns; `UNPUBLISHED` names these settings.
+learning rate of 3e-4.  `UNPUBLISHED` names the settings that the paper does not state, such as the width of
+the networks, the updates per step and the number of steps.
 `sac`: soft actor-critic in about a tenth of the processor time, by rewards alone.
-`imitation`: imitation of an expert pilot; it makes no update of soft actor-critic as long as imitation passes.
+`imitation`: imitation of an expert pilot; it makes no update of soft actor-critic if imitation passes.
 """
 UNPUBLISHED = (
     "sac.layers", "sac.updates", "steps", "sac.horizon", "sac.tau", "sac.discount", "sac.random",

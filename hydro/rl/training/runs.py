@@ -10,8 +10,8 @@
     checkpoint.pt        complete state of the training
 
 Each table is written atomically, and the checkpoint last, at every evaluation or less often.  A training that
-continues writes all tables since the checkpoint again, so an interruption between them does no harm.  No file contains a time: equal settings give equal
-bytes.
+continues writes all tables since the checkpoint again, so an interruption between them does no harm.  No file
+contains a time: equal settings give equal bytes.
 """
 
 from __future__ import annotations
