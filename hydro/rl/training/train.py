@@ -282,7 +282,7 @@ class Training:
         fleet.set_level(task, number)
         with self._part("evaluating"):
             spare = self.config.curriculum.spare if purpose == "exam" else None
-            found = summary(fly(self._learner.best, fleet, spare))
+            found = summary(fly(self._learner.best, fleet, spare, paths=False))
         self.evaluations.append(who | why | found)
         if purpose == "curve":
             self.watch.evaluation(found["success"])
