@@ -1,18 +1,18 @@
-"""Speed of the environment, compared with bare MuJoCo with the same vehicles.
+"""Speed of the environment in both engines, by processor time, compared with bare MuJoCo.
 
-Eight vehicles get a new action each at 25 Hz, with physics at 500 Hz on two threads.  Control steps per
-second of all vehicles together:
+Vehicles in a row of eight pillars get a new random action each at 25 Hz, on one thread.  Control steps of all
+vehicles per second of processor time:
 
-    bare        MuJoCo alone, as in benchmarks/student.py: the body and plain first-order thrusters
-    R_…         the whole environment under a condition: mixing, physics, sonar, observations, noise,
-                collisions, reward, and new episodes
+    bare             MuJoCo alone at 500 Hz, as in benchmarks/student.py: the body and first-order thrusters
+    R_…, mujoco      the whole environment under a condition: allocation, physics at 500 Hz, sonar,
+                     observations, noise, collisions, reward, and new episodes
+    R_…, kernels     the same with the project's own kernels, Runge-Kutta at 10 ms
 
-A round times every case once, in alternating order.  Results are medians over rounds, and medians of each
-round's ratio to its bare MuJoCo.  The profile then divides the processor time of a step on one thread, which
-a busy machine does not change.  Every part is timed by itself, on the arrays of a step.  Networks have random
-weights, which do not affect their cost.
+A round times every case once, in alternating order.  Results are medians over rounds, of each case and of the
+ratio of both engines in a round, with quartiles.  The profile then divides the processor time of a step.
+Networks have random weights, which do not affect their cost.
 
-    python benchmarks/environment.py -o environment.parquet
+    python benchmarks/environment.py -o environment.parquet --keep environment_speed
 """
 
 from __future__ import annotations
@@ -20,11 +20,16 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+import polars as pl
+from kept_tables import keep, origin
 from student import (
     PHYSFEAT,
     Clock,
@@ -37,62 +42,66 @@ from student import (
     rows_of,
     side_by_side,
     silenced,
-    without_callbacks,
     write,
 )
 
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
 from hydro.rl.environment import conditions
 from hydro.rl.environment.action import ACTIONS, command_kernel
+from hydro.rl.environment.blocks import FLAGS, Outcome
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.observation import OBSERVATIONS
-from hydro.rl.environment.step import sense_kernel
-from hydro.rl.world.config import Settings
+from hydro.rl.environment.reward import TERMS
+from hydro.rl.environment.step import sense_kernel, step_kernel
+from hydro.rl.world.config import Engine, Settings
 
 SUBSTEPS = 20
-WIDTHS = {"mlp": (12, *PHYSFEAT[1:]), "physfeat": PHYSFEAT}
+ENGINES: tuple[Engine, ...] = ("mujoco", "kernels")
+CASES = {
+    conditions.NO_WATER: "no water",
+    conditions.EFFECTS: "effects of the file",
+    "R_MLP": "MLP",
+    "R_PhysFeat": "PhysicsFeature-MLP",
+}
+WIDTHS = {"R_MLP": (12, *PHYSFEAT[1:]), "R_PhysFeat": PHYSFEAT}
 
 
-def fleets(settings: Settings, count: int, threads: int) -> dict[str, Fleet]:
-    """A fleet under each condition, in a row of eight pillars."""
-    vehicle = files.read(bundled("vehicles") / "auv151.toml")[0]
-    found = {}
-    for condition in (conditions.NO_WATER, *conditions.MODELS, conditions.EFFECTS):
-        kind = conditions.MODELS.get(condition)
-        if kind is not None and kind not in WIDTHS:
-            continue
-        model = None if kind is None else random_model(kind, WIDTHS[kind])
-        known = conditions.Condition(condition, model)
-        plant = conditions.plant(known, vehicle, settings, count, threads=threads)
-        found[condition] = Fleet(settings, plant)
-        found[condition].set_level("pillar_row", 8)
-        found[condition].reset()
-    return found
+def fleet(vehicle: Vehicle, condition: str, engine: Engine, count: int) -> Fleet:
+    """Return a fleet under a condition, in a row of eight pillars."""
+    kind = conditions.MODELS.get(condition)
+    model = None if kind is None else random_model(kind, WIDTHS[condition])
+    settings = replace(Settings(), engine=engine)
+    plant = conditions.plant(conditions.Condition(condition, model), vehicle, settings, count)
+    made = Fleet(settings, plant)
+    made.set_level("pillar_row", 8)
+    made.reset()
+    return made
 
 
-def steps_of(fleet: Fleet) -> Work:
+def steps_of(flown: Fleet) -> Work:
     """Return a step of a fleet under random actions, which end more episodes than any policy."""
-    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (256, fleet.count, ACTIONS))
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (256, flown.count, ACTIONS))
     tick = 0
 
     def step() -> int:
         nonlocal tick
-        fleet.step(actions[tick % len(actions)])
+        flown.step(actions[tick % len(actions)])
         tick += 1
-        return fleet.count
+        return flown.count
 
     return step
 
 
-def bare_steps(model: mujoco.MjModel, count: int, threads: int) -> Work:
-    """Control steps of bare MuJoCo."""
-    work = side_by_side(model, count, threads)
+def bare_steps(model: mujoco.MjModel, count: int) -> Work:
+    """Return control steps of bare MuJoCo."""
+    work = side_by_side(model, count, 1)
     return lambda: work() // SUBSTEPS
 
 
 def timed(work: Callable[[], object], seconds: float) -> float:
-    """Microseconds of the processor that a call takes: the median of seven means."""
+    """Return the processor time of a call [µs], the median of seven means."""
     means = []
     for _ in range(7):
         calls, start = 0, time.process_time()
@@ -103,66 +112,101 @@ def timed(work: Callable[[], object], seconds: float) -> float:
     return 1e6 * float(np.median(means))
 
 
-def profile(fleet: Fleet, seconds: float) -> dict[str, float]:
-    """Microseconds of a step of the fleet, and of its parts."""
-    work, plant = steps_of(fleet), fleet.plant
-    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (fleet.count, ACTIONS))
-    noise = np.zeros((fleet.count, OBSERVATIONS))
-    parts = {
-        "actions to commands": lambda: command_kernel(
-            *fleet._mixing, actions.copy(), np.empty(ACTIONS), fleet._commands
+def profile(flown: Fleet, seconds: float) -> dict[str, float]:
+    """Return the processor time of a step of the fleet and of its parts [µs]."""
+    whole, count = timed(steps_of(flown), seconds), flown.count
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (count, ACTIONS))
+    noise, every = np.zeros((count, OBSERVATIONS)), flown._all
+    outcome = Outcome(
+        np.zeros(count, np.float32), np.zeros((FLAGS, count), np.bool_), np.zeros((count, len(TERMS)))
+    )
+    flown.reset()
+    held = np.zeros_like(flown._commands)
+    parts: dict[str, Callable[[], Any]] = {
+        "thruster allocation": lambda: command_kernel(
+            *flown._mixing, actions.copy(), np.empty(ACTIONS), flown._commands
         ),
-        "physics": lambda: plant._student.march(SUBSTEPS),
-        "motion in NED and FRD": lambda: plant._read(fleet._all),
-        "random numbers": lambda: fleet._noise.standard_normal((fleet.count, OBSERVATIONS)),
+        "plant": lambda: flown.plant.step(held),
+        "random numbers": lambda: flown._noise.standard_normal((count, OBSERVATIONS)),
         "sonar and observations": lambda: sense_kernel(
-            fleet._all, fleet._senses, fleet._motion, fleet._scenes, noise, fleet._least, fleet._now
+            every, flown._senses, flown._motion, flown._scenes, noise, flown._least, flown._now
+        ),
+        "collisions, reward, ends of episodes": lambda: step_kernel(
+            flown._rules, flown._motion, flown._scenes, flown._episodes, actions, outcome
         ),
     }
-    found = {"whole step": timed(work, seconds)}
-    fleet.reset()
-    found |= {name: timed(part, seconds) for name, part in parts.items()}
-    rest = found["whole step"] - sum(found[name] for name in parts)
-    return found | {"collisions, reward, ends of episodes, Python": rest}
+    found = {name: timed(part, seconds) for name, part in parts.items()}
+    return {"whole step": whole} | found | {"new episodes, histories, Python": whole - sum(found.values())}
+
+
+def engines_of(found: dict[str, Any], count: int) -> Rows:
+    """Return rows of the kept table: both engines and their ratio in a round, by condition."""
+    rows: Rows = []
+    for condition, words in CASES.items():
+        slow, fast = (found[f"{condition}, {engine}"] for engine in ENGINES)
+        low, ratio, high = np.quantile(fast / slow, [0.25, 0.5, 0.75])
+        rows.append(
+            {
+                "vehicles": count,
+                "physics": f"{condition}: {words}",
+                "MuJoCo, 500 Hz": f"{np.median(slow):,.0f}",
+                "kernels, RK4 at 10 ms": f"{np.median(fast):,.0f}",
+                "kernels / MuJoCo": f"{ratio:.1f} [{low:.1f}, {high:.1f}]",
+            }
+        )
+    return rows
+
+
+def show(rows: Rows) -> None:
+    """Print rows as a table."""
+    print(f"| {' | '.join(rows[0])} |\n|{'---|' * len(rows[0])}")
+    for row in rows:
+        print(f"| {' | '.join(map(str, row.values()))} |")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=8, help="vehicles")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--count", type=int, action="append", help="vehicles; repeat for several")
+    parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--seconds", type=float, default=0.15, help="of every case in every round")
-    parser.add_argument("--quick", action="store_true", help="see that it runs; the figures mean nothing")
-    parser.add_argument("--processor", action="store_true", help="by processor time, as student.py has it")
+    parser.add_argument("--quick", action="store_true", help="short test run; the figures are meaningless")
     parser.add_argument("-o", "--out", type=Path, help="write the rows as .parquet or .json")
+    parser.add_argument("--keep", metavar="NAME", help="write benchmarks/results/NAME.csv")
+    parser.add_argument("--commit", default="", help="measured commit, for --keep")
     chosen = parser.parse_args()
-    if chosen.processor:
-        Clock.of_the_processor()
+    Clock.of_the_processor()
     rounds, seconds = (2, 0.005) if chosen.quick else (chosen.rounds, chosen.seconds)
-    flown = fleets(Settings(), chosen.count, chosen.threads)
-    model = bare(files.read(bundled("vehicles") / "auv151.toml")[0])
-    cases: dict[str, Callable[[float], float]] = {
-        "bare": partial(silenced, bare_steps(model, chosen.count, chosen.threads))
-    }
-    cases |= {name: partial(rate, steps_of(fleet)) for name, fleet in flown.items()}
-    found, sharing = interleaved(cases, rounds, seconds), min(chosen.threads, chosen.count)
-    results: Rows = rows_of(found, "environment", chosen.count, chosen.threads, "control steps", sharing)
-    setting = f"{chosen.count} vehicles, {chosen.threads} threads, MuJoCo {mujoco.__version__}"
-    print(f"{setting}, medians of {rounds} rounds\n")
-    print("| case | control steps per second | share of bare MuJoCo |\n|---|---:|---:|")
-    for row in results:
-        share = f"{row['ratio']:.2f} [{row['ratio_low']:.2f}, {row['ratio_high']:.2f}]"
-        print(f"| {row['case']} | {row['per_second']:,.0f} | {share} |")
-    with without_callbacks():
-        alone = timed(bare_steps(model, chosen.count, 1), 4.0 * seconds)
-    print(f"\nProcessor time of a step of all vehicles; bare MuJoCo's is {alone:.0f} µs")
-    for name, fleet in fleets(Settings(), chosen.count, 1).items():
-        parts = profile(fleet, 4.0 * seconds)
-        print(f"\n| {name}: {alone / parts['whole step']:.2f} of bare MuJoCo | µs | share |\n|---|---:|---:|")
-        for part, spent in parts.items():
-            print(f"| {part} | {spent:.1f} | {spent / parts['whole step']:.2f} |")
+    vehicle = files.read(bundled("vehicles") / "auv151.toml")[0]
+    model = bare(vehicle)
+    results: Rows = []
+    table: Rows = []
+    for count in chosen.count or (8, 64):
+        flown = {
+            f"{condition}, {engine}": fleet(vehicle, condition, engine, count)
+            for condition, engine in product(CASES, ENGINES)
+        }
+        cases: dict[str, Callable[[float], float]] = {"bare": partial(silenced, bare_steps(model, count))}
+        cases |= {name: partial(rate, steps_of(one)) for name, one in flown.items()}
+        found = interleaved(cases, rounds, seconds)
+        results += rows_of(found, "environment", count, 1, "control steps")
+        table += engines_of(found, count)
+        for engine in ENGINES:
+            name = f"{conditions.EFFECTS}, {engine}"
+            parts = profile(flown[name], 2.0 * seconds)
+            print(
+                f"\nProcessor time of a step of {count} vehicles, {name}\n\n"
+                "| part | µs | share |\n|---|---:|---:|"
+            )
+            for part, spent in parts.items():
+                print(f"| {part} | {spent:.1f} | {spent / parts['whole step']:.2f} |")
+    print(f"\nControl steps per second of processor time, MuJoCo {mujoco.__version__}, {rounds} rounds\n")
+    show(table)
     if chosen.out:
         write(results, chosen.out)
+    if chosen.keep:
+        command = f"OMP_NUM_THREADS=1 python benchmarks/environment.py --rounds {rounds} --keep {chosen.keep}"
+        where = origin(pl.DataFrame({"seed": [1]}), command, chosen.commit)
+        keep(chosen.keep, [row | where for row in table])
 
 
 if __name__ == "__main__":

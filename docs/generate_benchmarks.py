@@ -14,7 +14,8 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 PAGES = (
-    "apart", "benchmarks", "export", "gpu", "imperfect", "import-figures", "mpc", "paper", "rl-figures", "stonefish",
+    "apart", "benchmarks", "engines", "export", "gpu", "imperfect", "import-figures", "mpc", "paper",
+    "rl-figures", "stonefish",
 )  # fmt: skip
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 

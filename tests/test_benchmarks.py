@@ -10,6 +10,7 @@ from pathlib import Path
 import polars as pl
 
 ROOT = Path(__file__).resolve().parents[1]
+ENGINES = ("mujoco", "kernels")
 
 
 def run(*arguments):
@@ -52,7 +53,10 @@ def test_accuracy_over_integrators_and_steps(tmp_path):
 def test_environment_beside_bare_mujoco(tmp_path):
     printed = run("benchmarks/environment.py", "--quick", "-o", tmp_path / "rows.parquet")
     rows = pl.read_parquet(tmp_path / "rows.parquet")
-    assert rows["case"].to_list() == ["bare", "R_0", "R_MLP", "R_PhysFeat", "R_effects"]
+    cases = [
+        f"{name}, {engine}" for name in ("R_0", "R_effects", "R_MLP", "R_PhysFeat") for engine in ENGINES
+    ]
+    assert rows.select("vehicles", "case").rows() == [(n, case) for n in (8, 64) for case in ("bare", *cases)]
     assert (rows["per_second"] > 0).all()
     assert printed.count("| sonar and observations |") == 4
 

@@ -186,6 +186,7 @@ def eval_(
 
     Details:
 
+    --in student is MuJoCo at 500 Hz, kernels this project's own code, teacher the reference simulator.
     The interval is Wilson's. The result also has the distance from the way to follow, and how far baffles or
     pillars are passed on alternating sides. A good policy also wins in a simulator that it was not trained
     in, and against the scripted pilot (the helmsman). The pilot flies once more with a map if there is

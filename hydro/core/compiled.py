@@ -130,6 +130,19 @@ def within(function: F) -> F:
     return kernel(function, within=True)
 
 
+def inlined_copy(function: F) -> F:
+    """Return a copy of a `kernel` that is inlined into its callers, while the original is not.
+
+    A call passes seven arguments per array, which takes longer than the arithmetic of a small effect.  The
+    copy has no cache of its own: the cached code of its callers contains it.
+    """
+    counts = {"_nrt": False} if hasattr(CPUTargetOptions, "_nrt") else {}
+    source = getattr(function, "py_func", function)
+    return numba.njit(  # type: ignore[no-any-return]
+        source, error_model="numpy", nogil=True, fastmath=False, forceinline=True, **counts
+    )
+
+
 @kernel
 def copy_kernel(values: Any, out: Any) -> None:
     """Copy a vector; assignment of a slice to a slice may allocate memory."""

@@ -1,4 +1,4 @@
-"""Reinforcement learning on the MuJoCo model (the student): environments, and policies trained in them.
+"""Reinforcement learning: environments in this project's kernels or in MuJoCo, and policies trained in them.
 
 Importing this package registers the environments with Gymnasium.  `gymnasium.make` imports the package that
 stands before the colon of an ID, and loads the heavy modules only when it makes an environment.
@@ -11,14 +11,16 @@ stands before the colon of an ID, and loads the heavy modules only when it makes
 
 from __future__ import annotations
 
+import importlib.util
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
 if TYPE_CHECKING:
     from hydro.rl.environment.environments import Encoded
+    from hydro.rl.environment.stable_baselines import StableBaselinesEnv
 
-__all__ = ["Encoded"]
+__all__ = ["Encoded", "StableBaselinesEnv"]
 
 IDS = {
     "PointToPoint-v0": "point_to_point",
@@ -47,6 +49,14 @@ def __getattr__(name: str) -> Any:
     """Load an attribute on first access, so that registering the environments loads nothing heavy."""
     if name not in __all__:
         raise AttributeError(f"module {__name__} has no attribute {name!r}")
+    if name == "StableBaselinesEnv":
+        if importlib.util.find_spec("stable_baselines3") is None:
+            from hydro.core.errors import UsageError
+
+            raise UsageError("StableBaselinesEnv needs Stable-Baselines3: pip install stable-baselines3")
+        from hydro.rl.environment import stable_baselines
+
+        return getattr(stable_baselines, name)
     from hydro.rl.environment import environments
 
     return getattr(environments, name)

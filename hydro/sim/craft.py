@@ -156,11 +156,15 @@ def control_of(felt: Water, count: int, put: Put = np.array) -> Control:
 
 
 def require_period(felt: Water, period: float) -> None:
-    """Check that the control step of a residual network is that of the vehicles.
+    """Check that the control step of a residual network is a multiple of that of the vehicles.
 
     Raises:
-        UsageError: It is another.
+        UsageError: It is not.
     """
-    if felt.control is not None and abs(felt.control.period - period) > 1e-9:
-        own = f"{felt.control.period:g}"
-        raise UsageError(f"the network's control step is {own} s: set period={own}")
+    if felt.control is None:
+        return
+    own = felt.control.period
+    if own < period - 1e-9 or abs(own - round(own / period) * period) > 1e-9:
+        raise UsageError(
+            f"the network's control step is {own:g} s: set period={own:g}, or a whole fraction of it"
+        )

@@ -19,6 +19,9 @@ from hydro.core.simulation.integrate import Course, Thrusters, advance, resume
 from hydro.core.vehicle.thrusters import DELAY
 from hydro.sim.plant import Readings, upright
 
+MOST = 1e10
+"""Greatest magnitude of a state or of its rate, in SI units: MuJoCo's own limit (mjMAXVAL)."""
+
 
 class Fleet(NamedTuple):
     """States of N vehicles between control steps.
@@ -110,7 +113,8 @@ def fly(
         clock: Buffer for the times of the commands, (K,).
         fleet: States of the vehicles; row `k` is written.
         pace: Time steps.
-        readings: Row `k` is written; if the state is not finite, it is marked as diverged and stays.
+        readings: Row `k` is written; if the state or its rate exceeds `MOST`, it is marked as diverged and
+            stays.
     """
     now, last = fleet.time[k], clock.size - 1
     for i in range(clock.size):
@@ -133,12 +137,10 @@ def _read(k: int, motion: Motion, table: Array, rotors: Array, gravity: float, r
     """Write the readings of vehicle `k`; if it diverged, mark it and keep its last readings."""
     y, s, work = motion.y, motion.s, motion.work
     rates_kernel(motion.flat, motion.facets, y, s, rotors, work[3, :6], work[0])
-    total = 0.0
     for i in range(y.size):
-        total += y[i] + work[0, i]
-    if not math.isfinite(total):
-        readings.diverged[k] = True
-        return
+        if not (abs(y[i]) <= MOST and abs(work[0, i]) <= MOST):  # true for NaN
+            readings.diverged[k] = True
+            return
     upright(y, readings.pose[k])
     copy_kernel(y[7:BODY], readings.velocity[k])
     down = s[ROTATION + 6 : ROTATION + 9]

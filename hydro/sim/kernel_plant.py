@@ -153,7 +153,7 @@ def fly_kernel(
         room: Sizes of the network's workspace and of its scratch; (0, 0) without a network.
         fleet: States of all vehicles; the newest commands are those of this step.
         pace: Time steps; with 0 steps, the internal states start at their steady values instead.
-        readings: Written; a vehicle whose state is not finite is marked as diverged.
+        readings: Written; see `sim.flight.fly`.
     """
     size, thrusters, networked = fleet.y.shape[1], fleet.lags.shape[1], room[0] > 0
     y, work = np.zeros(size), np.zeros((4, size))

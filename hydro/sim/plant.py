@@ -65,8 +65,8 @@ class Plant(Protocol):
         velocity: u v w p q r of CO over ground, FRD, (N, 6).
         specific_force: Reading of an accelerometer at CO, FRD, (N, 3) [m/s^2]; (0, 0, -g) when level at rest.
         thrust: Thrusts (N, n) [N].
-        diverged: Vehicles whose state has become infinite since their last reset, (N,); their other rows keep
-            the last finite values.
+        diverged: Vehicles whose state has become infinite, or greater than the simulator allows, since their
+            last reset, (N,); their other rows keep the last valid values.
     """
 
     vehicle: Vehicle

@@ -15,9 +15,10 @@ SCRIPTS = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     ("script", "long", "short"),
     [
         (SCRIPTS[0], "STEPS = 100_000", "STEPS = 600"),
-        (SCRIPTS[1], "400_000, 8, 256, 8", "1_200, 2, 300, 1"),
+        (SCRIPTS[1], "1_000_000, 32\n", "512, 2\n"),
+        (SCRIPTS[2], "400_000, 8, 256, 8", "1_200, 2, 300, 1"),
     ],
-    ids=["Stable-Baselines3", "CleanRL"],
+    ids=["Stable-Baselines3", "Stable-Baselines3, many vehicles", "CleanRL"],
 )
 def test_a_script_runs(script, long, short, capsys):
     assert long in script

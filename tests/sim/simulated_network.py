@@ -84,7 +84,7 @@ def main() -> None:
             "of_the_network": float(np.abs(there - still).max()),
         }
     refused = []
-    for water, period in ((lambda one: residual(one), PERIOD), (waters(known)["physfeat"], 0.02)):
+    for water, period in ((lambda one: residual(one), PERIOD), (waters(known)["physfeat"], 0.03)):
         try:
             GpuPlant(known, water, count=1, period=period)
         except UsageError as error:

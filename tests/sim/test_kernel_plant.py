@@ -51,6 +51,12 @@ def test_every_effect_acts_as_in_mujoco():
     )
 
 
+def test_a_network_holds_its_wrench_over_several_control_steps_of_the_vehicle():
+    water, held = WATERS["physfeat, conditioned"], np.repeat(COMMANDS, 2, axis=0)
+    twice = KernelPlant(KNOWN, water, count=COUNT, period=PERIOD / 2, timestep=0.01)
+    np.testing.assert_allclose(flown(twice, held), flown(kernels(water), COMMANDS), atol=1e-12)
+
+
 def test_threads_do_not_change_a_bit():
     ends = [flown(kernels(WATERS["physfeat, conditioned"], threads=n), COMMANDS) for n in (1, 2)]
     np.testing.assert_array_equal(*ends)
@@ -88,7 +94,8 @@ def test_a_network_and_its_memory_are_restored():
     [
         ({"water": residual}, UsageError, "act only in MuJoCo: use its engine"),
         ({"water": lambda one: dry(one, ellipsoid=True)}, UsageError, "MuJoCo's own fluid forces"),
-        ({"water": WATERS["physfeat"], "period": 0.02}, UsageError, "set period=0.04"),
+        ({"water": WATERS["physfeat"], "period": 0.03}, UsageError, "set period=0.04, or a whole fraction"),
+        ({"water": WATERS["physfeat"], "period": 0.08}, UsageError, "set period=0.04"),
         ({"timestep": 0.0}, UsageError, "timestep: expected a positive number"),
         ({"vehicle": msgspec.structs.replace(KNOWN, thruster=())}, DataError, "has no thrusters"),
     ],

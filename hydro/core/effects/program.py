@@ -8,7 +8,7 @@ field of a MuJoCo model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit, kernel, within
+from hydro.core.compiled import inlined_copy, jit, kernel, within
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
     CATALOGUE,
@@ -277,15 +277,13 @@ def {name}({arguments}):
 """
 
 
-def _dispatcher(name: str, arguments: str, attribute: str, call: str) -> Any:
-    """Compile a loop over a program's effects whose branches are made from the catalogue.
+def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], call: str) -> Any:
+    """Compile a loop over a program's effects that calls a function of each, by its place in `DISPATCHED`.
 
-    Numba cannot cache calls through a table of functions on disk, so the source is generated.  It has this
-    file's name, by which Numba finds the cache.
+    Effects without a function are skipped.  The functions are inlined.  Numba cannot cache calls through a
+    table of functions on disk, so the source is generated.  It has this file's name, by which Numba finds the
+    cache.
     """
-    functions = {
-        i: getattr(e, attribute) for i, e in enumerate(DISPATCHED) if getattr(e, attribute) is not None
-    }
     source = _LOOP.format(
         name=name,
         arguments=arguments,
@@ -297,14 +295,24 @@ def _dispatcher(name: str, arguments: str, attribute: str, call: str) -> Any:
     )
     for i in functions:
         source += f"        if which == {i}:\n            effect_{i}{call}\n            continue\n"
-    namespace: dict[str, Any] = {"__name__": __name__} | {f"effect_{i}": f for i, f in functions.items()}
+    namespace: dict[str, Any] = {"__name__": __name__} | {
+        f"effect_{i}": inlined_copy(f) for i, f in functions.items()
+    }
     exec(compile(source, __file__, "exec"), namespace)
     return kernel(namespace[name])
 
 
-wrench = _dispatcher("wrench", "flat, s, x, dx, tau", "kernel", "(p, c, s, x[begin:end], dx[begin:end], tau)")
+_ARGUMENTS, _CALL = "flat, s, x, dx, tau", "(p, c, s, x[begin:end], dx[begin:end], tau)"
+_KERNELS = {i: effect.kernel for i, effect in enumerate(DISPATCHED)}
+_WITH_STATES = {i: effect.kernel for i, effect in enumerate(DISPATCHED) if effect.states is not None}
+_STARTS = {i: effect.start for i, effect in enumerate(DISPATCHED) if effect.start is not None}
+
+wrench = _dispatcher("wrench", _ARGUMENTS, _KERNELS, _CALL)
 """`wrench(flat, s, x, dx, tau)`: add the wrench of all effects of a program to tau (6,), write dx
 (states,)."""
 
-start = _dispatcher("start", "flat, s, x", "start", "(p, c, s, x[begin:end])")
+rates = _dispatcher("rates", _ARGUMENTS, _WITH_STATES, _CALL)
+"""`rates(flat, s, x, dx, tau)`: the same for the effects with internal states alone, for their rates dx."""
+
+start = _dispatcher("start", "flat, s, x", _STARTS, "(p, c, s, x[begin:end])")
 """`start(flat, s, x)`: set the internal states (states,) to the steady state of the motion s."""

@@ -85,7 +85,7 @@ class Scenes(NamedTuple):
         ends: Conditions that end an episode (N, 6); see `tasks.task.Ends`.
         goals: (N, 3), NED [m].
         targets: Points that the observations show as targets (N, 3), NED [m].
-        pillars: Axes of the pillars (N, P, 2), NaN in unused rows.
+        pillars: Axes of the pillars (N, P, 2), NaN in unused rows, which come last.
         path_cost: Weighted cost of the cross-track error (N,).
     """
 
@@ -119,7 +119,9 @@ class Outcome(NamedTuple):
     Attributes:
         reward: (N,).
         flags: (FLAGS, N).
+        terms: Terms of the reward, costs negative (N, TERMS); see `rl.environment.reward`.
     """
 
     reward: Array32
     flags: Mask
+    terms: Array

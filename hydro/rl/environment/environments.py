@@ -5,11 +5,11 @@ The fleet itself ends episodes after `Task.steps` control steps; no `TimeLimit` 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import gymnasium
 import numpy as np
@@ -28,13 +28,17 @@ from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
 from hydro.rl.environment import conditions
 from hydro.rl.environment.action import ACTIONS
+from hydro.rl.environment.encoding import Encoding
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
 from hydro.rl.environment.interfaces import Info
 from hydro.rl.environment.observation import bounds, encoding
+from hydro.rl.environment.reward import TERMS
 from hydro.rl.tasks.point_to_point import PointToPoint
 from hydro.rl.tasks.registry import task_of
-from hydro.rl.world.config import Settings
+from hydro.rl.world.choices import merged
+from hydro.rl.world.config import Engine, Settings
+from hydro.sim.bridge.mjcf import Integrator
 
 if TYPE_CHECKING:
     from hydro.sim.film import Camera
@@ -55,7 +59,11 @@ class FleetConfig:
         condition: One of `conditions.CONDITIONS`.
         model: Residual model, for the conditions that have one.
         conditioning: Preset that limits the wrench of the residual model.
-        settings: All other choices.
+        settings: All other choices, or those that differ from the defaults, in nested mappings or by dotted
+            name: `{"task": {"steps": 200}}` or `{"task.steps": 200}`.
+        engine: Simulator, `kernels` or `mujoco`; by default that of the settings.
+        integrator: Integrator.  The kernels have `rk4` alone; MuJoCo has those of `sim.bridge.mjcf`.  Case
+            does not matter; by default that of the settings.
         threads: Number of threads.
     """
 
@@ -66,12 +74,52 @@ class FleetConfig:
     condition: str = conditions.EFFECTS
     model: TrainedModel | None = None
     conditioning: str = "paper"
-    settings: Settings = field(default_factory=Settings)
+    settings: Settings | Mapping[str, Any] = field(default_factory=Settings)
+    engine: str | None = None
+    integrator: str | None = None
     threads: int = 1
+
+    @classmethod
+    def of(cls, choices: Mapping[str, Any]) -> FleetConfig:
+        """Return the config of some keyword arguments.
+
+        Raises:
+            UsageError: A keyword does not exist.
+        """
+        known = [each.name for each in fields(cls)]
+        for name in choices:
+            if name not in known:
+                raise UsageError(f"no keyword is called {name!r}: choose one of {', '.join(known)}")
+        return cls(**choices)
+
+    def all_settings(self) -> Settings:
+        """Return the settings with the engine and the integrator.
+
+        Raises:
+            UsageError: A setting, the engine or the integrator does not exist.
+        """
+        given = self.settings
+        settings = given if isinstance(given, Settings) else merged(Settings(), given)
+        if self.engine is not None:
+            settings = replace(settings, engine=cast(Engine, self.engine))
+        if self.integrator is None:
+            return settings
+        asked = self.integrator.lower()
+        if settings.engine == "kernels" and asked == "rk4":
+            return settings
+        if settings.engine == "kernels":
+            raise UsageError(
+                f"integrator {self.integrator!r}: the kernels have rk4 alone; choose engine='mujoco'"
+            )
+        if asked not in get_args(Integrator):
+            raise UsageError(
+                f"integrator {self.integrator!r}: choose one of {', '.join(get_args(Integrator))}"
+            )
+        return replace(settings, physics=replace(settings.physics, integrator=cast(Integrator, asked)))
 
 
 def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int = 0) -> Fleet:
-    """Make a fleet of MuJoCo models (students) with a task.
+    """Make a fleet with a task.
 
     Args:
         config: Vehicle, task and physics; by default point to point in open water.
@@ -83,7 +131,7 @@ def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int =
         UsageError: The task, level or condition does not exist.
     """
     config = config or FleetConfig()
-    settings, vehicle = config.settings, config.vehicle
+    settings, vehicle = config.all_settings(), config.vehicle
     known = vehicle if isinstance(vehicle, Vehicle) else vehicles.read(_file(vehicle))[0]
     condition = conditions.Condition(config.condition, config.model, config.conditioning)
     plant = conditions.plant(condition, known, settings, count, threads=config.threads)
@@ -102,16 +150,23 @@ def _file(vehicle: str | Path) -> Path:
     return known if known.is_file() else Path(vehicle)
 
 
-def _spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
+def single_spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
     """Return the observation and action space of one vehicle."""
     low, high = bounds(settings)
     return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
+def encoded_space(space: spaces.Box, code: Encoding) -> spaces.Box:
+    """Return the space of encoded observations of a space."""
+    ends = np.sort([code(space.low.copy()), code(space.high.copy())], axis=0)
+    return spaces.Box(*ends, dtype=np.float32)
+
+
 class Single(gymnasium.Env):  # type: ignore[misc]
     """Environment with one vehicle.
 
-    `info` holds the fields of `interfaces.Info`; `rl.environment.observation` describes the observations.
+    `info` holds the fields of `interfaces.Info`, with `reward_terms` as a dict by name (`reward.TERMS`).
+    `rl.environment.observation` describes the observations.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
@@ -127,9 +182,9 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UsageError(f"render_mode {render_mode!r}: choose 'rgb_array', or none")
         self.render_mode, self._choices = render_mode, choices | {"task": task}
-        self.fleet = make_fleet(FleetConfig(task, **choices))
+        self.fleet = make_fleet(FleetConfig.of(self._choices))
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.fleet.settings.period)}
-        self.observation_space, self.action_space = _spaces(self.fleet.settings)
+        self.observation_space, self.action_space = single_spaces(self.fleet.settings)
         self._begun = False
         self._camera: Camera | None = None
 
@@ -150,7 +205,8 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         """
         _require_reset(self._begun)
         done = self.fleet.step(np.asarray(action)[None], renew=False)
-        info = {name: values[0].item() for name, values in zip(Info._fields, done.info, strict=True)}
+        info = {name: values[0].item() for name, values in done.info._asdict().items() if values.ndim == 1}
+        info["reward_terms"] = dict(zip(TERMS, done.info.reward_terms[0].tolist(), strict=True))
         return (
             done.obs[0],
             float(done.reward[0]),
@@ -196,29 +252,40 @@ class Single(gymnasium.Env):  # type: ignore[misc]
 class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     """Vector environment of many vehicles.
 
-    `autoreset_mode` selects when the next episode begins.  SAME_STEP, the default: in the step that ends the
-    last one.  NEXT_STEP: in the step after, which ignores its action and has reward 0.  DISABLED: when
-    `reset` names the vehicle in its `reset_mask`.
+    `autoreset_mode` selects when the next episode begins.  NEXT_STEP, the default, as in Gymnasium: in the
+    step after the end, which ignores its action and has reward 0.  SAME_STEP: in the step that ends the last
+    one.  DISABLED: when `reset` names the vehicle in its `reset_mask`.  `info` is that of `Single`, with
+    arrays (N,).
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(
         self,
         num_envs: int = 8,
         task: str = PointToPoint.name,
         *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
         **choices: Any,
     ) -> None:
-        """Make the environment from the fields of `FleetConfig`; `reset` takes the seed."""
+        """Make the environment from the fields of `FleetConfig`; `reset` takes the seed.
+
+        Raises:
+            UsageError: A render mode is given, or a keyword does not exist.
+        """
+        if render_mode is not None:
+            raise UsageError(
+                f"render_mode {render_mode!r}: many vehicles are not drawn; make one with gymnasium.make"
+            )
+        self.render_mode = None
         self._mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
-        self.fleet = make_fleet(FleetConfig(task, **choices), count=num_envs)
+        self.fleet = make_fleet(FleetConfig.of(choices | {"task": task}), count=num_envs)
         self.num_envs = num_envs
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self._choices = choices | {"task": task, "num_envs": num_envs, "autoreset_mode": self._mode.value}
-        self.single_observation_space, self.single_action_space = _spaces(self.fleet.settings)
+        self.single_observation_space, self.single_action_space = single_spaces(self.fleet.settings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._begun = False
@@ -257,11 +324,11 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         _require_reset(self._begun)
         same, before = self._mode is AutoresetMode.SAME_STEP, self._ended
         step = self.fleet.step(actions, renew=same)
-        info: dict[str, Any] = dict(step.info._asdict())
+        info = named(step.info)
         self._ended = step.terminated | step.truncated
         if same and self._ended.any():
             info |= {"final_obs": step.final_obs, "_final_obs": self._ended}
-            info |= {"final_info": dict(step.info._asdict()), "_final_info": self._ended}
+            info |= {"final_info": named(step.info), "_final_info": self._ended}
         seen, reward = step.obs, step.reward.astype(np.float64)
         if self._mode is AutoresetMode.NEXT_STEP and before.any():
             seen, reward[before] = self.fleet.reset(before), 0.0
@@ -289,14 +356,18 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
     def __init__(self, env: gymnasium.Env) -> None:
         """Wrap an environment with one vehicle."""
         super().__init__(env)
-        space = env.observation_space
         self._encoding = encoding(env.unwrapped.fleet.settings)
-        ends = np.sort([self._encoding(space.low.copy()), self._encoding(space.high.copy())], axis=0)
-        self.observation_space = spaces.Box(*ends, dtype=np.float32)
+        self.observation_space = encoded_space(env.observation_space, self._encoding)
 
     def observation(self, observation: Array32) -> Array32:
         """Return the encoded observation."""
         return self._encoding(observation)
+
+
+def named(info: Info) -> dict[str, Any]:
+    """Return the outcome of a step by name; the terms of the reward are a dict of arrays (N,)."""
+    terms = dict(zip(TERMS, info.reward_terms.T, strict=True))
+    return info._asdict() | {"reward_terms": terms}
 
 
 def _require_reset(begun: bool) -> None:

@@ -40,7 +40,7 @@ from hydro.rl.environment.history import History
 from hydro.rl.environment.interfaces import Guidance, Info, State, Step
 from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.randomiser import Randomiser
-from hydro.rl.environment.reward import WEIGHTS
+from hydro.rl.environment.reward import TERMS, WEIGHTS
 from hydro.rl.environment.step import make_rules, sense_kernel, step_kernel
 from hydro.rl.tasks.registry import TASKS, task_of
 from hydro.rl.tasks.task import Ends, Task, generator
@@ -193,7 +193,9 @@ class Fleet:
         self._observe(self._all, 1)
         final = self._visible()
         outcome = Outcome(
-            np.empty(self.count, dtype=np.float32), np.empty((FLAGS, self.count), dtype=np.bool_)
+            np.empty(self.count, dtype=np.float32),
+            np.empty((FLAGS, self.count), dtype=np.bool_),
+            np.empty((self.count, len(TERMS))),
         )
         step_kernel(self._rules, self._motion, self._scenes, self._episodes, demands, outcome)
         success, collision, diverged, overspeed, terminated, truncated = outcome.flags
@@ -201,6 +203,7 @@ class Fleet:
         info = Info(
             success, collision, diverged, self._distance.copy(), overspeed, self._totals[:, RETURN].copy(),
             counted[:, AGE], self._totals[:, ENERGY].copy(), counted[:, OVERSPEED], self._error(),
+            outcome.terms,
         )  # fmt: skip
         done = terminated | truncated
         following = final

@@ -39,7 +39,7 @@ def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillar
         tank: From `tank`.
         position: Position of CO (3,), NED [m].
         R: Rotation from body to NED (9,).
-        pillars: x y of the pillars' axes (P, 2), NaN in unused rows.
+        pillars: x y of the pillars' axes (P, 2), NaN in unused rows, which come last.
     """
     for i in range(3):
         center, extent = projection_kernel(hull, position, R, i)
@@ -49,6 +49,8 @@ def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillar
     north, long = projection_kernel(hull, position, R, 0)
     east, wide = projection_kernel(hull, position, R, 1)
     for i in range(pillars.shape[0]):
+        if math.isnan(pillars[i, 0]):
+            break
         x, y = pillars[i, 0] - north, pillars[i, 1] - east
         near = abs(x) < long + tank[RADIUS] and abs(y) < wide + tank[RADIUS]
         if near and line_distance(hull, R, x, y) <= tank[RADIUS]:

@@ -48,6 +48,8 @@ class Info(NamedTuple):
         episode_overspeed: Steps faster than `Settings.overspeed`.
         episode_error: Root mean square distance from the goal since settling [m], for tasks that hold or
             follow; otherwise 0.
+        reward_terms: Terms of the reward of this step, costs negative (N, TERMS), in the order of
+            `reward.TERMS`.
     """
 
     success: Mask
@@ -60,6 +62,7 @@ class Info(NamedTuple):
     episode_energy: Array
     episode_overspeed: NDArray[np.int64]
     episode_error: Array
+    reward_terms: Array
 
 
 class Step(NamedTuple):

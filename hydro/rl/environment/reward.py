@@ -7,6 +7,7 @@ Tasks that hold or follow add `distance_cost`; docking adds `alignment` and `spe
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -19,14 +20,26 @@ SHAPING, DISTANCE, DISCOUNT, HEADING, BLIND, UPRIGHT, SUCCESS, OBSTACLE = range(
 NEAR, FAR, COLLISION, ENERGY, ACTION, SMOOTHNESS, PATH = range(8, 15)
 HOLD, ALIGNMENT, CLOSE, HASTE, WEIGHTS = range(15, 20)
 """Indices of the weights, in the order of `world.config.Reward`; their number."""
+TERMS = (
+    "shaping", "effort", "posture", "alignment", "speed", "obstacle", "distance", "path", "success",
+    "collision",
+)  # fmt: skip
+"""Names of the terms of the reward, in the order of `rl.environment.blocks.Outcome.terms`.
+
+`effort` is the cost of energy, of large and of changing actions; `posture` the heading and upright terms;
+`speed` the cost of haste near a dock; `collision` the cost of a collision or a divergence.
+"""
 FALL_OFF = 1.5  # decay of the obstacle cost with distance [1/m]
 NEAR_SHARE = 0.01  # cost of a step within `near`, as a share of the cost of a collision
 SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]
 
 
+@functools.lru_cache(maxsize=64)
 def weights(reward: Reward) -> Array:
-    """Return the weights as an array, in the order of the names above."""
-    return np.array(dataclasses.astuple(reward), dtype=np.float64)
+    """Return the weights as a read-only array, in the order of the names above."""
+    array = np.array(dataclasses.astuple(reward), dtype=np.float64)
+    array.flags.writeable = False
+    return array
 
 
 @kernel

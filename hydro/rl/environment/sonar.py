@@ -48,7 +48,7 @@ def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: 
         origin: x y z [m].
         ray: Direction, a unit vector.
         tank: Numbers of `rl.environment.geometry.tank`.
-        pillars: x y of the pillars' axes (P, 2), NaN in unused rows.
+        pillars: x y of the pillars' axes (P, 2), NaN in unused rows, which come last.
         reach: Greatest range [m].
     """
     nearest = reach
@@ -60,12 +60,14 @@ def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: 
             nearest = min(nearest, -origin[axis] / ray[axis])
     level = ray[0] * ray[0] + ray[1] * ray[1]
     for i in range(pillars.shape[0]):
+        if math.isnan(pillars[i, 0]):
+            break
         x, y = origin[0] - pillars[i, 0], origin[1] - pillars[i, 1]
         toward = x * ray[0] + y * ray[1]
         outside = x * x + y * y - tank[RADIUS] * tank[RADIUS]
         if outside <= 0.0:
             nearest = 0.0
-        elif toward < 0.0:  # False for unused rows, which are NaN
+        elif toward < 0.0:
             hit = toward * toward - level * outside
             if hit > 0.0:
                 nearest = min(nearest, outside / (-toward + math.sqrt(hit)))

@@ -141,15 +141,22 @@ def score(
         totals[ERROR] += away * away
     mark_ends(rules, motion, scenes, k, away, totals, outcome.flags)
     power = power_share(rules.table, motion.thrust[k])
-    gain = shaping(w, episodes.distance[k], away) - effort_cost(w, power, action, episodes.action[k])
     north, east = scenes.targets[k, 0] - motion.pose[k, 0], scenes.targets[k, 1] - motion.pose[k, 1]
-    gain += posture(w, motion.rotation[k], north, east)
-    gain += alignment(w, motion.rotation[k], away) - speed_cost(w, speed, ends[SPEED], away)
-    gain -= obstacle_cost(w, episodes.nearest[k]) + distance_cost(w, away) + scenes.path_cost[k]
-    if outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]:
-        gain += w[SUCCESS]
-    if outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]:
-        gain -= w[COLLISION]
+    arrived = outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]
+    failed = outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]
+    terms, gain = outcome.terms[k], 0.0
+    terms[0] = shaping(w, episodes.distance[k], away)
+    terms[1] = -effort_cost(w, power, action, episodes.action[k])
+    terms[2] = posture(w, motion.rotation[k], north, east)
+    terms[3] = alignment(w, motion.rotation[k], away)
+    terms[4] = -speed_cost(w, speed, ends[SPEED], away)
+    terms[5] = -obstacle_cost(w, episodes.nearest[k])
+    terms[6] = -distance_cost(w, away)
+    terms[7] = -scenes.path_cost[k]
+    terms[8] = w[SUCCESS] if arrived else 0.0
+    terms[9] = -w[COLLISION] if failed else 0.0
+    for i in range(terms.size):
+        gain += terms[i]
     outcome.reward[k] = gain
 
     episodes.distance[k] = away

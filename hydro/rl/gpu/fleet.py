@@ -151,7 +151,9 @@ class GpuFleet:
             memory.zeros((count, TOTALS)),
         )  # fmt: skip
         self._view = kernels.View(shared(self._mask), shared(self._noise), shared(self.observations))
-        self._outcome = Outcome(shared(self.reward), shared(self.flags))
+        self._outcome = Outcome(
+            shared(self.reward), shared(self.flags), memory.zeros((count, len(reward.TERMS)))
+        )
         self._zero_velocity_block = shared(self._zero_velocity)
 
     def _zeros(self, *shape: int) -> Tensor:

@@ -19,7 +19,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
@@ -28,7 +27,7 @@ import numpy as np
 import polars as pl
 import torch
 
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError
 from hydro.io import model as models
 from hydro.io import sealed, table
 from hydro.io.files import explained
@@ -37,6 +36,7 @@ from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.train import Training
+from hydro.rl.world import choices
 
 RUN, MODEL, POLICY, CHECKPOINT = "run.parquet", "model.parquet", "policy.parquet", "checkpoint.pt"
 COVARIANCE = "covariance.parquet"
@@ -70,8 +70,8 @@ def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact |
         vehicle_text: Text of the vehicle file.
         sources: Residual model, covariance of the file's parameters, and the policy to start from.
     """
-    choices = _choices(config)
-    frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
+    known = choices.flat(config)
+    frame = pl.DataFrame({"name": list(known), "value": list(known.values())})
     inputs = [one for one in sources if one is not None]
     return table.make(
         "run", frame, stage=STAGE, seed=config.seed, inputs=inputs, vehicle_text=vehicle_text,
@@ -85,74 +85,36 @@ def config_of(run: Artefact) -> TrainingConfig:
     Raises:
         DataError: Another version with other settings wrote the table.
     """
-    choices = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
-    choices = ADDED | choices
-    if strange := sorted(choices.keys() ^ _choices(TrainingConfig()).keys()):
+    given = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
+    given = ADDED | given
+    if strange := sorted(given.keys() ^ choices.flat(TrainingConfig()).keys()):
         # A missing setting must not take its default: the version without it behaved otherwise.
         raise DataError(
             f"run: not a training of this version: setting {strange[0]} is missing or unknown: train again"
         )
     try:
-        return _config(choices)
+        return choices.built(TrainingConfig, given)
     except (msgspec.MsgspecError, RecursionError) as error:
         raise DataError(f"run: not a training of this version ({error}): train again") from error
 
 
-def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfig:
+def changed(config: TrainingConfig, given: Mapping[str, str]) -> TrainingConfig:
     """Return a config with some settings replaced.
 
     Args:
         config: The config.
-        choices: JSON values by dotted name, such as `{"sac.batch": "256"}`; old names are accepted.
+        given: JSON values by dotted name, such as `{"sac.batch": "256"}`; old names are accepted.
 
     Raises:
         UsageError: A name is unknown, or its value is invalid.
     """
-    known = _choices(config)
-    choices = {current_name(name): value for name, value in choices.items()}
-    if unknown := [name for name in choices if name not in known]:
-        near = [name for name in known if name.endswith(unknown[0])]
-        meant = near or get_close_matches(unknown[0], known) or list(known)
-        raise UsageError(f"no choice is called {unknown[0]!r}: choose one of {', '.join(meant)}")
-    try:
-        return _config(known | choices)
-    except (msgspec.MsgspecError, RecursionError) as error:
-        names = ", ".join(f"{name}={value}" for name, value in choices.items())
-        raise UsageError(f"{names}: not a value for this choice ({error})") from error
+    return choices.changed(config, {current_name(name): value for name, value in given.items()})
 
 
 def current_name(name: str) -> str:
     """Return the present name of a setting; earlier versions called some groups otherwise."""
     group, dot, rest = name.partition(".")
     return f"{RENAMED.get(group, group)}{dot}{rest}"
-
-
-def _choices(config: TrainingConfig) -> dict[str, str]:
-    """Return the settings as JSON values by dotted name."""
-    return dict(_flat(msgspec.to_builtins(config)))
-
-
-def _config(flat: Mapping[str, str]) -> TrainingConfig:
-    """Build a config from settings by dotted name."""
-    nested: dict[str, Any] = {}
-    for name, value in flat.items():
-        *groups, last = name.split(".")
-        place = nested
-        for group in groups:
-            place = place.setdefault(group, {})
-        place[last] = msgspec.json.decode(value)
-    return msgspec.convert(nested, TrainingConfig)
-
-
-def _flat(nested: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Flatten nested settings to dotted names and JSON values."""
-    flat: list[tuple[str, str]] = []
-    for name, value in nested.items():
-        if isinstance(value, Mapping):
-            flat += _flat(value, f"{prefix}{name}.")
-        else:
-            flat.append((f"{prefix}{name}", msgspec.json.encode(value).decode()))
-    return flat
 
 
 class Folder:
@@ -204,8 +166,8 @@ class Folder:
         old, new = config_of(before), config_of(run)
         longer = replace(old, steps=new.steps, curriculum=new.curriculum)
         if longer != new or before.provenance.inputs != run.provenance.inputs:
-            now = _choices(new)
-            changed = [name for name, value in _choices(longer).items() if value != now[name]]
+            now = choices.flat(new)
+            changed = [name for name, value in choices.flat(longer).items() if value != now[name]]
             names = ", ".join(changed)
             raise DataError(
                 f"{self.path}: holds a training with other {names or 'inputs'}: give another folder, or the "

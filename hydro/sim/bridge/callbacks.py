@@ -26,7 +26,7 @@ from numba import types
 from hydro.core.columns import Array
 from hydro.core.compiled import cfunc, jit, kernel, within
 from hydro.core.effects import layout
-from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, relative_to_water, start, wrench
+from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, rates, relative_to_water, start, wrench
 from hydro.core.vehicle.frames import HALF_TURN
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.core.vehicle.thrusters import (
@@ -330,7 +330,7 @@ def _internal_rates(data: int, vehicle: Array) -> None:
     room = stack()
     s, tau = part(room, S, layout.MOTION), part(room, TAU, 6)
     _write_motion(data, vehicle, part(room, 0, 9), s)
-    wrench(program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau)
+    rates(program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau)
 
 
 @within

@@ -19,7 +19,7 @@ from torchrl.envs.utils import check_env_specs
 import hydro.rl
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.action import ACTIONS
-from hydro.rl.environment.environments import Encoded, FleetConfig, Single, _spaces, make_fleet
+from hydro.rl.environment.environments import Encoded, FleetConfig, Single, make_fleet, single_spaces
 from hydro.rl.environment.observation import ENCODING
 from hydro.rl.environment.torch_env import FleetEnv
 from hydro.rl.world.config import Episode, Settings
@@ -28,7 +28,7 @@ SHORT = Settings(task=Episode(steps=20))
 
 
 def test_actions_are_demands_of_either_sign_up_to_their_limit():
-    actions = _spaces(SHORT)[1]
+    actions = single_spaces(SHORT)[1]
     np.testing.assert_array_equal([actions.low, actions.high], [[-1.0] * ACTIONS, [1.0] * ACTIONS])
 
 
@@ -56,7 +56,7 @@ def test_an_episode_through_gymnasium():
 
 
 def test_a_vector_of_vehicles():
-    envs = gymnasium.make_vec("hydro/PointToPoint-v0", num_envs=3, settings=SHORT)
+    envs = gymnasium.make_vec("hydro/PointToPoint-v0", num_envs=3, settings=SHORT, autoreset_mode="SameStep")
     first, _ = envs.reset(seed=1)
     assert envs.observation_space.contains(first)
     for _ in range(19):

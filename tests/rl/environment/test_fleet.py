@@ -10,6 +10,7 @@ from fleets import QUIET, fleet, neutral, put, teachers, vehicle
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.world.config import Episode, Reward, Settings
+from hydro.sim.kernel_plant import KernelPlant
 
 
 def flown(subject, steps, seed=0):
@@ -123,11 +124,18 @@ def test_arriving_ends_the_episode():
     assert step.info.distance[0] == pytest.approx(0.4, abs=1e-3)
 
 
-def test_a_diverged_vehicle_is_told_and_starts_anew():
-    """A vehicle too fast for MuJoCo's integrator is reset; its last valid state is observed."""
-    subject = fleet(replace(QUIET, engine="mujoco"), count=2)
+def throw(plant, number, speed):
+    """Give a vehicle a speed [m/s] that no integrator survives."""
+    state = plant._fleet.y[:, 7] if isinstance(plant, KernelPlant) else plant._student.batch.qvel[:, 0]
+    state[number] = speed
+
+
+@pytest.mark.parametrize("engine", ["kernels", "mujoco"])
+def test_a_diverged_vehicle_is_told_and_starts_anew(engine):
+    """A vehicle too fast for the integrator is reset; its last valid state is observed."""
+    subject = fleet(replace(QUIET, engine=engine), count=2)
     subject.reset()
-    subject.plant._student.batch.qvel[0] = 1e12
+    throw(subject.plant, 0, 1e12)
     step = subject.step(np.zeros((2, 6)))
     assert list(step.info.diverged) == [True, False]
     assert step.terminated[0]
@@ -138,13 +146,15 @@ def test_a_diverged_vehicle_is_told_and_starts_anew():
     assert (again.info.episode_length == [1, 2]).all()
 
 
-def test_divergence_costs_what_a_collision_does():
+@pytest.mark.parametrize("engine", ["kernels", "mujoco"])
+def test_divergence_costs_what_a_collision_does(engine):
     others = ("shaping", "heading", "upright", "energy", "action", "smoothness", "obstacle")
     only = Reward(**dict.fromkeys(others, 0.0))
-    subject = fleet(replace(QUIET, reward=only, engine="mujoco"), count=2, craft=neutral())
+    settings = replace(QUIET, reward=only, engine=engine)
+    subject = fleet(settings, count=2, craft=neutral(), condition="R_0")
     subject.reset()
     subject.pillars[:] = np.nan
-    subject.plant._student.batch.qvel[0] = 1e12
+    throw(subject.plant, 0, 1e12)
     step = subject.step(np.zeros((2, 6)), renew=False)
     assert list(step.info.diverged) == [True, False]
     np.testing.assert_array_equal(step.reward, [-only.collision, 0.0])

@@ -67,7 +67,7 @@ def test_the_kernels_compile_for_a_gpu_and_make_no_arrays(monkeypatch):
     motion, demands = block(Motion, 2, 2, 2, 2, mask, 2), block(kernels.Demands, 2, 2)
     senses = block(Senses, array("float32", 2), 2, types.float64, 1, types.float64, 1)
     starts = block(kernels.Starts, mask, array("int64", 1), 2)
-    outcome = block(Outcome, array("float32", 1), array("boolean", 2))
+    outcome = block(Outcome, array("float32", 1), array("boolean", 2), array("float64", 2))
     for kernel, arguments in (
         (kernels.place, (block(kernels.Pool, 2, 2, 3), starts, scenes, episodes)),
         (kernels.command, (block(kernels.Allocation, 2, 2, 1), demands)),
