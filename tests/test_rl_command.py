@@ -73,10 +73,12 @@ def test_training_tells_its_choices_and_how_it_goes(
     assert told.out == ""
     assert re.search(r"sac\.batch +16", told.err)
     assert re.search(
-        r"80 steps, \d+/s, point_to_point, success 0%, at most 0 min left; without exploration 0% of 3",
+        r"paper: 80 steps, \d+ SAC updates, \d+ steps/s, point_to_point, success 0%, at most 0 min left; "
+        r"without exploration 0% of 3",
         told.err,
     )
     assert "continue with more --steps" in told.err
+    assert "the paper does not state, chosen here: sac.layers" in told.err
     assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", tmp_path / "run") == 0
     assert "resumes after 80 steps" in capsys.readouterr().err
     steps = table.read(tmp_path / "run" / "curves.parquet").frame["steps"]

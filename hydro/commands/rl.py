@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hydro.commands.places import FILE, FOLDER
 from hydro.commands.recordings import MaxExpanded
 from hydro.commands.rl_flights import builder_of, eval_, watch
+from hydro.commands.rl_recipes import Recipe, current_recipe
 from hydro.commands.rl_study import study
 from hydro.commands.shell import ModelFile, estimates_beside, progress, seed_option
 from hydro.commands.tables import print_table
@@ -47,10 +48,6 @@ Start = Annotated[
         metavar="RUN",
         help="Begin with the policy of another training.",
     ),
-]
-Recipe = Annotated[
-    Literal["paper", "sac", "imitation", "demos"],
-    typer.Option(help="SAC as in the paper, fast SAC, or imitation; demos is the old name of imitation."),
 ]
 TaskAlone = Annotated[
     str | None,
@@ -250,17 +247,6 @@ def _config(given: _Given) -> TrainingConfig:
                 f"hydro: --set {name} is called {present} now; the next version will not know it", err=True
             )
     return changed(config, choices)
-
-
-def current_recipe(name: str) -> str:
-    """Return the present name of a recipe; print a line on stderr for a name of an earlier version."""
-    from hydro.rl.training.config import RENAMED_RECIPES
-
-    if name not in RENAMED_RECIPES:
-        return name
-    present = RENAMED_RECIPES[name]
-    typer.echo(f"hydro: --recipe {name} is called {present} now; the next version will not know it", err=True)
-    return present
 
 
 def _choice(text: str) -> tuple[str, str]:

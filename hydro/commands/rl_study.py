@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -11,6 +11,7 @@ from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
 from hydro.commands.help import CLUSTER
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import MaxExpanded
+from hydro.commands.rl_recipes import Recipe, current_recipe
 from hydro.commands.shell import ModelFile, message
 from hydro.commands.tables import print_table
 
@@ -25,10 +26,6 @@ Identified = Annotated[
 ]
 Conditions = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Only this condition; may be repeated.")
-]
-Recipe = Annotated[
-    Literal["paper", "sac", "imitation", "demos"],
-    typer.Option(help="Recipe of every training; see hydro rl train."),
 ]
 Choices = Annotated[
     list[str] | None,
@@ -72,7 +69,6 @@ def study(
     DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line names conditions that
     are not run because a file is missing.
     """
-    from hydro.commands.rl import current_recipe
     from hydro.study import policies
 
     known = policies.Study(

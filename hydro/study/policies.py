@@ -161,7 +161,7 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
     levels = study.levels
     for simulator, stage in tests(study):
         # the pilot flies once per condition, and once in the reference simulator for all conditions
-        piloted = run.seed == 0 if simulator == "student" else first
+        piloted = first if simulator == "teacher" else run.seed == 0
         other = simulator == "teacher" and run.vehicle != study.vehicle
         true = ("--truth", str(study.vehicle)) if other else ()
         task, level = levels[stage - 1]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from test_sac import ENCODING, SMALL, feed, learner
+from learners import ENCODING, SMALL, feed, learner
 
 from hydro.core.errors import UsageError
 from hydro.rl.training.config import SACConfig

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hydro.commands.rl import current_recipe
+from hydro.commands.rl_recipes import current_recipe
 from hydro.core.errors import UsageError
 from hydro.core.residual.network import Network
 from hydro.io import vehicle as vehicles
