@@ -13,6 +13,7 @@ import argparse
 import math
 import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -23,8 +24,8 @@ from hydro.study.paper_tables import NOT_RUN, PASSED, UNFINISHED
 
 COMMAND = (
     "hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet "
-    "--vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml --epochs 60 "
-    "--episodes 50 -o study"
+    "--vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml --model mlp "
+    "--model physfeat --epochs 60 --episodes 50 -o study"
 )
 PLACES = {"kernels": "in kernels", "student": "in MuJoCo", "teacher": "in the reference simulator"}
 SURGE = {"MJ0": 1.784, "MJ1": 0.996, "MJ4": 0.998}
@@ -46,10 +47,23 @@ def cell(row: Row) -> str:
     return words + (f"; hit {100.0 * row['collision']:.3g}%" if row["collision"] else "")
 
 
-def trained(study: paper.Study) -> list[Row]:
-    """Return a row for every training: how far it came, and what it took."""
+def trained(study: paper.Study, continued: Sequence[Path] = ()) -> list[Row]:
+    """Return a row for every training: how far it came, and what it took.
+
+    Args:
+        study: The study.
+        continued: Copies of trainings of the study that were continued beyond its budget.
+    """
+    done = paper_tables.trainings(study).to_dicts()
+    if continued:
+        runs = {run.folder.name: run for run in paper.runs(study)}
+        further = [replace(runs[folder.name], folder=folder) for folder in continued]
+        done += [
+            row | {"condition": f"{row['condition']}, continued", "state": _state(row, study)}
+            for row in paper_tables.trainings(study, further).to_dicts()
+        ]
     rows: list[Row] = []
-    for row in paper_tables.trainings(study).to_dicts():
+    for row in done:
         made: Row = {"recipe": row["recipe"], "condition": row["condition"], "seed": row["seed"]}
         if row["state"] == NOT_RUN:
             rows.append(made | {"result": NOT_RUN})
@@ -63,6 +77,11 @@ def trained(study: paper.Study) -> list[Row]:
         made["processor time"] = "" if spent is None else f"{spent:.0f} s"
         rows.append(made | {"divergence": row["diverged"] or "none"})
     return rows
+
+
+def _state(row: Row, study: paper.Study) -> str:
+    """Return the state of a continued training."""
+    return PASSED if row["stages"] == study.stages else "stopped"
 
 
 def flown(study: paper.Study, counted: dict[str, str]) -> list[Row]:
@@ -275,13 +294,16 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder of a study")
     parser.add_argument("--commit", required=True, help="commit of the measured code")
     parser.add_argument("--command", default=COMMAND, help="command of the study")
+    parser.add_argument(
+        "--continued", type=Path, nargs="*", default=[], help="copies of trainings with more steps"
+    )
     parser.add_argument("--episodes", type=int, default=50, help="episodes of each test")
     given = parser.parse_args()
     study = study_of(given)
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}
     where = origin(pl.DataFrame({"seed": range(study.seeds)}), given.command, given.commit)
     for name, rows in {
-        "paper_rl": trained(study),
+        "paper_rl": trained(study, given.continued),
         "paper_flights": flown(study, counted),
         "paper_differences": compared(study),
         "paper_networks": errors(study),

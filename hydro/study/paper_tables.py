@@ -10,6 +10,7 @@ from hydro.study import paper, policies
 from hydro.study.steps import LEDGER
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import polars as pl
@@ -25,8 +26,12 @@ LASTING = 2
 """Points of a curve, of several hundred updates each, over which the loss stays above that."""
 
 
-def trainings(study: Study) -> pl.DataFrame:
+def trainings(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
     """Return a row for every training of a study, also for those that were not run.
+
+    Args:
+        study: The study.
+        of: Trainings; by default all of the study.
 
     Returns:
         `recipe`, `condition`, `seed`; `state`; `steps` and `updates` so far; `updates_1` to `updates_3`, the
@@ -36,7 +41,7 @@ def trainings(study: Study) -> pl.DataFrame:
     import polars as pl
 
     ledger = _ledger(study.folder)
-    rows = [_training(study, run, ledger) for run in paper.runs(study)]
+    rows = [_training(study, run, ledger) for run in of or paper.runs(study)]
     numbers = ["steps", "updates", *(f"updates_{stage}" for stage in range(1, study.stages + 1))]
     kinds = dict.fromkeys(numbers, pl.Int64) | {"processor": pl.Float64}
     return pl.DataFrame(rows, schema_overrides=kinds)
