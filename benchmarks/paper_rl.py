@@ -24,8 +24,8 @@ from hydro.study.paper_tables import NOT_RUN, PASSED, UNFINISHED
 
 COMMAND = (
     "hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet "
-    "--vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml --model mlp "
-    "--model physfeat --epochs 60 --episodes 50 -o study"
+    "--vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml --epochs 60 "
+    "--episodes 50 -o study"
 )
 PLACES = {"kernels": "in kernels", "student": "in MuJoCo", "teacher": "in the reference simulator"}
 SURGE = {"MJ0": 1.784, "MJ1": 0.996, "MJ4": 0.998}
@@ -62,11 +62,11 @@ def trained(study: paper.Study, continued: Sequence[Path] = ()) -> list[Row]:
             row | {"condition": f"{row['condition']}, continued", "state": _state(row, study)}
             for row in paper_tables.trainings(study, further).to_dicts()
         ]
-    rows: list[Row] = []
+    rows, missing = list[Row](), dict[str, list[int]]()
     for row in done:
         made: Row = {"recipe": row["recipe"], "condition": row["condition"], "seed": row["seed"]}
         if row["state"] == NOT_RUN:
-            rows.append(made | {"result": NOT_RUN})
+            missing.setdefault(row["condition"], []).append(row["seed"])
             continue
         made["result"] = f"{row['state']}, {row['stages']} of {study.stages} stages"
         made |= {"SAC updates": f"{row['updates']:,}", "steps": f"{row['steps']:,}"}
@@ -76,6 +76,9 @@ def trained(study: paper.Study, continued: Sequence[Path] = ()) -> list[Row]:
         spent = row["processor"]
         made["processor time"] = "" if spent is None else f"{spent:.0f} s"
         rows.append(made | {"divergence": row["diverged"] or "none"})
+    for condition, seeds in missing.items():
+        made = {"recipe": study.recipe, "condition": condition, "seed": ", ".join(map(str, seeds))}
+        rows.append(made | {"result": NOT_RUN})
     return rows
 
 
@@ -85,37 +88,54 @@ def _state(row: Row, study: paper.Study) -> str:
 
 
 def flown(study: paper.Study, counted: dict[str, str]) -> list[Row]:
-    """Return a row for every policy and pilot and every task: arrivals in each simulator."""
-    tests = paper_tables.flights(study)
-    rows: dict[tuple[str, ...], Row] = {}
-    for row in tests.to_dicts():
+    """Return a row for every task and policy, and for every task and pilot in the reference simulator.
+
+    Beside a policy stand the pilots in the MuJoCo model of its condition.
+    """
+    tests = paper_tables.flights(study).to_dicts()
+    learnt, pilots = dict[tuple[str, ...], Row](), dict[tuple[str, ...], Row]()
+    by_hand = {
+        (row["task"], row["condition"], row["flown_by"]): cell(row)
+        for row in tests
+        if row["flown_by"] != "policy" and row["plant"] == "student"
+    }
+    for row in tests:
         level = counted.get(row["task"], "")
         task = row["task"].replace("_", " ") + (f", {row['level']} {level}" if level else "")
-        learnt = row["flown_by"] == "policy"
-        who = f"policy, seed {row['seed']}" if learnt else row["flown_by"]
-        key = task, row["condition"], who
-        columns = {"task": task, "condition": row["condition"], "flown by": who}
-        columns["recipe"] = row["recipe"] if learnt else "none"
-        columns["SAC updates"] = f"{row['updates']:,}" if learnt else ""
-        rows.setdefault(key, columns)[PLACES[row["plant"]]] = cell(row)
-    return list(rows.values())
+        if row["flown_by"] == "policy":
+            made = learnt.setdefault(
+                (row["task"], row["condition"], str(row["seed"])),
+                {"task": task, "flown by": f"policy, {row['condition']}, seed {row['seed']}"},
+            )
+            made |= {"recipe": row["recipe"], "SAC updates": f"{row['updates']:,}"}
+            made |= {words: made.get(words, "") for words in PLACES.values()}
+            made[PLACES[row["plant"]]] = cell(row)
+            for name, words in (
+                ("helmsman", "pilot, in MuJoCo"),
+                ("helmsman with map", "pilot with map, in MuJoCo"),
+            ):
+                made[words] = by_hand.get((row["task"], row["condition"], name), "")
+        elif row["plant"] == "teacher":
+            pilots[row["task"], row["flown_by"]] = {
+                "task": task, "flown by": row["flown_by"], "recipe": "none", PLACES["teacher"]: cell(row),
+            }  # fmt: skip
+    order = list(dict.fromkeys(row["task"] for row in tests))
+    rows = sorted((*learnt.items(), *pilots.items()), key=lambda item: order.index(item[0][0]))
+    return [row for _, row in rows]
 
 
 def compared(study: paper.Study) -> list[Row]:
-    """Return the differences of arrival rates between conditions."""
+    """Return the differences of arrival rates between conditions, in percentage points, by simulator."""
     tests = paper_tables.flights(study)
     found = paper_tables.differences(tests) if len(tests) else tests
-    return [
-        {
-            "task": row["task"].replace("_", " "),
-            "simulator": PLACES[row["plant"]].removeprefix("in "),
-            "difference": f"{row['condition']} - {row['compared_with']}",
-            "arrivals, percentage points": f"{100.0 * row['difference']:+.1f} "
-            f"({100.0 * row['low']:.1f} to {100.0 * row['high']:.1f})",
-            "seeds of the first": row["seeds"],
-        }
-        for row in found.to_dicts()
-    ]
+    rows: dict[tuple[str, str], Row] = {}
+    for row in found.to_dicts():
+        task, difference = row["task"].replace("_", " "), f"{row['condition']} - {row['compared_with']}"
+        made = rows.setdefault((task, difference), {"task": task, "difference": difference})
+        low, high = 100.0 * row["low"], 100.0 * row["high"]
+        made[PLACES[row["plant"]]] = f"{100.0 * row['difference']:+.0f} ({low:.0f} to {high:.0f})"
+        made["trainings"] = f"{row['seeds']} and {row['compared_seeds']}"
+    return list(rows.values())
 
 
 def errors(study: paper.Study) -> list[Row]:
@@ -159,6 +179,9 @@ def claims(study: paper.Study) -> list[Row]:
         "R_0 converges fastest (V-C)": _fastest(done),
         "R_MLP diverges in all runs (V-C)": _diverges(done),
         "R_PhysFeat trains stably (V-C)": _stable(done),
+        "R_PhysFeat achieves the best task performance of the three (V-C)": _best(
+            paper_tables.flights(study)
+        ),
         "Learned hydrodynamics reduces the surge error to 0.996 m/s (Table III)": _surge(replayed),
     }
     rows: list[Row] = []
@@ -263,6 +286,23 @@ def _stable(done: pl.DataFrame) -> Verdict:
     return (REPRODUCED if len(good) == len(rows) else NOT_REPRODUCED), words, TRAININGS
 
 
+def _best(tests: pl.DataFrame) -> Verdict:
+    """Compare the arrivals of the conditions of the paper, each in its own MuJoCo model."""
+    if tests.is_empty():
+        return WAITING, "", TRAININGS
+    own = tests.filter(pl.col("flown_by") == "policy", pl.col("plant") == "student")
+    means = {
+        row["condition"]: row["success"]
+        for row in own.group_by("condition", maintain_order=True).agg(pl.col("success").mean()).to_dicts()
+        if row["condition"] in ("R_0", "R_0+M_A", "R_MLP", "R_PhysFeat")
+    }
+    words = "arrivals over all tasks in MuJoCo: " + ", ".join(f"{k} {v:.0%}" for k, v in means.items())
+    if not {"R_MLP", "R_PhysFeat"} < set(means):
+        return WAITING, words, TRAININGS
+    best = max(means, key=means.__getitem__) == "R_PhysFeat"
+    return (REPRODUCED if best else NOT_REPRODUCED), words, TRAININGS
+
+
 def _surge(replayed: pl.DataFrame) -> Verdict:
     """Look for the replay of the baseline MLP whose surge error is nearest to the paper's."""
     found = [] if replayed.is_empty() else replayed.filter(variant="MJ1").drop_nulls("u").to_dicts()
@@ -294,6 +334,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder of a study")
     parser.add_argument("--commit", required=True, help="commit of the measured code")
     parser.add_argument("--command", default=COMMAND, help="command of the study")
+    parser.add_argument("--networks", help="command of the tables of networks, if it is another")
     parser.add_argument(
         "--continued", type=Path, nargs="*", default=[], help="copies of trainings with more steps"
     )
@@ -301,7 +342,8 @@ def main() -> None:
     given = parser.parse_args()
     study = study_of(given)
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}
-    where = origin(pl.DataFrame({"seed": range(study.seeds)}), given.command, given.commit)
+    begun = paper_tables.trainings(study).filter(pl.col("state") != NOT_RUN)
+    where = origin(begun, given.command, given.commit)
     for name, rows in {
         "paper_rl": trained(study, given.continued),
         "paper_flights": flown(study, counted),
@@ -310,7 +352,8 @@ def main() -> None:
         "paper_claims": claims(study),
     }.items():
         if rows:
-            keep(name, [row | where for row in rows])
+            made_by = {"command": given.networks} if given.networks and name == "paper_networks" else {}
+            keep(name, [row | where | made_by for row in rows])
 
 
 if __name__ == "__main__":

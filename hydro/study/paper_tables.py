@@ -139,7 +139,13 @@ def differences(tests: pl.DataFrame, first: str = "R_PhysFeat") -> pl.DataFrame:
                 low, difference, high = _newcombe(row, rates[first])
                 rows.append(
                     {"plant": plant, "task": task, "condition": name, "compared_with": first}
-                    | {"seeds": row["seeds"], "difference": difference, "low": low, "high": high}
+                    | {
+                        "seeds": row["seeds"],
+                        "compared_seeds": rates[first]["seeds"],
+                        "difference": difference,
+                        "low": low,
+                        "high": high,
+                    }
                 )
     return pl.DataFrame(rows)
 
