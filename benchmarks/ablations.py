@@ -1,4 +1,4 @@
-"""Ablation of `--recipe demos` for soft actor-critic: stage 1, with one choice reverted at a time.
+"""Ablation of `--recipe imitation` for soft actor-critic: stage 1, with one choice reverted at a time.
 
 No behaviour cloning and no corrections are used.  The policy learns by rewards alone, from the expert pilot's
 flights in half of every batch, and is evaluated every 5,000 steps.
@@ -39,7 +39,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
 def line(choices: Sequence[str], seed: int | str) -> list[str]:
     """The command of one training."""
     chosen = [word for choice in (*PLAIN, *choices) for word in ("--set", choice)]
-    return ["rl", "train", str(VEHICLE), "--recipe", "demos", "--stages", "1", "--steps", str(STEPS),
+    return ["rl", "train", str(VEHICLE), "--recipe", "imitation", "--stages", "1", "--steps", str(STEPS),
             "--seed", str(seed), *chosen]  # fmt: skip
 
 

@@ -5,7 +5,7 @@ pilots are included, in the MuJoCo model of each condition and once in the refer
 
     # Train every condition and test the policies.
     hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet
-        --model structured.parquet --identified identified.toml --recipe demos -o study
+        --model structured.parquet --identified identified.toml --recipe imitation -o study
     # Write the tables.
     python -m benchmarks.paper_study study --commit COMMIT
 """
@@ -26,7 +26,7 @@ from hydro.io import table
 
 COMMAND = (
     "hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet --model mlp.parquet "
-    "--model structured.parquet --identified identified.toml --recipe demos -o study"
+    "--model structured.parquet --identified identified.toml --recipe imitation -o study"
 )
 WITH_MAP = "helmsman with map"
 

@@ -1,6 +1,6 @@
 """Effect of posterior randomisation on the robustness of policies in other vehicles.
 
-All policies use `--recipe demos`.  They are trained either on the values of a vehicle file, or with each
+All policies use `--recipe imitation`.  They are trained either on the values of a vehicle file, or with each
 episode's vehicle drawn from the covariance of the fit (`--randomise posterior`).  The test is the forest,
 in vehicles drawn from that covariance.  A second test is the reference simulator to which the file was
 fitted, as it is and with a current, a payload or a dead thruster.  Expert pilots with and without a map run
@@ -29,7 +29,7 @@ from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
 """Options of each training distribution."""
-RECIPE = ("--recipe", "demos", "--stages", "3", "--steps", "2000000")
+RECIPE = ("--recipe", "imitation", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),
     "teacher": ("teacher", ("nominal", "current", "load", "dead_thruster")),

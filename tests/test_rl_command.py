@@ -73,10 +73,12 @@ def test_training_prints_its_settings_and_progress(
     assert told.out == ""
     assert re.search(r"sac\.batch +16", told.err)
     assert re.search(
-        r"80 steps, \d+/s, point_to_point, success 0%, at most 0 min left; without exploration 0% of 3",
+        r"paper: 80 steps, \d+ SAC updates, \d+ steps/s, point_to_point, success 0%, at most 0 min left; "
+        r"without exploration 0% of 3",
         told.err,
     )
     assert "continue with more --steps" in told.err
+    assert "the paper does not state, chosen here: sac.layers" in told.err
     assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", tmp_path / "run") == 0
     assert "resumes after 80 steps" in capsys.readouterr().err
     steps = table.read(tmp_path / "run" / "curves.parquet").frame["steps"]
@@ -240,12 +242,12 @@ def test_a_study_runs_possible_conditions_and_names_the_others(
     assert "not run: R_identified, for want of a file" in told
     tests = table.read(tmp_path / "tests.parquet", "evaluations").frame
     assert tests.select("flown_by", "plant").rows() == [
-        (who, simulator) for simulator in ("student", "teacher") for who in ("policy", "helmsman")
+        (who, simulator) for simulator in policies.SIMULATORS for who in ("policy", "helmsman")
     ]
     assert set(tests["condition"]) == {"R_effects"}
     assert (tmp_path / "curves.png").exists()
     assert rl(*line, "-o", tmp_path) == 0
-    assert "0 of 4 steps run" in capsys.readouterr().err
+    assert "0 of 5 steps run" in capsys.readouterr().err
 
 
 def test_a_study_trains_with_the_identified_file_and_tests_in_the_simulator_of_its_vehicle(
@@ -254,14 +256,14 @@ def test_a_study_trains_with_the_identified_file_and_tests_in_the_simulator_of_i
     identified = tmp_path / "identified.toml"
     study = policies.Study(tmp_path, Path(VEHICLE), identified=identified, seeds=2, stages=2)
     runs, left = policies.runs(study)
-    assert [run.condition for run in runs] == ["R_0", "R_effects", "R_identified"] * 2
+    assert [run.condition for run in runs] == ["R_0", "R_0+M_A", "R_effects", "R_identified"] * 2
     assert len(left) == 3
     of_it = tmp_path / "R_identified-seed0"
     training, *flights = (step for step in policies.steps(study, runs) if of_it in step.writes[0].parents)
     assert training.line[:3] == ("rl", "train", str(identified))
     assert training.reads == (identified,)
     assert [step.writes[0].name for step in flights] == [
-        f"{simulator}-{stage}.parquet" for simulator in ("student", "teacher") for stage in (1, 2)
+        f"{simulator}-{stage}.parquet" for simulator in policies.SIMULATORS for stage in (1, 2)
     ]
     for step in flights:
         in_teacher = "teacher" in step.line

@@ -52,7 +52,7 @@ def test_variants_are_told_by_medians_and_who_has_not_passed_counts_as_the_last_
 
 def test_every_variant_takes_back_what_it_says():
     made = {
-        name: changed(RECIPES["demos"], dict(one.split("=") for one in (*ablations.PLAIN, *choices)))
+        name: changed(RECIPES["imitation"], dict(one.split("=") for one in (*ablations.PLAIN, *choices)))
         for name, choices in ablations.VARIANTS.items()
     }
     whole, bare = made["all of it"], made["none of it"]

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hydro.commands.places import FILE, TRAINING
 from hydro.commands.recordings import MaxExpanded
 from hydro.commands.rl_flights import builder_of, eval_, watch
+from hydro.commands.rl_recipes import Recipe, current_recipe
 from hydro.commands.rl_study import study
 from hydro.commands.shell import ModelFile, estimates_beside, progress, seed_option
 from hydro.commands.tables import print_table
@@ -31,23 +32,22 @@ TrainingFolder = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), TRAINING
 ]
 ConditionName = Annotated[
-    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured, R_effects, R_identified.")
+    str, typer.Option(help="Physics: R_0, R_0+M_A, R_MLP, R_PhysFeat, R_structured, R_effects, R_identified.")
 ]
 ResidualModel = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Residual model, for conditions with one."),
 ]
-Steps = Annotated[int, typer.Option(min=1, help="Maximum control steps of all vehicles together.")]
+Steps = Annotated[
+    int | None,
+    typer.Option(min=1, help="Maximum control steps of all vehicles together; default: of the recipe."),
+]
 Start = Annotated[
     Path | None,
     typer.Option(
         metavar="RUN",
         help="Begin with the policy of another training.",
     ),
-]
-Recipe = Annotated[
-    Literal["paper", "demos"],
-    typer.Option(help="As in the paper, or with imitation first."),
 ]
 TaskAlone = Annotated[
     str | None,
@@ -71,28 +71,35 @@ def train(
     seed: Annotated[int, seed_option("Seed of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
     task: TaskAlone = None,
-    steps: Steps = 500_000,
+    steps: Steps = None,
     start: Start = None,
     recipe: Recipe = "paper",
     randomise: Randomise = None,
     choices: Choices = None,
     max_expanded: MaxExpanded = None,
 ) -> None:
-    """Train a policy by SAC; --recipe demos starts with imitation.
+    """Train a policy by SAC or by imitation, see --recipe.
 
     Stage 1 is point to point, stage 2 a slalom, stage 3 a forest of pillars. DIR gets the policy, all
     settings and the evaluations. The same command again resumes. --randomise posterior draws the vehicle of
     each episode from the covariance stored next to its file, --randomise 0.2 from 20 % about its values.
 
-        hydro rl train vehicle.toml --recipe demos --randomise posterior -o run
+        recipe     learns by               settings
+        paper      rewards (SAC)           those of the paper where it gives them
+        sac        rewards (SAC)           64 vehicles; a tenth of the processor time
+        imitation  an expert pilot's acts  no SAC update as long as imitation passes
+
+        hydro rl train vehicle.toml --recipe imitation --randomise posterior -o run
 
     Details:
 
-    The slalom has none to four baffles; the forest has a planned way to follow. Once 90 % of 150 episodes of
-    training succeed (curriculum.ready), as many are run without exploration, of which 97 % pass a level
-    (curriculum.share). Training ends with the last level or with the steps.
+    The slalom has none to four baffles; with --recipe sac stage 2 is a row of two, four and eight pillars
+    instead (curriculum.row), because rewards alone do not lead through a slalom. The forest has a planned way
+    to follow. Once 90 % of 150 episodes of training succeed (curriculum.ready), as many are run without
+    exploration, of which 97 % pass a level (curriculum.share). With --recipe sac such an examination follows
+    every 25,600 steps (curriculum.examine). Training ends with the last level or with the steps.
 
-    With --recipe demos a scripted expert with a map steers first and the policy imitates it (behavioural
+    With --recipe imitation a scripted expert with a map steers first and the policy imitates it (behavioural
     cloning). Then the policy steers, the expert labels the states that it visits (DAgger), and the policy
     imitates these labels, until it passes. Levels that it still does not pass it learns by rewards, with
     runs of the expert in half of every batch. All levels are rehearsed, and the last policy passes the
@@ -100,8 +107,9 @@ def train(
 
     DIR gets run.parquet with all settings, curves.parquet, evaluations.parquet and policy.parquet at every
     evaluation, and a checkpoint. A resumed training has the same bits as an uninterrupted one; with more
-    --steps, --stages or another curriculum it continues. With --start a policy of one condition is
-    trained further under another, from the first level.
+    --steps, --stages or another curriculum it continues. With --recipe sac every fifth evaluation writes a
+    checkpoint. Lines of progress, curves and evaluations state the recipe and the number of SAC updates. With
+    --start a policy of one condition is trained further under another, from the first level.
 
     --randomise current=0.3 draws a current of up to 0.3 m/s, load=0.1 a payload of up to 10 % of the mass,
     thruster=1 the share of thrust that one thruster has lost, bias=1 biases as large as the noise of the
@@ -151,7 +159,7 @@ class _Given:
     seed: int
     stages: int
     task: str
-    steps: int
+    steps: int | None
     start: Path | None
     recipe: str
     choices: tuple[str, ...]
@@ -162,6 +170,7 @@ def _train(given: _Given) -> None:
     from hydro.io import table
     from hydro.io.covariance import KIND, beside
     from hydro.io.vehicle import read as read_vehicle
+    from hydro.rl.training.config import PAPER, UNPUBLISHED
     from hydro.rl.training.runs import Folder, run_artefact
     from hydro.rl.training.train import Training
 
@@ -185,6 +194,8 @@ def _train(given: _Given) -> None:
         typer.echo(f"{given.output}: resumes after {training.steps:,} steps", err=True)
     else:
         print_table(run.frame, f"{given.output}: all settings; --set NAME=VALUE changes one", _stderr())
+        if config.recipe == PAPER:
+            typer.echo(f"the paper does not state, chosen here: {', '.join(UNPUBLISHED)}", err=True)
     clock.start(training)
     with progress("train") as update:
         while not training.finished:
@@ -221,12 +232,12 @@ def _config(given: _Given) -> TrainingConfig:
     from hydro.rl.training.config import RECIPES
     from hydro.rl.training.runs import changed, current_name
 
-    recipe = RECIPES[given.recipe]
+    recipe = RECIPES[current_recipe(given.recipe)]
     config = replace(
         recipe,
         condition=given.condition,
         seed=given.seed,
-        steps=given.steps,
+        steps=given.steps or recipe.steps,
         curriculum=replace(recipe.curriculum, last=given.stages, task=given.task),
     )
     choices = dict(_choice(one) for one in given.choices)
@@ -280,7 +291,8 @@ class _Clock:
         rate = (training.steps - self._first) / max(time.perf_counter() - self._started, 1e-9)
         left = (training.config.steps - training.steps) / rate if rate else 0.0
         return (
-            f"{training.steps:,} steps, {rate:.0f}/s, {_level(training)}, "
+            f"{training.config.recipe}: {training.steps:,} steps, {training.updates:,} SAC updates, "
+            f"{rate:.0f} steps/s, {_level(training)}, "
             f"success {training.curriculum.share:.0%}, at most {left / 60.0:.0f} min left"
         )
 
@@ -294,18 +306,25 @@ def _evaluated(training: Training) -> str:
 def _ending(training: Training) -> str:
     """Return a sentence on the end of a training."""
     if verdict := training.watch.verdict:
-        return f"diverged ({verdict}) by {training.steps:,} steps; {training.watch.episodes} episodes did"
+        return (
+            f"{training.config.recipe}: diverged ({verdict}) by {training.steps:,} steps and "
+            f"{training.updates:,} SAC updates; {training.watch.episodes} episodes did"
+        )
     if training.curriculum.done:
         name, level = training.curriculum.level
         last = {"purpose": "exam", "task": name, "level": level}
         exam = next(one for one in reversed(training.evaluations) if one.items() >= last.items())
         low, high = exam["success_low"], exam["success_high"]
         return (
-            f"passed its last level, {_level(training)}, after {training.steps:,} steps: "
+            f"{training.config.recipe}: passed its last level, {_level(training)}, after "
+            f"{training.steps:,} steps and {training.updates:,} SAC updates: "
             f"{exam['success']:.1%} of {exam['episodes']} episodes without exploration "
             f"[{low:.1%}, {high:.1%}]"
         )
-    return f"the limit of steps is reached in {_level(training)}: continue with more --steps"
+    return (
+        f"{training.config.recipe}: the limit of steps is reached in {_level(training)} after "
+        f"{training.updates:,} SAC updates: continue with more --steps"
+    )
 
 
 def _level(training: Training) -> str:

@@ -44,6 +44,9 @@ TaskName = Annotated[
 ]
 Stage = Annotated[int | None, typer.Option(min=1, max=3, help="Task of a stage of the curriculum.")]
 Level = Annotated[int | None, typer.Option(min=0, help="Number of baffles or pillars.")]
+Last = Annotated[
+    bool, typer.Option("--last", help="Test the last policy, even if an earlier one passed the task.")
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--setting", metavar="NAME", help="Other settings; may be repeated."),
@@ -98,21 +101,32 @@ def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, li
     return policy, [artefact], builder
 
 
-def _asked(task: str | None, stage: int | None) -> str | None:
+def _asked(run: Path, task: str | None, stage: int | None) -> str | None:
     """Return the name of the requested task; None if none was requested."""
     from hydro.rl.tasks.registry import STAGES
+    from hydro.rl.training.runs import Folder
 
     if task is not None and stage is not None:
         raise UsageError("--task and --stage both choose the task: give one of them")
-    return task if stage is None else STAGES[stage - 1]
+    if stage is None:
+        return task
+    stages = STAGES if _is_vehicle(run) else Folder(run).config().curriculum.stages
+    return stages[stage - 1]
+
+
+def _is_vehicle(run: Path) -> bool:
+    """Return whether a path names a vehicle file instead of a training."""
+    return run.is_file() or run.suffix == ".toml"
 
 
 def _flight(
-    run: Path, wanted: str | None, level: int | None, truth: Path | None = None
+    run: Path, wanted: str | None, level: int | None, truth: Path | None = None, *, last: bool = False
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
     """Return the policy of a run and its table (none for a vehicle file), its fleets, task and level."""
-    alone = run.is_file() or run.suffix == ".toml"
-    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, wanted, truth)
+    alone = _is_vehicle(run)
+    policy, learnt, builder = (
+        (None, [], _of_vehicle(run, truth)) if alone else _opened(run, None if last else wanted, truth)
+    )
     begun = {"task": "point_to_point", "level": 0}
     chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
     return policy, learnt, builder, chosen, level
@@ -143,6 +157,7 @@ def eval_(
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
+    last: Last = False,
     setting: Settings = None,
     truth: Truth = None,
     pilot: Annotated[bool, typer.Option("--pilot/--no-pilot", help="Also test a scripted pilot.")] = True,
@@ -175,12 +190,12 @@ def eval_(
     The interval is Wilson's. The result also has the distance from the way to follow, and how far baffles or
     pillars are passed on alternating sides. A good policy also wins in a simulator that it was not trained
     in, and against the scripted pilot (the helmsman). The pilot runs once more with a map if there is
-    something to avoid. The expert of --recipe demos runs as well if it differs from that. With a vehicle
+    something to avoid. The expert of --recipe imitation runs as well if it differs from that. With a vehicle
     file as RUN only the pilot runs. On a terminal without -o the result is printed. Stonefish runs in the
     program hydro-stonefish.
 
     With --stage or --task the policy that passed this task in training is tested, if there is one, because
-    training for the next stage may undo it.
+    training for the next stage may undo it; with --last the last policy is tested.
 
     Settings: no_plan shows the goal instead of a way, current is 0.3 m/s, load a payload of 10 % of the mass,
     posterior draws values from the covariance next to the vehicle file; nominal is the file. With --truth
@@ -194,7 +209,7 @@ def eval_(
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
-    policy, learnt, builder, chosen, level = _flight(run, _asked(task, stage), level, truth)
+    policy, learnt, builder, chosen, level = _flight(run, _asked(run, task, stage), level, truth, last=last)
     known = builder.estimates is not None and truth is None
     trials = trials_of(setting or [NOMINAL], chosen, estimates=known)
     parameters: dict[str, Any] = {"in": simulator, "episodes": episodes, "seed": seed}
@@ -211,9 +226,16 @@ def eval_(
                 flown = fly(actor(fleet), fleet)
             if details is not None and not rows:
                 table.write(made("episodes", flown), details)
-            steps = policy.training["steps"] if policy is not None and name == POLICY else 0
-            who = {"flown_by": name, "condition": builder.config.condition, "seed": builder.config.seed}
-            what = {"steps": steps, "plant": simulator, "purpose": "test", "setting": where}
+            learning = policy.training if policy is not None and name == POLICY else {}
+            who = {"flown_by": name, "recipe": builder.config.recipe if policy is not None else ""}
+            who |= {"condition": builder.config.condition, "seed": builder.config.seed}
+            what = {
+                "steps": learning.get("steps", 0),
+                "updates": learning.get("updates", 0),
+                "plant": simulator,
+                "purpose": "test",
+                "setting": where,
+            }
             rows.append(_result(flown, who | what))
     result = pl.concat(rows)
     if shows_table(output):
@@ -277,7 +299,7 @@ def watch(
     from hydro.rl.training.pilots import WithMap
     from hydro.rl.training.trials import NOMINAL, TRIALS
 
-    policy, _, builder, chosen, level = _flight(run, _asked(task, stage), level)
+    policy, _, builder, chosen, level = _flight(run, _asked(run, task, stage), level)
     fleet = builder(1, seed, simulator, TRIALS[NOMINAL])
     fleet.set_level(chosen, level)
     flight = trace(WithMap(fleet) if policy is None else policy, fleet)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -11,6 +11,7 @@ from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
 from hydro.commands.help import CLUSTER
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import MaxExpanded
+from hydro.commands.rl_recipes import Recipe, current_recipe
 from hydro.commands.shell import ModelFile, message
 from hydro.commands.tables import print_table
 
@@ -25,9 +26,6 @@ Identified = Annotated[
 ]
 Conditions = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Only this condition; may be repeated.")
-]
-Recipe = Annotated[
-    Literal["paper", "demos"], typer.Option(help="Recipe of every training; see hydro rl train.")
 ]
 Choices = Annotated[
     list[str] | None,
@@ -62,11 +60,11 @@ def study(
 
     Details:
 
-    Conditions: R_0 without water forces; R_MLP, R_PhysFeat and R_structured with residual networks; R_effects
-    with the effects of the vehicle file; R_identified with those of a file that was identified from data of
-    the reference simulator. All policies run the same tasks. Trainings run seed by seed, so that a stopped
-    study has some of each. With --engine ray steps run on the nodes of a Ray cluster, as many as have room,
-    and --workers does not count.
+    Conditions: R_0 without water forces; R_0+M_A with added mass and a network whose output is zero; R_MLP,
+    R_PhysFeat and R_structured with residual networks; R_effects with the effects of the vehicle file;
+    R_identified with those of a file that was identified from data of the reference simulator. All policies
+    run the same tasks. Trainings run seed by seed, so that a stopped study has some of each. With --engine
+    ray steps run on the nodes of a Ray cluster, as many as have room, and --workers does not count.
 
     DIR gets a folder per training, tests.parquet with all tests, and curves.png. A line names conditions that
     are not run because a file is missing.
@@ -83,7 +81,7 @@ def study(
         stages=stages,
         steps=steps,
         episodes=episodes,
-        recipe=recipe,
+        recipe=current_recipe(recipe),
         choices=tuple(choices or ()),
         max_expanded=max_expanded,
     )

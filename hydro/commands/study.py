@@ -1,4 +1,4 @@
-"""Command `study`: resumable study of all residual models, from raw data to tables and figures."""
+"""Command `study`: resumable studies of the residual models, and of the reference paper as a whole."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from hydro.commands.help import CLUSTER
 from hydro.commands.places import FOLDER
 from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, Device, message, noise_for
 from hydro.commands.tables import print_table
+from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.study.paper import Study
+    from hydro.study.steps import Runner
+
+PAPER = "Study of the paper"
+"""Heading of the options of `hydro study paper`."""
 CONDITIONING_TITLE = "Replays of the first seeds by conditioning of the learned wrench, RMSE over all six"
 RANKING_TITLE = (
     "Do both errors rank the models alike? Kendall's tau, and the probability of as much by chance"
@@ -57,23 +63,54 @@ Fitted = Annotated[
     typer.Option(metavar="FILE", help="Vehicle file with fitted effects to replay."),
 ]
 Workers = Annotated[int, typer.Option(min=1, help="Steps at a time.", rich_help_panel=CLUSTER)]
-Quick = Annotated[bool, typer.Option("--quick", help="Three models, one seed, one epoch.")]
+Quick = Annotated[bool, typer.Option("--quick", help="A few models, one seed, one epoch, short trainings.")]
+Given = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Vehicle file with effects chosen without data.", rich_help_panel=PAPER
+    ),
+]
+Conditions = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="Only this physics; may be repeated.", rich_help_panel=PAPER),
+]
+Stages = Annotated[
+    int, typer.Option(min=1, max=3, help="Last stage of the curriculum.", rich_help_panel=PAPER)
+]
+Steps = Annotated[
+    int, typer.Option(min=1, help="Control steps of each training at most.", rich_help_panel=PAPER)
+]
+Episodes = Annotated[int, typer.Option(min=1, help="Tasks of each test.", rich_help_panel=PAPER)]
+Choices = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting of every training.", rich_help_panel=PAPER),
+]
+Seeds = Annotated[int, typer.Option(min=1, help="Networks of each model, or trainings of each physics.")]
 
 
 def study(
     context: typer.Context,
-    what: Annotated[Literal["models"], typer.Argument(help="WHATmodels: the residual models are studied.")],
+    what: Annotated[
+        Literal["models", "paper"],
+        typer.Argument(metavar="WHAT", help="models: the residual models; paper: the paper with policies."),
+    ],
     raw: Raw,
     replay: Replayed,
     folder: Folder,
     test: Tested = None,
     vehicle: VehicleOption = None,
     model: Models = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Networks of each model.")] = 5,
+    seeds: Seeds = 5,
     epochs: Epochs = None,
     minutes: Minutes = None,
     noise: Noise = "none",
     effects: Fitted = None,
+    given: Given = None,
+    condition: Conditions = None,
+    stages: Stages = 3,
+    steps: Steps = 800_000,
+    episodes: Episodes = 100,
+    choices: Choices = None,
     device: Device = "cpu",
     workers: Workers = 1,
     engine: EngineName = HERE,
@@ -81,11 +118,14 @@ def study(
     threads: Threads = 1,
     quick: Quick = False,
 ) -> None:
-    """Train all residual networks with several seeds and compare them.
+    """Train all residual networks, or repeat the experiment of the paper, with several seeds.
 
     From raw data: labels, split, training, errors of the predicted wrench, open-loop replay, and Kendall's
     tau between both errors. Each step is an ordinary command, printed as it runs. An interrupted study
     resumes where it stopped. `hydro report DIR` shows the results, also while the study runs.
+
+    WHAT paper trains the networks of Table I, then policies by SAC under each physics, flies them in three
+    simulators beside a scripted pilot, and repeats Tables II and III.
 
     Details:
 
@@ -98,10 +138,30 @@ def study(
     errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, smallest and
     largest), replay.parquet, figures/, models/ and the errors of every network.
     """
-    from hydro.study.models import MODELS, QUICK_MODELS, Recordings, Study, carry_out, disturb
+    if what == "paper":
+        refused = {
+            "--test": test, "--minutes": minutes, "--effects": effects,
+            "--noise": None if noise == "none" else noise, "--device": None if device == "cpu" else device,
+        }  # fmt: skip
+        for option, value in refused.items():
+            if value:
+                raise UsageError(f"{option} is of hydro study models: leave it out")
+        from hydro.study import paper
+
+        settings = paper.Study(
+            folder, raw, replay, _vehicle_file(raw, vehicle, folder), given, epochs=epochs, seeds=seeds,
+            conditions=tuple(condition or paper.CONDITIONS), stages=stages, steps=steps, episodes=episodes,
+            choices=(*paper.Study.choices, *(choices or ())),
+            networks=tuple(model or paper.NETWORKS),
+        )  # fmt: skip
+        with runner(context, folder, workers, engine, address, threads) as (steps_of, together):
+            _paper(paper.quick(settings) if quick else settings, steps_of, together)
+        return
+    from hydro.study import models
+    from hydro.study.models import MODELS, QUICK_MODELS, Recordings, carry_out, disturb
     from hydro.study.summary import CONDITIONINGS
 
-    known = Study(
+    known = models.Study(
         folder,
         Recordings(raw, replay, test, vehicle, noise, effects),
         models=tuple(model) if model else QUICK_MODELS if quick else MODELS,
@@ -117,6 +177,39 @@ def study(
         result = carry_out(known, steps, together)
     message(f"{result.ran} of {result.steps} steps run, the others were done")
     show(result.summary)
+
+
+def _vehicle_file(raw: Path, vehicle: Path | None, folder: Path) -> Path:
+    """Return the vehicle file of a study; that of a recording is written into the folder."""
+    from hydro.io import table
+    from hydro.io.files import write_bytes
+
+    if vehicle is not None:
+        return vehicle
+    text = table.read(raw, "raw").provenance.vehicle
+    if text is None:
+        raise UsageError(f"{raw}: has no vehicle file: add --vehicle FILE")
+    folder.mkdir(parents=True, exist_ok=True)
+    target = folder / "vehicle.toml"
+    if not target.is_file() or target.read_text() != text:
+        write_bytes(text.encode(), str(target))
+    return target
+
+
+def _paper(settings: Study, steps_of: Runner, together: int) -> None:
+    """Run the study of the paper, and print the flights of the policies."""
+    from hydro.study import paper, policies
+
+    plan = paper.steps(settings)
+    ran = steps_of.run(plan, together)
+    message(f"{ran} of {len(plan)} steps run, the others were done")
+    shown = policies.summarise(settings.policies, paper.runs(settings)).select(
+        "recipe", "condition", "flown_by", "seed", "updates", "plant", "task", "level",
+        "success", "success_low", "success_high", "collision", "time_to_goal", "energy",
+    )  # fmt: skip
+    print_table(shown, "Flown without exploration, with 95 % intervals")
+    if settings.given is None:
+        message("not run: R_effects, for want of its vehicle file: add --given FILE")
 
 
 def show(summary: dict[str, pl.DataFrame]) -> None:

@@ -1,17 +1,21 @@
-"""Training of a residual network after the paper's protocol (IV-C), with learning-rate annealing.
+"""Training of a residual network: the paper's protocol (IV-C), or the same with learning-rate annealing.
 
 Inputs and outputs are standardised with the fitted rows.  Adam with weight decay 1e-5 minimises the mean
 squared standardised error, and gradients are clipped to norm 5.  Training stops 30 epochs after the best one
 at the latest.  A tenth of the training part's blocks is for validation (`rows.validation`); the test part
 influences no decision.
 
-Three details differ from the paper (docs/adr/0010 has their effects):
+The default protocol, `annealed`, differs from the paper in three details (docs/adr/0010 has their effects):
 
 * The learning rate rises over the first twentieth of the updates and then falls to zero as a half cosine.
   The paper's starts at 1e-3 and falls at plateaus.
 * Batches have at most 512 rows.
 * The weight decay is decoupled from the gradient (AdamW).  As a part of the gradient it dominates once the
   gradient of the error is small, and then biases the wrench visibly in a replay.
+
+The protocol `paper` is Adam with L2 regularisation in the gradient, and a learning rate that falls to a tenth
+after `PLATEAU` epochs without improvement.  The paper states neither the batch size nor these numbers nor a
+limit of epochs; batch and limit are those of the default protocol, and the others are PyTorch's defaults.
 
 With labels from a noisy log, networks train without accelerations (`trusted_accelerations`), and with a
 stronger weight decay.  It keeps them from fitting label noise, so 25,000 updates do not overfit.
@@ -27,7 +31,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import polars as pl
@@ -53,6 +57,10 @@ WEIGHT_DECAY = 1e-5  # paper IV-C
 WEIGHT_DECAY_NOISY = 0.2  # for labels from a noisy log
 GRADIENT_NORM = 5.0  # clipping norm of gradients (paper IV-C)
 PATIENCE = 30  # epochs without improvement before training stops (paper IV-C)
+PAPER_RATE = 1e-3  # initial learning rate of the protocol `paper` (IV-C)
+PLATEAU, REDUCED = 10, 0.1  # epochs without improvement before the learning rate falls, and its factor
+
+Protocol = Literal["annealed", "paper"]
 
 BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch has enough updates
 BATCH_LIMITS = (64, 512)  # least and greatest rows of a batch
@@ -90,12 +98,13 @@ class _Rows(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """Schedule: greatest number of epochs, batch size, weight decay, and seed of the row order."""
+    """Schedule: greatest number of epochs, batch size, weight decay, seed of the row order, and protocol."""
 
     epochs: int
     batch: int
     decay: float
     seed: int
+    protocol: Protocol
 
 
 def train(
@@ -107,6 +116,7 @@ def train(
     device: str = "cpu",
     accelerations: bool = True,
     centre: Sequence[float] | None = None,
+    protocol: Protocol = "annealed",
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train the network `model` on the training part of a split table.
@@ -122,6 +132,7 @@ def train(
         accelerations: whether nu_dot is an input; use False for labels from a noisy log, see
             `trusted_accelerations`.  False also selects the strong weight decay.
         centre: centre of gravity (3,) [m], FRD from CO, for `gp`; by default it is fitted.
+        protocol: `annealed`, or `paper` for optimiser and schedule as published; see above.
         progress: called after every epoch; for `gp` after every step, with NaN errors.
 
     Returns:
@@ -134,6 +145,8 @@ def train(
     """
     if epochs is not None and epochs < 1:
         raise UsageError(f"epochs must be at least 1, not {epochs}")
+    if protocol not in get_args(Protocol):
+        raise UsageError(f"protocol must be annealed or paper, not '{protocol}'")
     seeds.check(seed)
     description = architecture(model)
     if description["model"] == "gp":
@@ -153,11 +166,12 @@ def train(
     with _reproducible(seed):
         network = build(description).to(target_device)
         network.standardise(scalers)
-        summary = _run_epochs(network, fitted, watched, _Plan(epochs, batch, decay, seed), progress)
+        summary = _run_epochs(network, fitted, watched, _Plan(epochs, batch, decay, seed, protocol), progress)
     summary |= {
         "rows": {"fitted": len(fitted.inputs), "validation": len(watched.inputs)},
         "parameters": parameter_count(network),
         "accelerations": accelerations,
+        "protocol": protocol,
     }
     return _model(model, description, network, scalers, summary)
 
@@ -211,10 +225,10 @@ def _run_epochs(
     progress: Callable[[Epoch], None] | None,
 ) -> dict[str, Any]:
     """Run the epochs, load the best weights into the network, and return the summary."""
-    epochs, batch, decay, seed = plan
-    optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=decay)
+    epochs, batch, _, seed, protocol = plan
     updates = epochs * math.ceil(len(fitted.inputs) / batch)
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda done: annealed(done / updates))
+    optimiser, schedule = _optimiser(network, plan, updates)
+    plateau = torch.optim.lr_scheduler.ReduceLROnPlateau(optimiser, factor=REDUCED, patience=PLATEAU)
     order = torch.Generator().manual_seed(seed)
     best, best_error, weights = 0, np.inf, _copy(network)
     for number in range(1, epochs + 1):
@@ -224,15 +238,27 @@ def _run_epochs(
             raise DataError(
                 f"training: the error is no longer finite in epoch {number}: look for outliers in the labels"
             )
+        if protocol == "paper":
+            plateau.step(error)
         if error < best_error:
             best, best_error, best_rmse, weights = number, error, rmse, _copy(network)
         if progress is not None:
-            rate = float(schedule.get_last_lr()[0])
+            rate = float(optimiser.param_groups[0]["lr"])
             progress(Epoch(number, epochs, loss, rmse, rate, best == number))
         if number - best >= PATIENCE:
             break
     network.load_state_dict(weights)
     return {"epochs": number, "best_epoch": best, "batch": batch, "validation_rmse": best_rmse}
+
+
+def _optimiser(
+    network: Residual, plan: _Plan, updates: int
+) -> tuple[torch.optim.Optimizer, torch.optim.lr_scheduler.LambdaLR | None]:
+    """Return the optimiser of a protocol, and its schedule by updates if it has one."""
+    if plan.protocol == "paper":
+        return torch.optim.Adam(network.parameters(), lr=PAPER_RATE, weight_decay=plan.decay), None
+    optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=plan.decay)
+    return optimiser, torch.optim.lr_scheduler.LambdaLR(optimiser, lambda done: annealed(done / updates))
 
 
 def annealed(done: float) -> float:
@@ -246,7 +272,7 @@ def _run_epoch(
     network: Residual,
     fitted: _Rows,
     optimiser: torch.optim.Optimizer,
-    schedule: torch.optim.lr_scheduler.LambdaLR,
+    schedule: torch.optim.lr_scheduler.LambdaLR | None,
     *,
     batch: int,
     order: torch.Generator,
@@ -264,7 +290,8 @@ def _run_epoch(
         torch.autograd.backward(loss)
         torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_NORM)
         optimiser.step()
-        schedule.step()
+        if schedule is not None:
+            schedule.step()
         total += loss.detach() * len(chosen)
     return total.item() / count
 

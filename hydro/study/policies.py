@@ -13,10 +13,12 @@ from hydro.study.steps import Step
 if TYPE_CHECKING:
     import polars as pl
 
-CONDITIONS = ("R_0", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
+    from hydro.rl.training.config import Curriculum
+
+CONDITIONS = ("R_0", "R_0+M_A", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
 """Physics under which policies are trained, in the order of the results."""
-SIMULATORS = ("student", "teacher")
-"""Simulators of the test flights: the MuJoCo model and the reference simulator."""
+SIMULATORS = ("kernels", "student", "teacher")
+"""Simulators of the test flights: the kernels, the MuJoCo model and the reference simulator."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Study:
         vehicle: Vehicle file of the reference simulator.
         models: Residual models of the conditions that need one.
         identified: Vehicle file that was identified from data of the reference simulator, for `R_identified`.
+        given: Vehicle file with effects that were chosen without data, for `R_effects`; by default `vehicle`.
         conditions: Physics under which policies are trained.
         seeds: Number of trainings under each condition.
         stages: Last stage of the curriculum.
@@ -55,6 +58,8 @@ class Study:
         episodes: Number of episodes of each test.
         recipe: Recipe of every training.
         choices: Other settings of every training, as `NAME=VALUE`.
+        last: Whether the last policy of a training flies all tests.  By default the policy that passed a task
+            flies it, if there is one.
         max_expanded: Largest size of a file that a step reads, once decompressed [GB]; None for the default.
     """
 
@@ -62,6 +67,7 @@ class Study:
     vehicle: Path
     models: tuple[Path, ...] = ()
     identified: Path | None = None
+    given: Path | None = None
     conditions: tuple[str, ...] = CONDITIONS
     seeds: int = 5
     stages: int = 3
@@ -69,6 +75,7 @@ class Study:
     episodes: int = 200
     recipe: str = "paper"
     choices: tuple[str, ...] = ()
+    last: bool = False
     max_expanded: float | None = None
 
     @property
@@ -77,6 +84,23 @@ class Study:
         from hydro.io.readers.expansion import OPTION
 
         return () if self.max_expanded is None else (OPTION, f"{self.max_expanded:g}")
+
+    @property
+    def levels(self) -> list[tuple[str, int]]:
+        """Return task and greatest level of every stage."""
+        from dataclasses import replace
+
+        return list(dict(replace(self.curriculum, task="", last=self.stages).levels).items())
+
+    @property
+    def curriculum(self) -> Curriculum:
+        """Return the curriculum of the trainings."""
+        from hydro.rl.training.config import RECIPES
+        from hydro.rl.training.runs import changed
+
+        chosen = {name: value for name, _, value in (one.partition("=") for one in self.choices)}
+        of_curriculum = {name: value for name, value in chosen.items() if name.startswith("curriculum.")}
+        return changed(RECIPES[self.recipe], of_curriculum).curriculum
 
 
 def _kind(path: Path) -> str:
@@ -94,7 +118,7 @@ def runs(study: Study) -> tuple[list[Run], list[str]]:
         UsageError: A condition is unknown, or all of them lack their file.
     """
     from hydro.rl.environment.conditions import CONDITIONS as KNOWN
-    from hydro.rl.environment.conditions import IDENTIFIED, MODELS
+    from hydro.rl.environment.conditions import EFFECTS, IDENTIFIED, MODELS
 
     names, models = study.conditions, {_kind(path): path for path in study.models}
     if unknown := [name for name in names if name not in KNOWN]:
@@ -103,7 +127,8 @@ def runs(study: Study) -> tuple[list[Run], list[str]]:
     left = {name: want for name, want in left.items() if MODELS[name] not in models}
     if IDENTIFIED in names and study.identified is None:
         left[IDENTIFIED] = "a file that data were explained with: add --identified FILE"
-    flown = dict.fromkeys(names, study.vehicle) | {IDENTIFIED: study.identified or study.vehicle}
+    flown = dict.fromkeys(names, study.vehicle)
+    flown |= {IDENTIFIED: study.identified or study.vehicle, EFFECTS: study.given or study.vehicle}
     found = [
         Run(name, seed, study.folder / f"{name}-seed{seed}", flown[name], models.get(MODELS.get(name, "")))
         for seed in range(study.seeds)
@@ -133,12 +158,15 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
     reads = (run.vehicle,) if run.model is None else (run.vehicle, run.model)
     line = ("rl", "train", str(run.vehicle), *which, *options, *study.reading, "-o", str(run.folder))
     yield Step(line, reads, run.files)
+    levels = study.levels
     for simulator, stage in tests(study):
         # the pilot flies once per condition, and once in the reference simulator for all conditions
-        piloted = run.seed == 0 if simulator == "student" else first
+        piloted = first if simulator == "teacher" else run.seed == 0
         other = simulator == "teacher" and run.vehicle != study.vehicle
         true = ("--truth", str(study.vehicle)) if other else ()
-        flown = ("rl", "eval", str(run.folder), "--stage", str(stage), "--in", simulator, *true)
+        task, level = levels[stage - 1]
+        what = ("--task", task, "--level", str(level), *(("--last",) if study.last else ()))
+        flown = ("rl", "eval", str(run.folder), *what, "--in", simulator, *true)
         many = ("--episodes", str(study.episodes), "--pilot" if piloted else "--no-pilot", *study.reading)
         tested, learnt = run.tested(simulator, stage), run.folder / "policy.parquet"
         reads = (learnt, study.vehicle) if other else (learnt,)

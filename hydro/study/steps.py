@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -71,6 +72,7 @@ class Runner:
         self._ledger: dict[str, dict[str, str]] = {}
         self._todo: list[Step] = []
         self._took: dict[tuple[str, ...], list[float]] = {}
+        self._spent: dict[str, float] = {}
         if self._path.is_file():
             try:
                 self._ledger = json.loads(self._path.read_bytes())
@@ -124,12 +126,13 @@ class Runner:
                     self.record(step, future.result(), workers)
 
     def _timed(self, step: Step) -> float:
-        """Run a step and return the time it took [s]."""
+        """Run a step and return the time it took [s]; note its processor time."""
         self._message(f"hydro {step.name}")
-        started = time.perf_counter()
+        started, spent = time.perf_counter(), _processor_time()
         for path in step.writes:
             path.parent.mkdir(parents=True, exist_ok=True)
         self._execute(step)
+        self._spent[step.name] = _processor_time() - spent
         return time.perf_counter() - started
 
     def done(self, step: Step) -> bool:
@@ -151,6 +154,8 @@ class Runner:
         from hydro.io.files import write_bytes
 
         self._ledger[step.name] = self._state(step) | {"seconds": f"{seconds:.1f}"}
+        if workers == 1 and step.name in self._spent:  # several steps at a time share their processor time
+            self._ledger[step.name]["processor"] = f"{self._spent[step.name]:.1f}"
         write_bytes(json.dumps(self._ledger, indent=1).encode(), str(self._path))
         self._took.setdefault(step.kind or step.line[:1], []).append(seconds)
         self._todo = [other for other in self._todo if other != step]
@@ -188,6 +193,12 @@ class StepFailed(HydroError):
         """Store the step and its exit code."""
         super().__init__(f"a step has failed, see above: hydro {step.name}")
         self.exit_code = code
+
+
+def _processor_time() -> float:
+    """Return the processor time of this process and of its ended children [s]."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def apart(step: Step) -> None:

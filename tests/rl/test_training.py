@@ -175,7 +175,13 @@ def test_a_pilot_shows_the_way_past_pillars_that_the_policy_does_not_see_on_a_ma
 def test_what_a_pilot_shows_may_pass_a_level_without_learning(tmp_path, auv151):
     levels = Curriculum(last=2, baffles=(0,), window=4, share=0.5)
     config = replace(
-        RECIPES["demos"], demonstrations=8, clone=800, steps=4001, curriculum=levels, record=80, evaluate=80
+        RECIPES["imitation"],
+        demonstrations=8,
+        clone=800,
+        steps=4001,
+        curriculum=levels,
+        record=80,
+        evaluate=80,
     )
     training = train(tmp_path, replace(config, settings=Settings()), auv151)
     assert training.curriculum.passed == [("point_to_point", 0), ("slalom", 0)]

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from hydro.core.distillation.features import OUTPUTS, names
 from hydro.core.errors import DataError, UsageError
 from hydro.core.residual.lowering import TrainedModel
 from hydro.core.residual.network import Network
 from hydro.core.vehicle.description import Vehicle
+from hydro.io.model import Model
 from hydro.io.vehicle import vehicle_hash
+from hydro.rl.environment.wrench import WrenchSettings
 from hydro.rl.world.config import Settings
 from hydro.sim.bridge.water import Water, dry, residual, wet
 from hydro.sim.kernel_plant import KernelPlant
 from hydro.sim.plant import Plant, StudentPlant
 from hydro.sim.residual.beside import beside
-from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
 
-NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"  # see `Condition`
+NO_WATER, ZERO, EFFECTS, IDENTIFIED = "R_0", "R_0+M_A", "R_effects", "R_identified"  # see `Condition`
 MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}
 """Kind of residual model by condition."""
 OF_THE_FILE = (EFFECTS, IDENTIFIED)
 """Conditions in which the effects of the vehicle file act."""
-CONDITIONS = (NO_WATER, *MODELS, *OF_THE_FILE)
+CONDITIONS = (NO_WATER, ZERO, *MODELS, *OF_THE_FILE)
 
 
 @dataclass(frozen=True)
@@ -33,16 +37,20 @@ class Condition:
 
     Attributes:
         name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB.
+            `R_0+M_A`: as with a residual model, with the same added mass and conditioning, but the model's
+            output is zero.  This is the paper's R_0 if only the network differs between conditions.
             `R_MLP`, `R_PhysFeat` or `R_structured`: a residual model.
             `R_effects`: all effects of the vehicle file.
             `R_identified`: the same, for a file that was identified from data.
         model: Residual model, for the conditions that have one.
         conditioning: Preset of `sim.residual.conditioning` for the wrench of the residual model.
+        wrench: Other settings of that wrench.
     """
 
     name: str = EFFECTS
     model: TrainedModel | None = None
     conditioning: str = "paper"
+    wrench: WrenchSettings = field(default_factory=WrenchSettings)
 
     def __post_init__(self) -> None:
         """Check that the name exists and that the residual model suits it.
@@ -73,10 +81,17 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
         DataError: The residual model cannot be combined with the effects of the file; see
             `sim.residual.beside`.
     """
-    model = condition.model
+    model = zero_model() if condition.name == ZERO else condition.model
     if model is None:
         return wet(vehicle) if condition.name in OF_THE_FILE else dry(vehicle)
-    control = Control(Network.of(model), period, conditioning=preset(condition.conditioning, vehicle))
+    settings = condition.wrench
+    control = Control(
+        Network.of(model),
+        period,
+        design=settings.design(period),
+        conditioning=settings.conditioning(condition.conditioning, vehicle),
+        lead=settings.lead,
+    )
     whole = model.subtract == "effects"
     if (
         whole
@@ -88,6 +103,29 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
             "use the file of the labels"
         )
     return residual(vehicle, control, effects=whole, beside=() if whole else beside(vehicle, model.labelled))
+
+
+def zero_model() -> Model:
+    """Return a residual model whose wrench is zero at every state."""
+    states, axes = len(names("raw")), len(OUTPUTS)
+    scalers = {
+        f"{side}_{what}": np.full(size, value)
+        for side, size in (("input", states), ("output", axes))
+        for what, value in (("mean", 0.0), ("scale", 1.0))
+    }
+    return Model(
+        name="zero",
+        architecture={"model": "mlp", "features": "raw", "layers": [states, axes], "activation": "relu"},
+        tensors={
+            "layers.0.weight": np.zeros((axes, states), np.float32),
+            "layers.0.bias": np.zeros(axes, np.float32),
+        },
+        features="raw",
+        scalers=scalers,
+        inputs=names("raw"),
+        outputs=OUTPUTS,
+        units={},
+    )
 
 
 def waters(condition: Condition, vehicle: Vehicle, period: float) -> Callable[[Vehicle], Water]:

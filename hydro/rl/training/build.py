@@ -88,6 +88,6 @@ class Builder:
             return TeacherPlant(flown, count=count, period=settings.period)
         if simulator == "stonefish":
             return StonefishPlant(flown, count=count, period=settings.period)
-        condition = conditions.Condition(config.condition, self.model, config.conditioning)
+        condition = conditions.Condition(config.condition, self.model, config.conditioning, config.wrench)
         settings = replace(settings, engine=ENGINES[simulator])
         return conditions.plant(condition, flown, settings, count, threads=config.threads, folder=self.folder)

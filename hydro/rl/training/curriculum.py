@@ -21,6 +21,7 @@ class CurriculumProgress:
         self.config = config
         self.passed: list[tuple[str, int]] = []
         self._window: deque[bool] = deque(maxlen=config.window)
+        self._recent: deque[bool] = deque(maxlen=config.window)
 
     @property
     def done(self) -> bool:
@@ -43,17 +44,22 @@ class CurriculumProgress:
 
     @property
     def share(self) -> float:
-        """Return the success rate of the last training episodes at this level; 0 before the first."""
-        return sum(self._window) / len(self._window) if self._window else 0.0
+        """Return the success rate of the last training episodes at this level; 0 before the first.
+
+        An examination does not change it, unlike the window that decides on the next examination.
+        """
+        return sum(self._recent) / len(self._recent) if self._recent else 0.0
 
     @property
     def ready(self) -> bool:
         """Return whether the success rate in training triggers an examination."""
-        return len(self._window) == self.config.window and self.share >= self.config.ready
+        full = len(self._window) == self.config.window
+        return full and sum(self._window) / self.config.window >= self.config.ready
 
     def note(self, success: bool) -> None:
         """Record the end of a training episode at this level."""
         self._window.append(bool(success))
+        self._recent.append(bool(success))
 
     def examined(self, share: float) -> bool:
         """Record the success rate of an examination; return whether it passes the level.
@@ -63,12 +69,15 @@ class CurriculumProgress:
         passed = share >= self.config.share
         self.passed += [self.level] if passed else []
         self._window.clear()
+        if passed:
+            self._recent.clear()
         return passed
 
     def forget(self, level: tuple[str, int]) -> None:
         """Mark a passed level as not passed."""
         self.passed.remove(level)
         self._window.clear()
+        self._recent.clear()
 
     @property
     def ends(self) -> dict[str, int]:
@@ -77,9 +86,14 @@ class CurriculumProgress:
 
     def state(self) -> dict[str, Any]:
         """Return the complete state."""
-        return {"passed": [list(level) for level in self.passed], "window": list(self._window)}
+        return {
+            "passed": [list(level) for level in self.passed],
+            "window": list(self._window),
+            "recent": list(self._recent),
+        }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Restore a `state` of this or another curriculum; passed levels stay passed."""
         self.passed = [(task, level) for task, level in state["passed"]]
         self._window = deque(state["window"], maxlen=self.config.window)
+        self._recent = deque(state["recent"], maxlen=self.config.window)

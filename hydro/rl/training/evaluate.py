@@ -25,14 +25,16 @@ RARE = ("tracking_error", "alternating")
 """Columns that are null for some flights."""
 
 
-def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
+def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = True) -> pl.DataFrame:
     """Fly one episode with every vehicle of a fleet that has not flown yet.
 
     Args:
         actor: Policy or pilot.
         fleet: One vehicle per episode, with task and level set.
         spare: Number of failures allowed; the next failure stops all flights.  Unfinished episodes are then
-            dropped, and tracking errors are not computed.
+            dropped.
+        paths: Whether to plan the paths of tasks that arrive, for their tracking errors; this takes longer
+            than the flights.  If some episodes are unfinished, there are no tracking errors either.
 
     Returns:
         The episodes, a table of kind `episodes`.
@@ -57,7 +59,7 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
     ended, flown = sorted(rows), np.array(places)
     if fleet.task.ends(fleet.settings).settling < 0.0:
         errors[:] = np.nan
-        if not flying.any():
+        if paths and not flying.any():
             errors[:] = _path_errors(
                 Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths
             )

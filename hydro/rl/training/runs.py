@@ -9,9 +9,9 @@
     policy-TASK.parquet  policy that passed the last level of a task
     checkpoint.pt        complete state of the training
 
-Each table is written atomically, and the checkpoint last.  A training that continues writes all tables
-again, so an interruption between them does no harm.  No file contains a time: equal settings give equal
-bytes.
+Each table is written atomically, and the checkpoint last, at every evaluation or less often.  A training that
+continues writes all tables since the checkpoint again, so an interruption between them does no harm.  No file
+contains a time: equal settings give equal bytes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,20 @@ STAGE = "rl train"
 AGAIN = "perhaps an earlier version wrote it: train again with `hydro rl train`"
 RENAMED = {"ladder": "curriculum"}
 """Groups of settings that version 0.1 called otherwise, with their present names."""
-ADDED = {"settings.engine": '"mujoco"', "settings.step": "0.01"}
+ADDED = {
+    "recipe": '""',
+    "checkpoint": "1",
+    "settings.engine": '"mujoco"',
+    "settings.step": "0.01",
+    "wrench.lead": "0.5",
+    "wrench.ratio": "1000000.0",
+    "wrench.beta": "null",
+    "wrench.clip": "null",
+    "wrench.deadband": "null",
+    "curriculum.row": "[]",
+    "sac.delay": "1",
+    "sac.correlation": "0.0",
+}
 """Settings that earlier versions lacked, with the JSON values that describe how those versions behaved."""
 
 
@@ -62,7 +75,7 @@ def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact |
     inputs = [one for one in sources if one is not None]
     return table.make(
         "run", frame, stage=STAGE, seed=config.seed, inputs=inputs, vehicle_text=vehicle_text,
-        parameters={"condition": config.condition, "engine": config.settings.engine},
+        parameters={"recipe": config.recipe, "condition": config.condition, "engine": config.settings.engine},
     )  # fmt: skip
 
 
@@ -162,7 +175,7 @@ class Folder:
             )
 
     def save(self, training: Training, run: Artefact) -> None:
-        """Write the tables of a training, then its checkpoint."""
+        """Write the tables of a training, then its checkpoint if one is due."""
         config, tables = training.config, training.tables()
         for kind, name in (("curves", CURVES), ("evaluations", EVALUATIONS)):
             made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
@@ -170,7 +183,8 @@ class Folder:
         table.write(policy_artefact(training.policy(), run, config.seed), self.path / POLICY)
         for task, policy in training.task_policies.items():
             table.write(policy_artefact(policy, run, config.seed), self._task_policy(task))
-        _write_state(training.state(), self.path / CHECKPOINT)
+        if training.checkpoint_due:
+            _write_state(training.state(), self.path / CHECKPOINT)
 
     def config(self) -> TrainingConfig:
         """Return the settings of the training."""
@@ -230,7 +244,7 @@ class Folder:
 
 
 class Reached(TypedDict):
-    """Progress of a training as stored with a policy."""
+    """Progress of a training as stored with a policy; newer policies also state `recipe` and `updates`."""
 
     steps: int
     task: str

@@ -4,6 +4,7 @@ TorchRL holds the networks' functional parameters, the temperature, the target n
 buffer.  On two cores its `SACLoss` spends half of an update outside the matrix products: on a vmap over
 critics, and on temporary tables of tensors.  `TwinLoss` is the same loss of the same parameters; a test
 compares both.  It evaluates both critics in one pass and computes only the gradients that are needed.
+On the processor, `training.gradients` computes the same without automatic differentiation.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.config import SACConfig
 from hydro.rl.training.expert_labels import EVERY, ExpertLabels, Level, imitate
+from hydro.rl.training.gradients import Gradients
 from hydro.rl.training.memory import pack, unpack
 from hydro.rl.training.policy import Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Transition
@@ -189,6 +191,12 @@ class Learner:
             self.loss = TwinLoss(self.network, len(encoding), actions, config, self._generators["loss"])
             follow = get_ema_multi_avg_fn(1.0 - config.average)  # type: ignore[no-untyped-call]
             self._average = AveragedModel(self.network, multi_avg_fn=follow)
+        self._gradients = Gradients(
+            self.network, self.loss._critics, self.loss._targets, self.loss.log_alpha,
+            discount=config.discount, target_entropy=config.target_entropy,
+            generator=self._generators["loss"],
+        )  # fmt: skip
+        self._noise: Tensor | None = None
         self._optimiser = torch.optim.Adam(self.loss.parameters(), config.rate, fused=True)
         self._replay, self._shown = (
             ReplayBuffer(storage=LazyTensorStorage(config.capacity), generator=self._generators["batches"])
@@ -205,9 +213,16 @@ class Learner:
 
     @torch.no_grad()
     def act(self, observations: Array32) -> Array32:
-        """Sample actions (N, A) of the policy at observations (N, O)."""
+        """Sample actions (N, A) of the policy at observations (N, O).
+
+        The noise of one vehicle is correlated from step to step by `SACConfig.correlation`.
+        """
         mean, scale = self.network(torch.from_numpy(self._encoding(observations)))
         noise = torch.randn(mean.shape, generator=self._generators["actions"])
+        if kept := self.config.correlation:
+            if self._noise is not None:
+                noise = kept * self._noise + math.sqrt(1.0 - kept * kept) * noise
+            self._noise = noise
         actions: Array32 = (mean + scale * noise).tanh().numpy()
         return actions
 
@@ -309,15 +324,17 @@ class Learner:
         return torch.cat(parts) if len(parts) > 1 else parts[0]
 
     def update(self) -> Losses:
-        """Run one update; return the losses before it."""
-        losses = self.loss(self._batch())
-        self._optimiser.zero_grad()
-        (losses.critic + losses.actor + losses.temperature).backward()
+        """Run one update; return the losses before it.
+
+        The losses of the actor are NaN in an update that leaves it unchanged, see `SACConfig.delay`.
+        """
+        losses = self._gradients(self._batch(), actor=self.updates % self.config.delay == 0)
         self._optimiser.step()
-        self.loss.target.step()
+        with torch.no_grad():
+            torch._foreach_lerp_(self.loss._targets, self.loss._critics, self.config.tau)
         self._average.update_parameters(self.network)
         self.updates += 1
-        return Losses(*(loss.detach() for loss in losses))
+        return Losses(*losses)
 
     def state(self) -> dict[str, Any]:
         """Return the complete state for `torch.save`, with packed buffers; see `training.memory`."""
@@ -331,6 +348,7 @@ class Learner:
                 for name, memory in self._memories.items()
             },
             "advice": self._labels.state(),
+            "noise": self._noise,
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
@@ -362,6 +380,7 @@ class Learner:
             memory.writer.load_state_dict(writer)
         self._labels.restore(state["advice"])
         self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
+        self._noise = state["noise"]
         self.updates = state["updates"]
 
 

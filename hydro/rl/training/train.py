@@ -93,6 +93,16 @@ class Training:
         self._lessons = self._taught = self._examined = self._recorded = self._evaluated = 0
 
     @property
+    def updates(self) -> int:
+        """Return the number of updates of soft actor-critic so far; imitation makes none."""
+        return self._learner.updates
+
+    @property
+    def checkpoint_due(self) -> bool:
+        """Return whether the state is to be saved after this evaluation."""
+        return self.finished or self.steps // self.config.evaluate % self.config.checkpoint == 0
+
+    @property
     def finished(self) -> bool:
         """Return whether the curriculum is passed, the steps are used up, or a loss is not finite."""
         return self.curriculum.done or self.steps >= self.config.steps or self.watch.broken
@@ -177,7 +187,9 @@ class Training:
         task, level = examined or self.curriculum.level
         return self._learner.policy(
             {
+                "recipe": self.config.recipe,
                 "steps": self.steps,
+                "updates": self.updates,
                 "levels_passed": len(self.curriculum.passed),
                 "task": task,
                 "level": level,
@@ -253,7 +265,8 @@ class Training:
         An examination stops as soon as a failure decides it.  An evaluation of the same step is not repeated.
         """
         task, number = level or self.curriculum.level
-        who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
+        who = {"recipe": self.config.recipe, "condition": self.config.condition, "seed": self.config.seed}
+        who |= {"steps": self.steps, "updates": self.updates}
         why = {
             "flown_by": POLICY,
             "plant": PLANTS[self.config.settings.engine],
@@ -269,7 +282,7 @@ class Training:
         fleet.set_level(task, number)
         with self._part("evaluating"):
             spare = self.config.curriculum.spare if purpose == "exam" else None
-            found = summary(fly(self._learner.best, fleet, spare))
+            found = summary(fly(self._learner.best, fleet, spare, paths=False))
         self.evaluations.append(who | why | found)
         if purpose == "curve":
             self.watch.evaluation(found["success"])
@@ -281,11 +294,12 @@ class Training:
         if self.curves and self.curves[-1]["steps"] == self.steps:
             self.curves.pop()
         task, level = self.curriculum.level
-        losses = np.mean(self._losses, axis=0).tolist() if self._losses else [None] * len(Losses._fields)
+        losses = _means(self._losses) if self._losses else [None] * len(Losses._fields)
         self.curves.append(
             {
+                "recipe": self.config.recipe,
                 "steps": self.steps,
-                "updates": self._learner.updates,
+                "updates": self.updates,
                 "episodes": self.episodes,
                 "task": task,
                 "level": level,
@@ -343,6 +357,15 @@ _COUNTS = (
     "_evaluated",
 )  # fmt: skip
 _NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
+
+
+def _means(losses: list[list[float]]) -> list[float]:
+    """Return the mean of every loss over the updates that computed it; NaN if none did."""
+    rows = np.array(losses)
+    computed = ~np.isnan(rows)
+    counts = computed.sum(axis=0)
+    sums = np.where(computed, rows, 0.0).sum(axis=0)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).tolist()
 
 
 def _finite(number: float | None) -> float | None:

@@ -123,16 +123,16 @@ def preset(name: str, vehicle: Vehicle) -> Conditioning:
     return Conditioning(
         beta=BETA if whole or name.startswith("low-pass") else None,
         weighs="old" if name.endswith("old") else "new",
-        limits=_limits(vehicle) if whole or name == "clipping" else OFF.limits,
+        limits=clipping(vehicle) if whole or name == "clipping" else OFF.limits,
         linear_deadband=width,
         angular_deadband=width,
     )
 
 
-def _limits(vehicle: Vehicle) -> tuple[float, ...]:
-    """Return clipping limits [N, N m] from the thrusters' authority on each axis."""
+def clipping(vehicle: Vehicle, headroom: float = HEADROOM) -> tuple[float, ...]:
+    """Return clipping limits [N, N m] in multiples of the thrusters' authority on each axis."""
     strongest = thruster_table(vehicle)[:, [MAX_THRUST, MAX_REVERSE]].max(axis=1)
-    authority = HEADROOM * np.abs(configuration_matrix(vehicle)) @ strongest
+    authority = headroom * np.abs(configuration_matrix(vehicle)) @ strongest
     return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
 
 

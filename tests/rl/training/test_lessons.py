@@ -66,7 +66,7 @@ def test_the_pilot_teaches_with_the_room_that_is_asked_for():
 
     assert np.abs(told(margin=0.4) - told(margin=1.6)).max() > 0.05
     np.testing.assert_array_equal(told(), told(margin=1.2))
-    assert RECIPES["demos"].margin > TrainingConfig().margin == 1.2
+    assert RECIPES["imitation"].margin > TrainingConfig().margin == 1.2
     with pytest.raises(UsageError, match="margin"):
         TrainingConfig(margin=-1.0)
 
@@ -75,7 +75,7 @@ def test_he_who_teaches_is_quicker_and_firmer_than_he_who_is_in_tables():
     """A turning hull at rest, with pitch and roll of 0.1 rad and a distant target."""
     seen = np.zeros((1, 36), dtype=np.float32)
     seen[0, :3], seen[0, 6:9], seen[0, 13:16] = (10.0, 0.1, 0.0), (0.01, 0.02, 0.03), (-0.98, 0.98, 9.71)
-    plain, taught = helmsman(seen)[0], helmsman(seen, RECIPES["demos"].manner)[0]
+    plain, taught = helmsman(seen)[0], helmsman(seen, RECIPES["imitation"].manner)[0]
     np.testing.assert_allclose(taught[:3], 1.125 * plain[:3], rtol=1e-5)
     rates = 0.8 * seen[0, 6:9]
     np.testing.assert_allclose(taught[3:] + 2.0 * rates, 4.0 * (plain[3:] + rates), rtol=1e-4)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from learners import ENCODING, SMALL, feed, learner
 from scipy import integrate
 from torchrl.objectives import SACLoss
 
@@ -20,11 +21,6 @@ from hydro.rl.training.policy import Policy
 from hydro.rl.training.returns import Transition
 from hydro.rl.training.sac import Learner, twin
 
-SMALL = SACConfig(layers=(16, 16), batch=32, capacity=500, horizon=3)
-ENCODING = Encoding(
-    np.array([1.0, 2.0, 4.0, 1.0, 1.0], dtype=np.float32), np.array([False, False, False, True, False])
-)
-
 
 def test_the_entropy_asked_for_is_a_nat_less_for_each_action():
     """The target entropy is that of Haarnoja et al. 2018, appendix D."""
@@ -34,25 +30,6 @@ def test_the_entropy_asked_for_is_a_nat_less_for_each_action():
 def plain(count):
     """Encoding that does not change observations."""
     return Encoding(np.ones(count, np.float32), np.zeros(count, np.bool_))
-
-
-def learner(choices=SMALL, seed=0, rows=200):
-    made = Learner(ENCODING, 2, choices, seed)
-    feed(made, rows)
-    return made
-
-
-def feed(made, rows, seed=0):
-    rng = np.random.default_rng(seed)
-    for _ in range(rows // 8):
-        made.remember(
-            rng.standard_normal((8, 5)).astype(np.float32),
-            rng.uniform(-1, 1, (8, 2)).astype(np.float32),
-            rng.standard_normal(8).astype(np.float32),
-            rng.random(8) < 0.2,
-            rng.random(8) < 0.1,
-            rng.standard_normal((8, 5)).astype(np.float32),
-        )
 
 
 def transitions(made):

@@ -1,0 +1,360 @@
+"""Result tables of `hydro study paper`, and verdicts on the claims of the paper.
+
+    hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet
+        --vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml -o study
+    python -m benchmarks.paper_rl study --commit COMMIT
+
+A study that was stopped has rows for what was run; the others say that they were not run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+
+from benchmarks.kept_tables import Row, keep, origin
+from hydro.study import paper, paper_tables
+from hydro.study.paper_tables import NOT_RUN, PASSED, UNFINISHED
+
+COMMAND = (
+    "hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet "
+    "--vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml --epochs 60 "
+    "--episodes 50 -o study"
+)
+PLACES = {"kernels": "in kernels", "student": "in MuJoCo", "teacher": "in the reference simulator"}
+SURGE = {"MJ0": 1.784, "MJ1": 0.996, "MJ4": 0.998}
+"""Root mean square errors of the surge velocity in Table III of the paper [m/s]."""
+NEAR = 0.1
+"""Relative difference from the paper's figure below which a figure counts as reproduced."""
+TRAININGS = "recipe sac, kernels, networks from the bundled sample; the paper: SAC in MuJoCo, 857,542 samples"
+SAMPLE = "networks from the bundled sample of 59,914 rows; the paper: 857,542 samples"
+Verdict = tuple[str, str, str]
+REPRODUCED, NOT_REPRODUCED, WAITING = "reproduced", "not reproduced", "not yet run"
+
+
+def cell(row: Row) -> str:
+    """Return one evaluation in words: arrivals with 95 % interval, time, energy, collisions."""
+    low, high = 100.0 * row["success_low"], 100.0 * row["success_high"]
+    words = f"{100.0 * row['success']:.3g}% ({low:.1f} to {high:.1f})"
+    if row["time_to_goal"] is not None:
+        words += f", {row['time_to_goal']:.1f} s, energy {row['energy']:.2g} s"
+    return words + (f"; hit {100.0 * row['collision']:.3g}%" if row["collision"] else "")
+
+
+def trained(study: paper.Study, continued: Sequence[Path] = ()) -> list[Row]:
+    """Return a row for every training: how far it came, and what it took.
+
+    Args:
+        study: The study.
+        continued: Copies of trainings of the study that were continued beyond its budget.
+    """
+    done = paper_tables.trainings(study).to_dicts()
+    if continued:
+        runs = {run.folder.name: run for run in paper.runs(study)}
+        further = [replace(runs[folder.name], folder=folder) for folder in continued]
+        done += [
+            row | {"condition": f"{row['condition']}, continued", "state": _state(row, study)}
+            for row in paper_tables.trainings(study, further).to_dicts()
+        ]
+    rows, missing = list[Row](), dict[str, list[int]]()
+    for row in done:
+        made: Row = {"recipe": row["recipe"], "condition": row["condition"], "seed": row["seed"]}
+        if row["state"] == NOT_RUN:
+            missing.setdefault(row["condition"], []).append(row["seed"])
+            continue
+        made["result"] = f"{row['state']}, {row['stages']} of {study.stages} stages"
+        made |= {"SAC updates": f"{row['updates']:,}", "steps": f"{row['steps']:,}"}
+        for stage in range(1, study.stages + 1):
+            after = row[f"updates_{stage}"]
+            made[f"stage {stage} passed after"] = "" if after is None else f"{after:,}"
+        spent = row["processor"]
+        made["processor time"] = "" if spent is None else f"{spent:.0f} s"
+        rows.append(made | {"divergence": row["diverged"] or "none"})
+    for condition, seeds in missing.items():
+        made = {"recipe": study.recipe, "condition": condition, "seed": ", ".join(map(str, seeds))}
+        rows.append(made | {"result": NOT_RUN})
+    return rows
+
+
+def _state(row: Row, study: paper.Study) -> str:
+    """Return the state of a continued training."""
+    return PASSED if row["stages"] == study.stages else "stopped"
+
+
+def flown(study: paper.Study, counted: dict[str, str]) -> list[Row]:
+    """Return a row for every task and policy, and for every task and pilot in the reference simulator.
+
+    Beside a policy stand the pilots in the MuJoCo model of its condition.
+    """
+    tests = paper_tables.flights(study).to_dicts()
+    learnt, pilots = dict[tuple[str, ...], Row](), dict[tuple[str, ...], Row]()
+    by_hand = {
+        (row["task"], row["condition"], row["flown_by"]): cell(row)
+        for row in tests
+        if row["flown_by"] != "policy" and row["plant"] == "student"
+    }
+    for row in tests:
+        level = counted.get(row["task"], "")
+        task = row["task"].replace("_", " ") + (f", {row['level']} {level}" if level else "")
+        if row["flown_by"] == "policy":
+            made = learnt.setdefault(
+                (row["task"], row["condition"], str(row["seed"])),
+                {"task": task, "flown by": f"policy, {row['condition']}, seed {row['seed']}"},
+            )
+            made |= {"recipe": row["recipe"], "SAC updates": f"{row['updates']:,}"}
+            made |= {words: made.get(words, "") for words in PLACES.values()}
+            made[PLACES[row["plant"]]] = cell(row)
+            for name, words in (
+                ("helmsman", "pilot, in MuJoCo"),
+                ("helmsman with map", "pilot with map, in MuJoCo"),
+            ):
+                made[words] = by_hand.get((row["task"], row["condition"], name), "")
+        elif row["plant"] == "teacher":
+            pilots[row["task"], row["flown_by"]] = {
+                "task": task, "flown by": row["flown_by"], "recipe": "none", PLACES["teacher"]: cell(row),
+            }  # fmt: skip
+    order = list(dict.fromkeys(row["task"] for row in tests))
+    rows = sorted((*learnt.items(), *pilots.items()), key=lambda item: order.index(item[0][0]))
+    return [row for _, row in rows]
+
+
+def compared(study: paper.Study) -> list[Row]:
+    """Return the differences of arrival rates between conditions, in percentage points, by simulator."""
+    tests = paper_tables.flights(study)
+    found = paper_tables.differences(tests) if len(tests) else tests
+    rows: dict[tuple[str, str], Row] = {}
+    for row in found.to_dicts():
+        task, difference = row["task"].replace("_", " "), f"{row['condition']} - {row['compared_with']}"
+        made = rows.setdefault((task, difference), {"task": task, "difference": difference})
+        low, high = 100.0 * row["low"], 100.0 * row["high"]
+        made[PLACES[row["plant"]]] = f"{100.0 * row['difference']:+.0f} ({low:.0f} to {high:.0f})"
+        made["trainings"] = f"{row['seeds']} and {row['compared_seeds']}"
+    return list(rows.values())
+
+
+def errors(study: paper.Study) -> list[Row]:
+    """Return Tables II and III beside the paper's surge errors, as far as they were run."""
+    offline, replayed = paper_tables.networks(study)
+    rows: list[Row] = [
+        {"table": "II, wrench", "protocol": row["protocol"], "model": row["model"]}
+        | {"RMSE": f"{row['RMSE']:.2f}", "MAE": f"{row['MAE']:.2f}", "mean R2": f"{row['R2']:.4f}"}
+        for row in offline.to_dicts()
+    ]
+    seen = set[tuple[str, ...]]()
+    for row in replayed.to_dicts():
+        alone = not row["variant"].startswith(("MJ1", "MJ2", "MJ3", "MJ4", "moe"))
+        key = (
+            (row["variant"],)
+            if alone
+            else (row["variant"], *map(str, (row["protocol"], row["conditioning"], row["lead"])))
+        )
+        if key in seen:
+            continue
+        seen.add(key)
+        made: Row = {
+            "table": "III, replay",
+            "protocol": "" if alone else row["protocol"],
+            "model": row["variant"],
+        }
+        if not alone:
+            made |= {"conditioning": row["conditioning"], "lead": f"{row['lead']:g}"}
+        made |= {axis: "diverged" if row[axis] is None else f"{row[axis]:.3f}" for axis in "uvwpqr"}
+        made["u in the paper"] = f"{SURGE[row['variant']]:.3f}" if row["variant"] in SURGE else ""
+        rows.append(made)
+    return rows
+
+
+def claims(study: paper.Study) -> list[Row]:
+    """Return the verdict on every claim of the paper, from the tables of the study."""
+    done, (offline, replayed) = paper_tables.trainings(study), paper_tables.networks(study)
+    ended = done.filter(~pl.col("state").is_in([NOT_RUN, UNFINISHED]))
+    found = {
+        "The best network offline is not the best in replay (V-A, V-B)": _ranking(offline, replayed),
+        "R_0 converges fastest (V-C)": _fastest(done),
+        "R_MLP diverges in all runs (V-C)": _diverges(done),
+        "R_PhysFeat trains stably (V-C)": _stable(done),
+        "R_PhysFeat achieves the best task performance of the three (V-C)": _best(
+            paper_tables.flights(study)
+        ),
+        "Learned hydrodynamics reduces the surge error to 0.996 m/s (Table III)": _surge(replayed),
+    }
+    rows: list[Row] = []
+    for claim, (verdict, words, other) in found.items():
+        if other == TRAININGS and verdict != WAITING and len(ended) < len(done):
+            verdict += f" so far ({len(ended)} of {len(done)} trainings have ended)"
+        rows.append(
+            {"claim of the paper": claim, "verdict": verdict, "result here": words, "deviation": other}
+        )
+    return rows
+
+
+def _ranking(offline: pl.DataFrame, replayed: pl.DataFrame) -> Verdict:
+    """Compare the best network offline with the best in replay, by protocol."""
+    if offline.is_empty() or replayed.is_empty():
+        return WAITING, "", SAMPLE
+    from hydro.sim.replay import PAPER_NAMES
+
+    same, words = [], []
+    plain = replayed.filter(pl.col("conditioning") == "off", pl.col("lead") == 0.0).drop_nulls("u")
+    for protocol in offline["protocol"].unique(maintain_order=True):
+        predicted = offline.filter(protocol=protocol).sort("RMSE")["model"].to_list()
+        names = {PAPER_NAMES.get(name, name): name for name in predicted}
+        flights = plain.filter(pl.col("protocol") == protocol, pl.col("variant").is_in(list(names)))
+        if flights.is_empty() or len(predicted) < 2:
+            continue
+        ranked = flights.with_columns(all=pl.mean_horizontal(*(pl.col(a) ** 2 for a in "uvwpqr"))).sort("all")
+        best = names[ranked["variant"][0]]
+        same.append(best == predicted[0])
+        words.append(
+            f"protocol {protocol}: best offline {predicted[0]}, best in replay {best}, of {len(predicted)}"
+        )
+    if not same:
+        return WAITING, "", SAMPLE
+    return (NOT_REPRODUCED if all(same) else REPRODUCED), "; ".join(words), SAMPLE
+
+
+def _ended(done: pl.DataFrame, condition: str) -> list[Row]:
+    """Return the trainings of a condition that have ended."""
+    return [
+        row
+        for row in done.filter(condition=condition).to_dicts()
+        if row["state"] not in (NOT_RUN, UNFINISHED)
+    ]
+
+
+def _count(rows: Sequence[Row]) -> str:
+    """Return the number of trainings in words."""
+    return f"{len(rows)} training" + ("" if len(rows) == 1 else "s")
+
+
+def _passed(rows: Sequence[Row]) -> int:
+    """Return the number of trainings that passed all stages."""
+    return sum(row["state"] == PASSED for row in rows)
+
+
+def _updates(count: float) -> str:
+    """Return a number of updates in words; infinite if the stage was not passed."""
+    return "more than the budget" if count == math.inf else f"{count:,.0f} updates"
+
+
+def _fastest(done: pl.DataFrame) -> Verdict:
+    """Compare the SAC updates until stage 1 was passed."""
+    first = {
+        name: [row["updates_1"] for row in _ended(done, name)]
+        for name in done["condition"].unique(maintain_order=True)
+    }
+    medians = {
+        name: statistics.median([math.inf if each is None else each for each in found])
+        for name, found in first.items()
+        if found
+    }
+    bases = [name for name in ("R_0+M_A", "R_0") if name in medians]
+    words = "; ".join(
+        f"{name}: stage 1 after {_updates(value)} (median of {len(first[name])})"
+        for name, value in medians.items()
+    )
+    if not bases or len(medians) == len(bases):
+        return WAITING, words, TRAININGS
+    others = [value for name, value in medians.items() if name not in bases]
+    fastest = all(medians[base] < min(others) for base in bases)
+    return (REPRODUCED if fastest else NOT_REPRODUCED), words, TRAININGS
+
+
+def _diverges(done: pl.DataFrame) -> Verdict:
+    """Count the trainings of R_MLP that diverged."""
+    rows = _ended(done, "R_MLP")
+    if not rows:
+        return WAITING, "", TRAININGS
+    bad = [row for row in rows if row["diverged"]]
+    words = f"{len(bad)} of {_count(rows)} diverged; {_passed(rows)} passed all stages"
+    return (REPRODUCED if len(bad) == len(rows) else NOT_REPRODUCED), words, TRAININGS
+
+
+def _stable(done: pl.DataFrame) -> Verdict:
+    """Count the trainings of R_PhysFeat that did not diverge."""
+    rows = _ended(done, "R_PhysFeat")
+    if not rows:
+        return WAITING, "", TRAININGS
+    good = [row for row in rows if not row["diverged"]]
+    words = f"{len(good)} of {_count(rows)} without divergence; {_passed(rows)} passed all stages"
+    return (REPRODUCED if len(good) == len(rows) else NOT_REPRODUCED), words, TRAININGS
+
+
+def _best(tests: pl.DataFrame) -> Verdict:
+    """Compare the arrivals of the conditions of the paper, each in its own MuJoCo model."""
+    if tests.is_empty():
+        return WAITING, "", TRAININGS
+    own = tests.filter(pl.col("flown_by") == "policy", pl.col("plant") == "student")
+    means = {
+        row["condition"]: row["success"]
+        for row in own.group_by("condition", maintain_order=True).agg(pl.col("success").mean()).to_dicts()
+        if row["condition"] in ("R_0", "R_0+M_A", "R_MLP", "R_PhysFeat")
+    }
+    words = "arrivals over all tasks in MuJoCo: " + ", ".join(f"{k} {v:.0%}" for k, v in means.items())
+    if not {"R_MLP", "R_PhysFeat"} < set(means):
+        return WAITING, words, TRAININGS
+    best = max(means, key=means.__getitem__) == "R_PhysFeat"
+    return (REPRODUCED if best else NOT_REPRODUCED), words, TRAININGS
+
+
+def _surge(replayed: pl.DataFrame) -> Verdict:
+    """Look for the replay of the baseline MLP whose surge error is nearest to the paper's."""
+    found = [] if replayed.is_empty() else replayed.filter(variant="MJ1").drop_nulls("u").to_dicts()
+    if not found:
+        return WAITING, "", SAMPLE
+    nearest = min(found, key=lambda row: abs(row["u"] - SURGE["MJ1"]))
+    low = min(row["u"] for row in found)
+    words = (
+        f"nearest: {nearest['u']:.3f} m/s with conditioning {nearest['conditioning']}, lead "
+        f"{nearest['lead']:g}, protocol {nearest['protocol']}; smallest: {low:.3f} m/s"
+    )
+    near = abs(nearest["u"] - SURGE["MJ1"]) <= NEAR * SURGE["MJ1"]
+    return (REPRODUCED if near else NOT_REPRODUCED), words, SAMPLE
+
+
+def study_of(given: argparse.Namespace) -> paper.Study:
+    """Return the settings of the study in a folder."""
+    data = Path("datasets/stonefish")
+    return paper.Study(
+        given.folder, data / "sample.parquet", data / "replay90.parquet", data / "vehicle.toml",
+        Path("benchmarks/paper_given.toml"), epochs=60, episodes=given.episodes,
+    )  # fmt: skip
+
+
+def main() -> None:
+    from hydro.rl.tasks.registry import TASKS
+
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="folder of a study")
+    parser.add_argument("--commit", required=True, help="commit of the measured code")
+    parser.add_argument("--command", default=COMMAND, help="command of the study")
+    parser.add_argument("--networks", help="command of the tables of networks, if it is another")
+    parser.add_argument(
+        "--continued", type=Path, nargs="*", default=[], help="copies of trainings with more steps"
+    )
+    parser.add_argument("--episodes", type=int, default=50, help="episodes of each test")
+    given = parser.parse_args()
+    study = study_of(given)
+    counted = {name: task.levels for name, task in TASKS.items() if task.levels}
+    begun = paper_tables.trainings(study).filter(pl.col("state") != NOT_RUN)
+    where = origin(begun, given.command, given.commit)
+    for name, rows in {
+        "paper_rl": trained(study, given.continued),
+        "paper_flights": flown(study, counted),
+        "paper_differences": compared(study),
+        "paper_networks": errors(study),
+        "paper_claims": claims(study),
+    }.items():
+        if rows:
+            made_by = {"command": given.networks} if given.networks and name == "paper_networks" else {}
+            keep(name, [row | where | made_by for row in rows])
+
+
+if __name__ == "__main__":
+    main()

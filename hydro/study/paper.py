@@ -1,0 +1,249 @@
+"""Study of the reference paper: networks, Tables I to III, trainings by rewards, and flights of the policies.
+
+Each step is an ordinary command and each result a file, so a study that was stopped resumes where it was.
+The order is that of the paper, and trainings run seed by seed: a stopped study has some of each condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from hydro.study import policies
+from hydro.study.policies import Run
+from hydro.study.steps import Step
+
+NETWORKS = ("mlp", "resmlp", "multihead", "moe", "physfeat")
+"""Architectures of Table I."""
+PROTOCOLS = ("paper", "annealed")
+"""Protocols of the networks; those of the trainings are of the first."""
+CONDITIONS = ("R_PhysFeat", "R_MLP", "R_0+M_A", "R_effects", "R_identified", "R_0")
+"""Physics of the trainings, the paper's most important comparison first."""
+IDENTIFIED_EFFECTS = ("linear_damping", "quadratic_damping")
+"""Effects that are fitted for `R_identified`."""
+PIECE = "10"
+"""Length of a segment of the paper's replay sequence [s]."""
+
+
+class Replay(NamedTuple):
+    """Way in which networks are replayed: conditioning of the wrench and lead, in control steps."""
+
+    conditioning: str
+    lead: float
+
+    @property
+    def name(self) -> str:
+        """Name of the file with the errors."""
+        return f"{self.conditioning}-lead{self.lead:g}"
+
+
+REPLAYS = (Replay("paper-old", 0.0), Replay("paper-new", 0.0), Replay("off", 0.0), Replay("off", 0.5))
+"""Replays of Table III.  The paper evaluates without lead and gives beta = 0.9 without the definition."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Settings of a study.
+
+    Attributes:
+        folder: Folder of the study.
+        raw: Recording to train networks on and to identify damping from.
+        replay: Recording of the replayed sequence.
+        vehicle: Vehicle file of all conditions except the two with effects.
+        given: Vehicle file with effects that were chosen without data, for `R_effects`.
+        networks: Architectures.
+        protocols: Protocols of their training.
+        replays: Ways of replaying them.
+        epochs: Greatest number of epochs of a network; None for the default.
+        conditions: Physics of the trainings.
+        seeds: Number of trainings under each condition.
+        stages: Last stage of the curriculum.
+        steps: Control steps of each training at most; the budget is equal for all.
+        episodes: Episodes of each test.
+        recipe: Recipe of the trainings.
+        choices: Other settings of every training, as `NAME=VALUE`.
+    """
+
+    folder: Path
+    raw: Path
+    replay: Path
+    vehicle: Path
+    given: Path | None = None
+    networks: tuple[str, ...] = NETWORKS
+    protocols: tuple[str, ...] = PROTOCOLS
+    replays: tuple[Replay, ...] = REPLAYS
+    epochs: int | None = None
+    conditions: tuple[str, ...] = CONDITIONS
+    seeds: int = 5
+    stages: int = 3
+    steps: int = 800_000
+    episodes: int = 100
+    recipe: str = "sac"
+    choices: tuple[str, ...] = ("wrench.lead=0",)
+
+    def network(self, model: str, protocol: str) -> Path:
+        """Return the file of a network."""
+        return self.folder / "models" / f"{model}-{protocol}.parquet"
+
+    @property
+    def identified(self) -> Path:
+        """Vehicle file with identified damping."""
+        return self.folder / "identified.toml"
+
+    def offline(self, protocol: str) -> Path:
+        """Return the table of prediction errors of the networks of a protocol, Table II."""
+        return self.folder / f"offline-{protocol}.parquet"
+
+    def replayed(self, protocol: str, way: Replay) -> Path:
+        """Return the table of replay errors of the networks of a protocol, Table III."""
+        return self.folder / f"replay-{protocol}-{way.name}.parquet"
+
+    @property
+    def policies(self) -> policies.Study:
+        """Return the part of the study that trains and tests policies."""
+        from hydro.rl.environment.conditions import EFFECTS, IDENTIFIED, MODELS
+
+        wanted = {MODELS[name] for name in self.conditions if name in MODELS}
+        names = [name for name in self.conditions if name != EFFECTS or self.given is not None]
+        return policies.Study(
+            self.folder,
+            self.vehicle,
+            models=tuple(self.network(name, self.protocols[0]) for name in self.networks if name in wanted),
+            identified=self.identified if IDENTIFIED in names else None,
+            given=self.given,
+            conditions=tuple(names),
+            seeds=self.seeds,
+            stages=self.stages,
+            steps=self.steps,
+            episodes=self.episodes,
+            recipe=self.recipe,
+            choices=self.choices,
+            last=True,
+        )
+
+
+def runs(study: Study) -> list[Run]:
+    """Return the trainings, seed by seed; the files of their networks need not exist yet."""
+    from hydro.rl.environment.conditions import EFFECTS, IDENTIFIED, MODELS
+
+    known = study.policies
+    vehicles = dict.fromkeys(known.conditions, study.vehicle)
+    vehicles |= {IDENTIFIED: study.identified, EFFECTS: study.given or study.vehicle}
+    return [
+        Run(
+            name,
+            seed,
+            study.folder / f"{name}-seed{seed}",
+            vehicles[name],
+            study.network(MODELS[name], study.protocols[0]) if name in MODELS else None,
+        )
+        for seed in range(study.seeds)
+        for name in known.conditions
+    ]
+
+
+def steps(study: Study) -> list[Step]:
+    """Return all steps: networks of the trainings, trainings with their tests, then the other tables."""
+    of_trainings, others = _networks(study)
+    trainings = policies.steps(study.policies, runs(study))
+    first = next((k for k, step in enumerate(trainings) if study.identified in step.reads), 0)
+    return [
+        *_labels(study),
+        *of_trainings,
+        *trainings[:first],
+        *_identification(study),
+        *trainings[first:],
+        *others,
+        *(step for protocol in study.protocols for step in _tables(study, protocol)),
+    ]
+
+
+def _labels(study: Study) -> list[Step]:
+    """Return the steps that label and split the recording."""
+    labels, split = study.folder / "labels.parquet", study.folder / "split.parquet"
+    line = ("labels", str(study.raw), "--vehicle", str(study.vehicle), "-o", str(labels))
+    return [
+        Step(line, (study.raw, study.vehicle), (labels,)),
+        Step(("split", str(labels), "-o", str(split)), (labels,), (split,)),
+    ]
+
+
+def _networks(study: Study) -> tuple[list[Step], list[Step]]:
+    """Return the steps that train the networks of the trainings, and those of all others."""
+    from hydro.rl.environment.conditions import MODELS
+
+    needed = {MODELS[name] for name in study.conditions if name in MODELS}
+    split = study.folder / "split.parquet"
+    first, others = list[Step](), list[Step]()
+    for protocol in study.protocols:
+        for model in study.networks:
+            target = study.network(model, protocol)
+            limit = () if study.epochs is None else ("--epochs", str(study.epochs))
+            line = ("train", str(split), "--model", model, "--protocol", protocol, *limit, "-o", str(target))
+            step = Step(line, (split,), (target,), ("train", model, protocol))
+            used = protocol == study.protocols[0] and model in needed
+            (first if used else others).append(step)
+    return first, others
+
+
+def _identification(study: Study) -> list[Step]:
+    """Return the step that identifies damping from the recording."""
+    from hydro.rl.environment.conditions import IDENTIFIED
+
+    if IDENTIFIED not in study.conditions:
+        return []
+    effects = [word for name in IDENTIFIED_EFFECTS for word in ("--effect", name)]
+    line = ("fit", str(study.vehicle), str(study.raw), *effects, "-o", str(study.identified))
+    return [Step(line, (study.vehicle, study.raw), (study.identified,))]
+
+
+def _tables(study: Study, protocol: str) -> list[Step]:
+    """Return the steps of Tables II and III for the networks of a protocol."""
+    models = [study.network(name, protocol) for name in study.networks]
+    split, offline = study.folder / "split.parquet", study.offline(protocol)
+    names = [str(model) for model in models]
+    found = [
+        Step(
+            ("evaluate", *names, "--labels", str(split), "--part", "test", "-o", str(offline)),
+            (*models, split),
+            (offline,),
+        )
+    ]
+    given = [word for name in names for word in ("--model", name)]
+    for way in study.replays:
+        target = study.replayed(protocol, way)
+        line = ("replay", str(study.replay), "--vehicle", str(study.vehicle), *given, "--piece", PIECE)
+        ways = ("--conditioning", way.conditioning, "--lead", f"{way.lead:g}", "--metrics", str(target))
+        found.append(
+            Step((*line, *ways, "-o", "/dev/null"), (*models, study.replay, study.vehicle), (target,))
+        )
+    return found
+
+
+def quick(study: Study) -> Study:
+    """Return a study of a few seconds with the same steps, for tests of the command."""
+    from dataclasses import replace
+
+    small = ("vehicles=8", "record=80", "evaluate=160", "episodes=4", "pilot=0", "settings.task.steps=20")
+    learner = ("sac.layers=[16,16]", "sac.batch=16", "sac.random=80", "sac.capacity=1000", "sac.horizon=3")
+    exams = ("curriculum.window=4", "curriculum.row=[2]", "curriculum.examine=160")
+    return replace(
+        study,
+        networks=("mlp", "physfeat"),
+        protocols=PROTOCOLS[:1],
+        replays=REPLAYS[:1],
+        epochs=1,
+        conditions=("R_PhysFeat", "R_0+M_A"),
+        seeds=1,
+        steps=320,
+        episodes=2,
+        choices=(*study.choices, *small, *learner, *exams),
+    )
+
+
+def finished(study: Study, of: Sequence[Run]) -> list[Run]:
+    """Return the trainings whose tests are all complete."""
+    tests = policies.tests(study.policies)
+    return [run for run in of if all(run.tested(*test).is_file() for test in tests)]
