@@ -227,7 +227,10 @@ def eval_(
             if details is not None and not rows:
                 table.write(made("episodes", flown), details)
             learning = policy.training if policy is not None and name == POLICY else {}
-            who = {"flown_by": name, "recipe": builder.config.recipe if policy is not None else ""}
+            who: dict[str, str | int] = {
+                "flown_by": name,
+                "recipe": builder.config.recipe if policy is not None else "",
+            }
             who |= {"condition": builder.config.condition, "seed": builder.config.seed}
             what = {
                 "steps": learning.get("steps", 0),

@@ -154,8 +154,8 @@ def study(
             choices=(*paper.Study.choices, *(choices or ())),
             networks=tuple(model or paper.NETWORKS),
         )  # fmt: skip
-        with runner(context, folder, workers, engine, address, threads) as (steps_of, together):
-            _paper(paper.quick(settings) if quick else settings, steps_of, together)
+        with runner(context, folder, workers, engine, address, threads) as (run, together):
+            _paper(paper.quick(settings) if quick else settings, run, together)
         return
     from hydro.study import models
     from hydro.study.models import MODELS, QUICK_MODELS, Recordings, carry_out, disturb
@@ -171,10 +171,10 @@ def study(
         device=device,
         conditionings=() if quick else CONDITIONINGS,
     )
-    with runner(context, folder, workers, engine, address, threads) as (steps, together):
+    with runner(context, folder, workers, engine, address, threads) as (run, together):
         if noise != "none":
-            disturb(known, steps, noise_for(noise))
-        result = carry_out(known, steps, together)
+            disturb(known, run, noise_for(noise))
+        result = carry_out(known, run, together)
     message(f"{result.ran} of {result.steps} steps run, the others were done")
     show(result.summary)
 

@@ -73,7 +73,7 @@ def _training(study: Study, run: Run, ledger: dict[str, dict[str, str]]) -> dict
     line = next(
         (name for name in ledger if name.startswith("rl train") and name.endswith(str(run.folder))), ""
     )
-    ended = bool(line) or (curves["steps"].max() or 0) >= study.steps or stages == study.stages
+    ended = bool(line) or curves["steps"].to_numpy().max(initial=0) >= study.steps or stages == study.stages
     state = PASSED if stages == study.stages else BUDGET if ended else UNFINISHED
     done = {"state": state, "steps": curves["steps"].max(), "updates": curves["updates"].max()}
     spent = ledger.get(line, {}).get("processor")

@@ -365,7 +365,8 @@ def _means(losses: list[list[float]]) -> list[float]:
     computed = ~np.isnan(rows)
     counts = computed.sum(axis=0)
     sums = np.where(computed, rows, 0.0).sum(axis=0)
-    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).tolist()
+    means: list[float] = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).tolist()
+    return means
 
 
 def _finite(number: float | None) -> float | None:
