@@ -191,7 +191,7 @@ class Critics:
     def __init__(self, weights: Sequence[Tensor]) -> None:
         """Take the parameters in the order of `training.sac.twin`."""
         layers = _layers(weights)
-        gradients = [Layer(*map(_zeros, layer)) for layer in layers]
+        gradients = [_gradient(layer) for layer in layers]
         self._pairs = _pairs(layers, gradients)
         self._both = [
             Perceptron([_half(one, k) for one in layers], [_half(one, k) for one in gradients])
@@ -220,15 +220,18 @@ class Critics:
         )
 
 
-def _zeros(one: Tensor | None) -> Tensor | None:
-    """Return a tensor of zeros for the gradient of a parameter, if there is one."""
-    return None if one is None else torch.zeros_like(one, requires_grad=False)
+def _gradient(layer: Layer) -> Layer:
+    """Return tensors for the gradients of a layer."""
+    scale = None if layer.scale is None else torch.zeros_like(layer.scale, requires_grad=False)
+    shift = None if layer.shift is None else torch.zeros_like(layer.shift, requires_grad=False)
+    weight, bias = (torch.zeros_like(one, requires_grad=False) for one in (layer.weight, layer.bias))
+    return Layer(weight, bias, scale, shift)
 
 
 def _pairs(layers: Sequence[Layer], gradients: Sequence[Layer]) -> list[tuple[Tensor, Tensor]]:
     """Return every parameter with its gradient."""
     both = (zip(*two, strict=True) for two in zip(layers, gradients, strict=True))
-    return [(one, other) for pairs in both for one, other in pairs if one is not None]
+    return [(one, other) for pairs in both for one, other in pairs if one is not None and other is not None]
 
 
 def _layers(weights: Sequence[Tensor]) -> list[Layer]:
@@ -244,7 +247,9 @@ def _layers(weights: Sequence[Tensor]) -> list[Layer]:
 
 def _half(layer: Layer, number: int) -> Layer:
     """Return the layer of one critic."""
-    return Layer(*(None if one is None else one.detach()[number] for one in layer))
+    scale = None if layer.scale is None else layer.scale.detach()[number]
+    shift = None if layer.shift is None else layer.shift.detach()[number]
+    return Layer(layer.weight.detach()[number], layer.bias.detach()[number], scale, shift)
 
 
 class Gradients:
@@ -316,4 +321,5 @@ class Gradients:
         predicted, passed = self._critics.forward(batch["observation"], batch["action"])
         error = predicted - target
         self._critics.backward(passed, error * (2.0 / error.shape[1]))
-        return error.square().mean(1).sum()
+        loss: Tensor = error.square().mean(1).sum()
+        return loss
