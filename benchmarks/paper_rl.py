@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ import polars as pl
 from benchmarks.kept_tables import Row, keep, origin
 from hydro.study import paper, paper_tables
 from hydro.study.paper_tables import NOT_RUN, PASSED, UNFINISHED
+from hydro.study.policies import Run
 
 COMMAND = (
     "hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet "
@@ -47,21 +48,26 @@ def cell(row: Row) -> str:
     return words + (f"; hit {100.0 * row['collision']:.3g}%" if row["collision"] else "")
 
 
-def trained(study: paper.Study, continued: Sequence[Path] = ()) -> list[Row]:
-    """Return a row for every training: how far it came, and what it took.
+Continued = Mapping[Path, float]
+"""Copies of trainings that went on beyond the budget, with the processor time of the continuation [s]."""
 
-    Args:
-        study: The study.
-        continued: Copies of trainings of the study that were continued beyond its budget.
-    """
+
+def further(study: paper.Study, continued: Continued) -> list[Run]:
+    """Return the continued trainings."""
+    runs = {run.folder.name: run for run in paper.runs(study)}
+    return [replace(runs[folder.name], folder=folder) for folder in continued]
+
+
+def trained(study: paper.Study, continued: Continued) -> list[Row]:
+    """Return a row for every training: how far it came, and what it took."""
     done = paper_tables.trainings(study).to_dicts()
+    before = {(row["condition"], row["seed"]): row["processor"] for row in done}
     if continued:
-        runs = {run.folder.name: run for run in paper.runs(study)}
-        further = [replace(runs[folder.name], folder=folder) for folder in continued]
-        done += [
-            row | {"condition": f"{row['condition']}, continued", "state": _state(row, study)}
-            for row in paper_tables.trainings(study, further).to_dicts()
-        ]
+        again = paper_tables.trainings(study, further(study, continued)).to_dicts()
+        for row, seconds in zip(again, continued.values(), strict=True):
+            spent = before[row["condition"], row["seed"]]
+            other = {"condition": f"{row['condition']}, continued", "state": _state(row, study)}
+            done.append(row | other | {"processor": None if spent is None else spent + seconds})
     rows, missing = list[Row](), dict[str, list[int]]()
     for row in done:
         made: Row = {"recipe": row["recipe"], "condition": row["condition"], "seed": row["seed"]}
@@ -87,12 +93,15 @@ def _state(row: Row, study: paper.Study) -> str:
     return PASSED if row["stages"] == study.stages else "stopped"
 
 
-def flown(study: paper.Study, counted: dict[str, str]) -> list[Row]:
+def flown(study: paper.Study, counted: dict[str, str], continued: Continued) -> list[Row]:
     """Return a row for every task and policy, and for every task and pilot in the reference simulator.
 
     Beside a policy stand the pilots in the MuJoCo model of its condition.
     """
     tests = paper_tables.flights(study).to_dicts()
+    if continued:
+        again = paper_tables.flights(study, further(study, continued)).filter(flown_by="policy")
+        tests += again.to_dicts()
     learnt, pilots = dict[tuple[str, ...], Row](), dict[tuple[str, ...], Row]()
     by_hand = {
         (row["task"], row["condition"], row["flown_by"]): cell(row)
@@ -104,7 +113,7 @@ def flown(study: paper.Study, counted: dict[str, str]) -> list[Row]:
         task = row["task"].replace("_", " ") + (f", {row['level']} {level}" if level else "")
         if row["flown_by"] == "policy":
             made = learnt.setdefault(
-                (row["task"], row["condition"], str(row["seed"])),
+                (row["task"], row["condition"], str(row["seed"]), str(row["updates"])),
                 {"task": task, "flown by": f"policy, {row['condition']}, seed {row['seed']}"},
             )
             made |= {"recipe": row["recipe"], "SAC updates": f"{row['updates']:,}"}
@@ -336,17 +345,23 @@ def main() -> None:
     parser.add_argument("--command", default=COMMAND, help="command of the study")
     parser.add_argument("--networks", help="command of the tables of networks, if it is another")
     parser.add_argument(
-        "--continued", type=Path, nargs="*", default=[], help="copies of trainings with more steps"
+        "--continued",
+        nargs="*",
+        default=[],
+        metavar="FOLDER=SECONDS",
+        help="copies of trainings with more steps, and the processor time of the continuation",
     )
     parser.add_argument("--episodes", type=int, default=50, help="episodes of each test")
     given = parser.parse_args()
     study = study_of(given)
+    pairs = (one.rpartition("=") for one in given.continued)
+    continued = {Path(folder): float(seconds) for folder, _, seconds in pairs}
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}
     begun = paper_tables.trainings(study).filter(pl.col("state") != NOT_RUN)
     where = origin(begun, given.command, given.commit)
     for name, rows in {
-        "paper_rl": trained(study, given.continued),
-        "paper_flights": flown(study, counted),
+        "paper_rl": trained(study, continued),
+        "paper_flights": flown(study, counted, continued),
         "paper_differences": compared(study),
         "paper_networks": errors(study),
         "paper_claims": claims(study),

@@ -77,10 +77,10 @@ def test_tables_of_a_study_state_what_was_run(quick: tuple[Path, list[str]]) -> 
     offline, replayed = paper_tables.networks(study)
     assert set(offline["model"]) == {"mlp", "physfeat"}
     assert {"MJ0", "MJ1", "MJ4"} <= set(replayed["variant"])
-    rows = paper_rl.trained(study)
+    rows = paper_rl.trained(study, {})
     assert [(row["seed"], row["result"]) for row in rows[2:]] == [("1", "not run"), ("1", "not run")]
     assert rows[0]["SAC updates"] != "0"
-    assert paper_rl.flown(study, {"forest": "pillars"})[0]["in the reference simulator"]
+    assert paper_rl.flown(study, {"forest": "pillars"}, {})[0]["in the reference simulator"]
     verdicts = {
         row["claim of the paper"].partition(" (")[0]: row["verdict"] for row in paper_rl.claims(study)
     }

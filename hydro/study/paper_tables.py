@@ -98,14 +98,14 @@ def divergence(curves: pl.DataFrame, evaluations: pl.DataFrame) -> str:
     return next((name for name, holds in found.items() if holds), "")
 
 
-def flights(study: Study) -> pl.DataFrame:
-    """Return the tests of all trainings that have been tested in every simulator, as evaluations."""
+def flights(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
+    """Return the tests of trainings, by default all of the study, that were tested in every simulator."""
     import polars as pl
 
     from hydro.io import table
 
     tests = policies.tests(study.policies)
-    done = paper.finished(study, paper.runs(study))
+    done = paper.finished(study, of or paper.runs(study))
     read = [table.read(run.tested(*test), "evaluations").frame for run in done for test in tests]
     return pl.concat(read) if read else pl.DataFrame()
 
