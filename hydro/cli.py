@@ -1,7 +1,8 @@
 """Root of the command line: registers the commands and converts errors to exit codes.
 
-0 done; 1 fault of the data or a file; 2 wrong usage; 3 bug in hydro; 130 interrupted.  One line on stderr
-gives the problem, its place and the remedy; tracebacks appear only with `--debug`.
+0 done; 1 fault of the data or a file; 2 wrong usage; 3 bug in hydro, or a new change that `hydro track`
+found; 130 interrupted.  One line on stderr gives the problem, its place and the remedy; tracebacks appear
+only with `--debug`.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from hydro.commands import (
     start,
     streams,
     study,
+    track,
     vehicle,
     warm,
 )
@@ -56,7 +58,7 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
     "Start": (start, demo, warm),
-    "Compare and diagnose": (explain, diagnose, compare, fit, report),
+    "Compare and diagnose": (explain, diagnose, track, compare, fit, report),
     "Data": (imports, files, partition, collect),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),
     "Residual networks": (data, models, replay, study),

@@ -30,7 +30,7 @@ MAY_IMPORT = {
 }
 LEVELS = {
     "hydro.core": (
-        ("discovery", "explanation"),
+        ("discovery", "explanation", "history"),
         ("diagnosis",),
         ("difference",),
         ("experiment",),
