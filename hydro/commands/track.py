@@ -124,7 +124,7 @@ def track(
         "history",
         whole.table(),
         stage="track",
-        parameters={"baseline": first, "changes": whole.sentences},
+        parameters={"baseline_dives": first, "found": whole.sentences},
         vehicle_text=text,
     )
     new = _new(whole, output / CHANGES)

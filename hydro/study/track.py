@@ -26,7 +26,7 @@ from hydro.study.engine import Engine
 
 FOLDER = "dives"
 """Folder of the estimates of single dives, in the folder of a history."""
-KEY, CHI2 = "key", "chi2"
+KEY, CHI2 = "estimated_from", "residual"
 """Entries in the footer of the estimates of a dive."""
 
 

@@ -156,8 +156,7 @@ def _steps(values: Array, variance: Array, there: Array, dates: Sequence[int]) -
 
 
 def _broken(values: Array, variance: Array, there: Array, last: int) -> Fitted:
-    """Fit a constant level up to a dive and a straight line after it; the coefficients are level and
-    slope."""
+    """Fit a constant level up to a dive and a line after it; the coefficients are level and slope."""
     dive = np.arange(len(values))
     return _least_squares(values, variance, there, [np.ones(len(dive)), np.maximum(dive - last, 0.0)])
 
