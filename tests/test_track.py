@@ -119,3 +119,16 @@ def test_refusals_say_what_to_do(work: Path, capsys) -> None:
     twice = line(work, 1, "refused")
     assert cli.main([*twice[:3], twice[2], *twice[3:]]) == 1
     assert "is given twice" in capsys.readouterr().err
+
+
+def test_python_gives_the_history_of_the_command(work: Path, history: Path) -> None:
+    vehicle = hydro.vehicle(work / "vehicle.toml")
+    dives = {name: hydro.read(work / f"{name}.parquet") for name in NAMES}
+    found = hydro.track(vehicle, dives, baseline=3)
+    assert found.table.equals(hydro.read(history / "history.parquet"))
+    assert found.headline == found.changes["sentence"].item()
+    assert found.summary()["parameter"].to_list() == ["thrust_2"]
+    assert len(found.plot()) == found.table["parameter"].n_unique()
+    assert json.loads(found.to_json())["headline"] == found.headline
+    with pytest.raises(hydro.UsageError, match="1 dives with a baseline of 3"):
+        hydro.track(vehicle, {"a": dives["dive1"]}, baseline=3)
