@@ -55,7 +55,7 @@ def test_alarms_do_not_depend_on_unit_or_origin(seed, origin, unit) -> None:
 @pytest.mark.parametrize("tails", ["white", "t(3)"])
 def test_false_alarms_keep_the_level_over_thousands_of_dives(tails: str) -> None:
     rng, raised, tested = np.random.default_rng(5), 0, 0
-    for _ in range(60):
+    for _ in range(40):
         stated = rng.uniform(0.7, 1.4, (16, 30))
         size = rng.uniform(1.0, 3.0, (16, 1))  # stated errors are up to three times too small
         noise = rng.normal(size=stated.shape)
