@@ -105,7 +105,7 @@ def track(
     first = _baseline([one.name for one in listed], baseline, baseline_dive or [])
     listed = sorted(listed, key=lambda one: one.name not in first)
     connect = partial(engine_for, engine, address, threads)
-    found, failed, names = {}, list[str](), ()
+    found, failed, names = dict[str, Any](), list[str](), tuple[str, ...]()
     with connect() as running, progress("track") as update:
 
         def advance(words: str, done: int, total: int) -> None:

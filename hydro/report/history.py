@@ -7,6 +7,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from hydro.core.history.history import History
+from hydro.core.history.parameters import SHARE
 from hydro.core.history.sentences import limits
 from hydro.io.table import Artefact
 from hydro.report.charts import Charts
@@ -88,9 +89,14 @@ def time_line(history: History, row: int, level: Sequence[float]) -> Figure:
         hovertemplate="dive %{x}, %{customdata}<br><b>%{y:.3g}</b> " + parameter.unit + "<extra></extra>",
     )
     drawn.update_xaxes(title="dive", fixedrange=True, showgrid=False, zeroline=False, tickformat="d")
-    drawn.update_yaxes(title=parameter.unit, fixedrange=True, zeroline=False)
+    drawn.update_yaxes(title=axis_title(parameter.unit), fixedrange=True, zeroline=False)
     drawn.update_layout(template={}, height=HEIGHT, showlegend=False)
     return drawn
+
+
+def axis_title(unit: str) -> str:
+    """Return the title of the vertical axis for a unit."""
+    return "relative to the baseline" if unit == SHARE else f"change [{unit}]"
 
 
 def _lines(history: History) -> list[dict[str, Any]]:
@@ -100,7 +106,7 @@ def _lines(history: History) -> list[dict[str, Any]]:
         {
             "name": one.name,
             "label": one.label,
-            "unit": one.unit,
+            "unit": "" if one.unit == SHARE else f" [{one.unit}]",
             "sentences": [words for change, words in told if change.parameter == i],
             "changed": any(change.parameter == i for change in history.found),
         }

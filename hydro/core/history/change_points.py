@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import digamma, polygamma, stdtr
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 
 LEVEL = 1.0 / 500.0
 """Expected number of false alarms per unchanged dive, over all parameters [1]: at most one in 500 dives."""
@@ -126,7 +126,7 @@ def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
     return Shifts(dates, p)
 
 
-def variances(errors: Array, there: Array) -> Array:
+def variances(errors: Array, there: Mask) -> Array:
     """Return the variance of each estimate up to the common factor of its parameter, (P, N).
 
     It is the mean of the stated variance and of its median over the dives, so that a dive with a standard
@@ -141,7 +141,7 @@ def variances(errors: Array, there: Array) -> Array:
     return np.maximum(both, 1e-300)
 
 
-def moderated(squares: Array, freedom: Array, tested: Array) -> tuple[Array, Array]:
+def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Array]:
     """Return the moderated scatter factor of each parameter at each date, and its degrees of freedom.
 
     Args:
@@ -176,7 +176,7 @@ def inverse_trigamma(y: Array) -> Array:
     return np.asarray(x)
 
 
-def _inner_shift(values: Array, there: Array, date: int, sign: float) -> float:
+def _inner_shift(values: Array, there: Mask, date: int, sign: float) -> float:
     """Return the shift between the middle values before and after a date that lie nearer to each other."""
     before = np.sort(sign * values[:date][there[:date]])
     after = np.sort(sign * values[date:][there[date:]])

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.history.change_points import AFTER, BEFORE, LEVEL, Alarm, alarms, variances
 
 RAMP = 4
@@ -106,7 +106,7 @@ def levels(values: Array, errors: Array, found: Sequence[Change], row: int, base
 
 
 def _of_parameter(
-    row: int, values: Array, variance: Array, there: Array, raised: Sequence[Alarm], first: int
+    row: int, values: Array, variance: Array, there: Mask, raised: Sequence[Alarm], first: int
 ) -> list[Change]:
     """Return the changes of one parameter as shifts, or as one trend where that describes them better."""
     count, used = len(values), int(there.sum())
@@ -137,7 +137,7 @@ def _of_parameter(
     ]
 
 
-def _refined(values: Array, variance: Array, there: Array, dates: Sequence[int], first: int) -> list[int]:
+def _refined(values: Array, variance: Array, there: Mask, dates: Sequence[int], first: int) -> list[int]:
     """Return the dates of shifts, each moved to the best place between its neighbours."""
     found, count = list(dates), len(values)
     for i in range(len(found)):
@@ -149,24 +149,26 @@ def _refined(values: Array, variance: Array, there: Array, dates: Sequence[int],
     return found
 
 
-def _steps(values: Array, variance: Array, there: Array, dates: Sequence[int]) -> Fitted:
+def _steps(values: Array, variance: Array, there: Mask, dates: Sequence[int]) -> Fitted:
     """Fit constant levels between dates; the coefficients are the first level and each shift."""
     dive = np.arange(len(values))
-    return _least_squares(values, variance, there, [np.ones(len(dive)), *(1.0 * (dive >= d) for d in dates)])
+    return _least_squares(
+        values, variance, there, [np.ones(len(dive)), *((dive >= d).astype(float) for d in dates)]
+    )
 
 
-def _broken(values: Array, variance: Array, there: Array, last: int) -> Fitted:
+def _broken(values: Array, variance: Array, there: Mask, last: int) -> Fitted:
     """Fit a constant level up to a dive and a line after it; the coefficients are level and slope."""
     dive = np.arange(len(values))
     return _least_squares(values, variance, there, [np.ones(len(dive)), np.maximum(dive - last, 0.0)])
 
 
-def _least_squares(values: Array, variance: Array, there: Array, columns: Sequence[Array]) -> Fitted:
+def _least_squares(values: Array, variance: Array, there: Mask, columns: Sequence[Array]) -> Fitted:
     """Fit columns (N,) to the estimates of one parameter."""
     design = np.column_stack(columns)
     weight = np.where(there, 1.0 / variance, 0.0)
     known = np.where(there, values, 0.0)
-    covariance = np.linalg.pinv(design.T @ (weight[:, None] * design))
+    covariance: Array = np.linalg.pinv(design.T @ (weight[:, None] * design))
     found = covariance @ (design.T @ (weight * known))
     fitted = design @ found
-    return Fitted(float((weight * (known - fitted) ** 2).sum()), fitted, found, covariance)
+    return Fitted(float((weight * (known - fitted) ** 2).sum()), fitted, found, np.asarray(covariance))
