@@ -14,7 +14,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 PAGES = (
-    "apart", "benchmarks", "export", "gpu", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish",
+    "apart", "benchmarks", "export", "gpu", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish", "track",
 )  # fmt: skip
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 

@@ -168,7 +168,7 @@ def _least_squares(values: Array, variance: Array, there: Mask, columns: Sequenc
     design = np.column_stack(columns)
     weight = np.where(there, 1.0 / variance, 0.0)
     known = np.where(there, values, 0.0)
-    covariance: Array = np.linalg.pinv(design.T @ (weight[:, None] * design))
+    covariance = np.asarray(np.linalg.pinv(design.T @ (weight[:, None] * design)), float)
     found = covariance @ (design.T @ (weight * known))
     fitted = design @ found
-    return Fitted(float((weight * (known - fitted) ** 2).sum()), fitted, found, np.asarray(covariance))
+    return Fitted(float((weight * (known - fitted) ** 2).sum()), fitted, found, covariance)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Mask
+from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.log_faults import preprocess_alike
 from hydro.core.errors import DataError
@@ -98,7 +98,7 @@ def _linearised(baseline: Baseline, law: Regression, shots: Shots, values: Array
     problem = OutputError(corrected).at_measured_states(here)
     moved = [at(values + STEP * spread * unit) for unit in np.eye(len(values))]
     normal = problem.linearise(here, moved, [STEP] * len(moved))
-    good: Mask = np.isfinite(normal.gram).all(axis=(1, 2))
+    good = np.asarray(np.isfinite(normal.gram).all(axis=(1, 2)))
     normal = normal.some(good)
     if len(normal.gram) < LEAST_GOOD_SHOTS:
         raise DataError("the predicted motion of most shots diverges: check the vehicle file and the log")
