@@ -110,8 +110,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-    epilog="`hydro COMMAND --help` explains a command. Options: --version, --debug (traceback), "
-    "--install-completion, --help.",
+    epilog="Options: --version, --debug, --install-completion, --help (also of a command).",
 )
 
 
