@@ -110,7 +110,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-    epilog="Options: --version, --debug, --install-completion, --help (also of a command).",
+    epilog="Options: --version, --debug, --install-completion, COMMAND --help.",
 )
 
 
