@@ -31,7 +31,7 @@ stderr, which says what happened, where, and what to do. `--debug` adds the trac
 | 0 | done |
 | 1 | error in the data or in a file |
 | 2 | wrong usage of the command |
-| 3 | a bug in hydro |
+| 3 | a bug in hydro; or `hydro track` found a new change |
 | 130 | interrupted |
 """
 

@@ -33,6 +33,7 @@ from hydro.api.classes import (
     DataError,
     Diagnosis,
     Fit,
+    History,
     HydroError,
     HydroWarning,
     Step,
@@ -40,6 +41,7 @@ from hydro.api.classes import (
     UsageError,
 )
 from hydro.api.files import import_log, read, read_model, vehicle, write, write_model, write_vehicle
+from hydro.api.history import track
 from hydro.api.networks import evaluate, features, labels, replay, split, train
 from hydro.api.physics import add, compare, diagnose, explain, fit, simulate
 from hydro.api.students import load_student, student
@@ -65,6 +67,7 @@ __all__ = [
     "Estimates",
     "Fit",
     "GpuPlant",
+    "History",
     "HydroError",
     "HydroWarning",
     "ImportReport",
@@ -92,6 +95,7 @@ __all__ = [
     "simulate",
     "split",
     "student",
+    "track",
     "train",
     "vehicle",
     "write",

@@ -1,7 +1,8 @@
 """Root of the command line: registers the commands and converts errors to exit codes.
 
-0 done; 1 fault of the data or a file; 2 wrong usage; 3 bug in hydro; 130 interrupted.  One line on stderr
-gives the problem, its place and the remedy; tracebacks appear only with `--debug`.
+0 done; 1 fault of the data or a file; 2 wrong usage; 3 bug in hydro, or a new change that `hydro track`
+found; 130 interrupted.  One line on stderr gives the problem, its place and the remedy; tracebacks appear
+only with `--debug`.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from hydro.commands import (
     start,
     streams,
     study,
+    track,
     vehicle,
     warm,
 )
@@ -60,7 +62,7 @@ HELP = """Find the physics that an underwater vehicle model lacks, and simulate 
 
 SECTIONS: dict[str, tuple[ModuleType, ...]] = {
     "Start": (start, workbench, demo, warm),
-    "Compare and diagnose": (explain, diagnose, compare, fit, report),
+    "Compare and diagnose": (explain, diagnose, track, compare, fit, report),
     "Data": (imports, files, partition, collect, companion),
     "Vehicle files and simulation": (vehicle, physics, diff, export, serve),
     "Networks and policies": (data, models, replay, study, rl),
@@ -111,8 +113,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-    epilog="`hydro COMMAND --help` explains a command. Options: --version, --debug (traceback), "
-    "--install-completion, --help.",
+    epilog="Options: --version, --debug, --install-completion, COMMAND --help.",
 )
 
 

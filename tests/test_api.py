@@ -48,7 +48,7 @@ def test_the_vehicle_comes_before_the_data(name: str) -> None:
     names = [one.name for one in parameters if one.kind is not one.KEYWORD_ONLY]
     if "vehicle" in names:
         assert names[0] == "vehicle"
-        assert not names[1:] or names[1] in (*DATA, "diagnosis", "destination")
+        assert not names[1:] or names[1] in (*DATA, "dives", "diagnosis", "destination")
 
 
 def test_the_old_order_gives_the_same_with_one_warning() -> None:

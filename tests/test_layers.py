@@ -31,7 +31,7 @@ MAY_IMPORT = {
 }
 LEVELS = {
     "hydro.core": (
-        ("discovery", "explanation"),
+        ("discovery", "explanation", "history"),
         ("diagnosis",),
         ("difference",),
         ("experiment",),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hydro.api.comparison import Comparison
 from hydro.api.diagnosis import Diagnosis
 from hydro.api.fitted import Fit
+from hydro.api.history import History
 from hydro.api.study import Step, Study
 from hydro.core.errors import DataError, HydroError, HydroWarning, UsageError
 
@@ -29,6 +30,7 @@ __all__ = [
     "Estimates",
     "Fit",
     "GpuPlant",
+    "History",
     "HydroError",
     "HydroWarning",
     "ImportReport",

@@ -53,6 +53,7 @@ KINDS = (
     "ladder",
     "leftover",
     "growth",
+    "history",
     "sessions",
     "covariance",
     "bands",

@@ -253,3 +253,24 @@ def _say(panel: Axes, sentence: str) -> None:
     """Write a sentence into a panel that has nothing to draw."""
     panel.set_yticks([])
     panel.text(0.5, 0.5, sentence, transform=panel.transAxes, ha="center", va="center")
+
+
+def time_lines(table: pl.DataFrame, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
+    """Draw the estimates of each parameter of a history over the dives, with 95 % intervals and levels.
+
+    Args:
+        table: History table.
+        axes: Axes to draw into, one per parameter.
+    """
+    names = table["parameter"].unique(maintain_order=True).to_list()
+    drawn = panels(axes, len(names), 1.6 * max(len(names), 1), (1.0,) * max(len(names), 1))
+    for panel, name in zip(drawn, names, strict=True):
+        rows = table.filter(pl.col("parameter") == name)
+        number = rows["number"].to_numpy()
+        half = words.NORMAL_95 * rows["standard_error"].to_numpy()
+        panel.errorbar(number, rows["value"].to_numpy(), half, linestyle="", marker="o", color=FOUND)
+        panel.plot(number, rows["level"].to_numpy(), color=GIVEN, drawstyle="steps-mid")
+        panel.set(ylabel=f"{name} [{rows['unit'][0]}]")
+    for panel in drawn[-1:]:
+        panel.set(xlabel="dive")
+    return drawn

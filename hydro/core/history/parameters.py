@@ -1,0 +1,125 @@
+"""Parameters of a vehicle that are followed over its dives.
+
+They are the thrust of each thruster and the drag on each axis, relative to the baseline, and the net
+buoyancy. An ocean current is estimated with them in each dive, as a nuisance that is not reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from hydro.core.columns import DOF, Array
+from hydro.core.prediction.candidate import candidate
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import GAIN
+
+THRUST, BUOYANCY, DRAG, CURRENT = "thrust", "buoyancy", "drag", "current"
+"""Kinds of parameters."""
+SHARE, NEWTON, SPEED = "1", "N", "m/s"
+SPREAD_OF_SHARE = 0.5
+"""Prior standard deviation of a share [1]: wide against the changes that are looked for, so that only a
+parameter without information in the dive stays near the baseline."""
+SPREAD_OF_BUOYANCY = 0.05
+"""Prior standard deviation of the net buoyancy as a share of the buoyancy [1]: ballast is trimmed closer."""
+SPREAD_OF_CURRENT = 0.5
+"""Prior standard deviation of a current [m/s]: tidal currents in which such vehicles work."""
+STEP = 0.02
+"""Step of a derivative, in prior standard deviations: small against curvature, large against rounding."""
+LEAST_SHARE = 1e-3
+"""Least share of the thrust that is tried [1]: the gain of a thruster has a lower bound."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a vehicle.
+
+    Attributes:
+        name: Identifier in tables, such as `thrust_3` or `drag_sway`.
+        kind: One of THRUST, BUOYANCY, DRAG and CURRENT.
+        index: Thruster or axis, from 0.
+        label: Name in sentences, such as `Thruster 3`.
+        unit: Unit of its values.
+        neutral: Value of the unchanged vehicle.
+        spread: Prior standard deviation.
+    """
+
+    name: str
+    kind: str
+    index: int
+    label: str
+    unit: str
+    neutral: float
+    spread: float
+
+    @property
+    def reported(self) -> bool:
+        """Whether it belongs to the vehicle and not to the water of one dive."""
+        return self.kind != CURRENT
+
+
+@dataclass(frozen=True)
+class Drag:
+    """Drag of the unchanged vehicle on each axis, linear and quadratic in the axis' own velocity.
+
+    Attributes:
+        linear: (6,) [N s/m, N m s].
+        quadratic: (6,) [N s^2/m^2, N m s^2].
+    """
+
+    linear: Array
+    quadratic: Array
+
+
+def parameters_of(vehicle: Vehicle, drag: Drag) -> tuple[Parameter, ...]:
+    """Return the parameters of a vehicle: thrusters, net buoyancy, drag where there is any, and a current."""
+    found = [
+        Parameter(f"thrust_{i + 1}", THRUST, i, f"Thruster {i + 1}", SHARE, 1.0, SPREAD_OF_SHARE)
+        for i, thruster in enumerate(vehicle.thruster)
+        if thruster.pushes
+    ]
+    spread = SPREAD_OF_BUOYANCY * vehicle.buoyancy.force
+    found.append(Parameter("net_buoyancy", BUOYANCY, 0, "Net buoyancy", NEWTON, 0.0, spread))
+    for axis, name in enumerate(DOF):
+        if drag.linear[axis] + drag.quadratic[axis] > 0.0:
+            label = f"{name.capitalize()} drag"
+            found.append(Parameter(f"drag_{name}", DRAG, axis, label, SHARE, 1.0, SPREAD_OF_SHARE))
+    for axis, name in enumerate(("north", "east")):
+        label = f"Current to the {name}"
+        found.append(Parameter(f"current_{name}", CURRENT, axis, label, SPEED, 0.0, SPREAD_OF_CURRENT))
+    return tuple(found)
+
+
+def vehicle_at(vehicle: Vehicle, drag: Drag, parameters: Sequence[Parameter], values: Array) -> Vehicle:
+    """Return the vehicle with values (P,) of its parameters, as effects added to those of its file."""
+    gains, linear, quadratic, current = (np.zeros(len(vehicle.thruster)), *np.zeros((3, 6)))
+    given, lift = 1.0 + candidate(vehicle).thrusters[:, GAIN], 0.0
+    for parameter, value in zip(parameters, values, strict=True):
+        i = parameter.index
+        if parameter.kind == THRUST:
+            gains[i] = (max(value, LEAST_SHARE) - 1.0) * given[i]
+        elif parameter.kind == BUOYANCY:
+            lift = float(value)
+        elif parameter.kind == DRAG:
+            linear[i] = (value - 1.0) * drag.linear[i]
+            quadratic[i] = (value - 1.0) * drag.quadratic[i]
+        else:
+            current[i] = value
+    added = (
+        {"name": "thruster_gain", "g": gains.tolist()},
+        {"name": "net_buoyancy", "dB": lift},
+        {"name": "linear_damping", "diagonal": linear.tolist()},
+        {"name": "quadratic_damping", "diagonal": quadratic.tolist()},
+        {"name": "ocean_current", "v_N": float(current[0]), "v_E": float(current[1])},
+    )
+    return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *added))
+
+
+def named(vehicle: Vehicle, names: Sequence[str]) -> tuple[Parameter, ...]:
+    """Return parameters of a vehicle by their names."""
+    every = Drag(np.ones(6), np.ones(6))
+    known = {one.name: one for one in parameters_of(vehicle, every)}
+    return tuple(known[name] for name in names)

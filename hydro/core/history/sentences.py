@@ -1,0 +1,79 @@
+"""Sentences on the changes of a vehicle over its dives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hydro.core.history.change_points import LEVEL
+from hydro.core.history.changes import Change
+from hydro.core.history.parameters import BUOYANCY, DRAG, THRUST, Parameter
+
+PERFECT = {"rose": "risen", "grew": "grown", "fell": "fallen"}
+CONFIDENCE = 1.96
+"""Half width of a 95 % interval in standard errors."""
+
+
+def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
+    """State one change: size with its 95 % interval, and the dives between which it happened.
+
+    Args:
+        change: The change.
+        parameter: Its parameter.
+        dives: Names of all dives.
+    """
+    when = _when(change, dives)
+    if parameter.kind == THRUST:
+        verb = _verb(change, "rose", "fell")
+        before, after = (f"{100.0 * level:.0f} %" for level in (change.before, change.after))
+        return f"{parameter.label} {verb} from {before} to {after} (±{_half(100.0 * change.error)}) {when}."
+    if parameter.kind == BUOYANCY:
+        verb, size = _verb(change, "rose", "fell"), abs(change.size)
+        return f"{parameter.label} {verb} by {size:.1f} N (±{_half(change.error, 1)}) {when}."
+    verb = _verb(change, "grew", "fell")
+    size, half = abs(100.0 * change.size / change.before), _half(100.0 * change.error / abs(change.before))
+    fouling = ": fouling?" if change.kind == "trend" and change.size > 0.0 and parameter.kind == DRAG else "."
+    return f"{parameter.label} {verb} by {size:.0f} % (±{half}) {when}{fouling}"
+
+
+def headline(found: Sequence[str], dives: int, baseline: int) -> str:
+    """Return the first line of the answer: the changes, or that there are none.
+
+    Args:
+        found: Sentences on the changes.
+        dives: Number of dives with an estimate.
+        baseline: Number of baseline dives.
+    """
+    if found:
+        return " ".join(found)
+    if dives <= baseline:
+        return f"The baseline has {baseline} dives, and there is no later dive to compare with it yet."
+    return f"No parameter has changed in {dives} dives (baseline: the first {baseline})."
+
+
+def limits() -> str:
+    """State the level of the test."""
+    return (
+        f"Expected number of false alarms, over all parameters: at most one in {1.0 / LEVEL:.0f} unchanged "
+        "dives. Intervals (±) are of 95 %."
+    )
+
+
+def _when(change: Change, dives: Sequence[str]) -> str:
+    """Return the date of a change by the numbers and the names of the dives."""
+    if change.kind == "trend":
+        return f"since dive {change.date + 1} ({dives[change.date]})"
+    first, last = dives[change.date - 1], dives[change.date]
+    return f"between dive {change.date} and {change.date + 1} ({first} and {last})"
+
+
+def _verb(change: Change, up: str, down: str) -> str:
+    """Return the verb of a change; a trend goes on, so that it has the present perfect."""
+    verb = up if change.size > 0.0 else down
+    if change.kind == "shift":
+        return verb
+    return f"has {PERFECT[verb]}"
+
+
+def _half(error: float, digits: int = 0) -> str:
+    """Return half of the 95 % interval, at least one unit of the last digit."""
+    return f"{max(CONFIDENCE * error, 10.0**-digits):.{digits}f}"

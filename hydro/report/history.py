@@ -1,0 +1,133 @@
+"""Page of a history: the changes in sentences, a time line of each parameter, and all numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from hydro.core.history.history import History
+from hydro.core.history.parameters import SHARE
+from hydro.core.history.sentences import limits
+from hydro.io.table import Artefact
+from hydro.report.charts import Charts
+from hydro.report.words import NORMAL_95, figure
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+ESTIMATE, LEVEL, BASELINE = "#2F87D0", "#D9662B", "#8C8F94"
+"""Colours of estimates, fitted levels and baseline dives."""
+HEIGHT = 240
+"""Height of a time line [px]: eight fit on two screens."""
+
+
+def render(history: History, table: Artefact, title: str, failed: Sequence[str] = ()) -> str:
+    """Return the page as HTML that loads no other file.
+
+    Args:
+        history: The history.
+        table: Its table, whose hash the page states.
+        title: Name of the vehicle.
+        failed: Reason for each dive without an estimate.
+    """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    charts, levels = Charts(), history.levels
+    for i, one in enumerate(history.parameters):
+        charts.add(one.name, time_line(history, i, levels[i].tolist()))
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = resources.files("hydro.report").joinpath("history.html").read_text(encoding="utf-8")
+    return environment.from_string(template).render(
+        title=title,
+        headline=history.headline,
+        limits=limits(),
+        lines=_lines(history),
+        undetermined=", ".join(one.label for one in history.undetermined),
+        failed=list(failed),
+        rows=_rows(history),
+        version=table.provenance.package,
+        content=table.provenance.content,
+        charts=Markup(charts.json()),
+        plotly=Markup(get_plotlyjs().replace("</script", "<\\/script")),
+    )
+
+
+def time_line(history: History, row: int, level: Sequence[float]) -> Figure:
+    """Draw the estimates of one parameter over the dives, with 95 % intervals and the fitted level."""
+    import plotly.graph_objects as go
+
+    parameter = history.parameters[row]
+    numbers = list(range(1, len(history.dives) + 1))
+    colours = [BASELINE if number <= history.baseline else ESTIMATE for number in numbers]
+    trend = any(one.parameter == row and one.kind == "trend" for one in history.found)
+    drawn = go.Figure()
+    drawn.add_scatter(
+        x=numbers,
+        y=list(level),
+        mode="lines",
+        line={"color": LEVEL, "width": 2, "shape": "linear" if trend else "hvh"},
+        hoverinfo="skip",
+    )
+    drawn.add_scatter(
+        x=numbers,
+        y=history.values[row].tolist(),
+        error_y={
+            "type": "data",
+            "array": (NORMAL_95 * history.errors[row]).tolist(),
+            "thickness": 1.5,
+            "width": 2,
+            "color": ESTIMATE,
+        },
+        mode="markers",
+        marker={"color": colours, "size": 8},
+        customdata=list(history.dives),
+        hovertemplate="dive %{x}, %{customdata}<br><b>%{y:.3g}</b> " + parameter.unit + "<extra></extra>",
+    )
+    drawn.update_xaxes(title="dive", fixedrange=True, showgrid=False, zeroline=False, tickformat="d")
+    drawn.update_yaxes(title=axis_title(parameter.unit), fixedrange=True, zeroline=False)
+    drawn.update_layout(template={}, height=HEIGHT, showlegend=False)
+    return drawn
+
+
+def axis_title(unit: str) -> str:
+    """Return the title of the vertical axis for a unit."""
+    return "relative to the baseline" if unit == SHARE else f"change [{unit}]"
+
+
+def _lines(history: History) -> list[dict[str, Any]]:
+    """Return the heading of each time line."""
+    told = list(zip(history.found, history.sentences, strict=True))
+    return [
+        {
+            "name": one.name,
+            "label": one.label,
+            "unit": "" if one.unit == SHARE else f" [{one.unit}]",
+            "sentences": [words for change, words in told if change.parameter == i],
+            "changed": any(change.parameter == i for change in history.found),
+        }
+        for i, one in enumerate(history.parameters)
+    ]
+
+
+def _rows(history: History) -> list[dict[str, Any]]:
+    """Return the rows of the table of numbers, one for each dive."""
+    flags = [history.flags[i] for i in range(len(history.parameters))]
+    return [
+        {
+            "number": j + 1,
+            "dive": dive,
+            "cells": [
+                {
+                    "words": f"{figure(history.values[i, j])} ± {figure(history.errors[i, j], 2)}",
+                    "changed": flags[i][j] in ("changed", "found"),
+                }
+                for i in range(len(history.parameters))
+            ],
+        }
+        for j, dive in enumerate(history.dives)
+    ]
