@@ -84,12 +84,12 @@ def train(
     settings and the evaluations. The same command again resumes. --randomise posterior draws the vehicle of
     each episode from the covariance stored next to its file, --randomise 0.2 from 20 % about its values.
 
-        recipe     learns by               settings
-        paper      rewards (SAC)           those of the paper where it gives them
-        sac        rewards (SAC)           64 vehicles; a tenth of the processor time
-        imitation  an expert pilot's acts  no SAC update as long as imitation passes
+        recipe     learns by            settings
+        paper      rewards (SAC)        those of the paper where it gives them
+        sac        rewards (SAC)        64 vehicles, a tenth of the time
+        imitation  an expert's actions  no SAC update as long as imitation passes
 
-        hydro rl train vehicle.toml --recipe imitation --randomise posterior -o run
+        hydro rl train vehicle.toml --recipe sac --randomise posterior -o run
 
     Details:
 

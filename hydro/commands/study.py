@@ -78,7 +78,7 @@ Stages = Annotated[
     int, typer.Option(min=1, max=3, help="Last stage of the curriculum.", rich_help_panel=PAPER)
 ]
 Steps = Annotated[
-    int, typer.Option(min=1, help="Control steps of each training at most.", rich_help_panel=PAPER)
+    int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=PAPER)
 ]
 Episodes = Annotated[int, typer.Option(min=1, help="Tasks of each test.", rich_help_panel=PAPER)]
 Choices = Annotated[
@@ -118,14 +118,14 @@ def study(
     threads: Threads = 1,
     quick: Quick = False,
 ) -> None:
-    """Train all residual networks, or repeat the experiment of the paper, with several seeds.
+    """Train all residual networks, or repeat the paper's experiment.
 
     From raw data: labels, split, training, errors of the predicted wrench, open-loop replay, and Kendall's
     tau between both errors. Each step is an ordinary command, printed as it runs. An interrupted study
     resumes where it stopped. `hydro report DIR` shows the results, also while the study runs.
 
-    WHAT paper trains the networks of Table I, then policies by SAC under each physics, flies them in three
-    simulators beside a scripted pilot, and repeats Tables II and III.
+    WHAT paper trains the networks of Table I, then policies by SAC under each physics. It tests them in three
+    simulators beside a scripted pilot.
 
     Details:
 
