@@ -122,7 +122,7 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
         )
         assert done.returncode == 0, done.stderr.decode()[-3000:]
         printed.append((done.stdout + done.stderr).decode(errors="replace"))
-    assert {"vehicle-1.toml", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
+    assert {"study", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }
     if browser.CHROMIUM is not None:

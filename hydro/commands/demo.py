@@ -15,7 +15,6 @@ from hydro.commands.tables import print_table
 from hydro.io.files import bundled
 
 EPOCHS = 20
-HELD_OUT = "thruster-heldout.parquet"
 
 Folder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder to write into; created if needed."), FOLDER
@@ -51,18 +50,14 @@ def demo(
 
 def _changed(root: Any, folder: Path) -> list[Path]:
     """Find the change of the bundled recordings and add it; return the report and the other written files."""
-    data, report, vehicle = _bundled("changed"), folder / "report.html", folder / "vehicle-1.toml"
-    names = ("comparison", "diagnosis", "heldout-before", "heldout-after")
-    comparison, diagnosis, given, added = (folder / f"{name}.parquet" for name in names)
-    file, log, held_out = (str(data / one) for one in ("vehicle.toml", "thruster.parquet", HELD_OUT))
-    before = ["--before", str(data / "before.parquet")]
+    data, report, study = _bundled("changed"), folder / "report.html", folder / "study"
+    comparison = folder / "comparison.parquet"
+    file, log = str(data / "vehicle.toml"), str(data / "thruster.parquet")
+    others = ["--before", str(data / "before.parquet"), "--holdout", str(data / "thruster-heldout.parquet")]
     _run(root, ["compare", file, log, "-o", str(comparison)])
-    _run(root, ["diagnose", file, log, *before, "-o", str(diagnosis)])
-    _run(root, ["add", file, str(diagnosis), "-o", str(vehicle)])
-    _run(root, ["compare", file, held_out, "-o", str(given)])
-    _run(root, ["compare", str(vehicle), held_out, "--against", str(given), "-o", str(added)])
-    _run(root, ["report", str(comparison), str(diagnosis), "-o", str(report)])
-    return [report, comparison, diagnosis, vehicle, given, added]
+    _run(root, ["explain", file, log, *others, "-o", str(study)])
+    _run(root, ["report", str(study), "-o", str(report)])
+    return [report, comparison, study]
 
 
 def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:

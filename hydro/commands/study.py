@@ -77,9 +77,7 @@ Conditions = Annotated[
 Stages = Annotated[
     int, typer.Option(min=1, max=3, help="Last stage of the curriculum.", rich_help_panel=PAPER)
 ]
-Steps = Annotated[
-    int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=PAPER)
-]
+Steps = Annotated[int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=PAPER)]
 Episodes = Annotated[int, typer.Option(min=1, help="Tasks of each test.", rich_help_panel=PAPER)]
 Choices = Annotated[
     list[str] | None,

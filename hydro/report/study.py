@@ -79,7 +79,9 @@ def answer(study: Outcome, width: int) -> list[Text]:
     simple = yardsticks.of_ladder(rungs, study.chosen.number, yardsticks.judged_on(rungs))
     if told := yardsticks.sentence(simple):
         head.append(Text(told))
-    lines = [EMPTY, Text("Steps; each re-estimates the file's own values, too:", bold=True), *_steps(study)]
+    changed = not rungs.filter(axis=FLOOR).is_empty()
+    own = "the file's own values are held" if changed else "each re-estimates the file's own values, too"
+    lines = [EMPTY, Text(f"Steps; {own}:", bold=True), *_steps(study)]
     lines += [Text(f"It ends here: {study.reason}."), *look_up(study.chosen_effects), EMPTY]
     beyond = study.beyond
     lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond[:MOST]]

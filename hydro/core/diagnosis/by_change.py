@@ -28,7 +28,7 @@ from hydro.core.diagnosis.contenders import (
 )
 from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model
+from hydro.core.diagnosis.model import Diverges, Model, held_at
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
@@ -39,6 +39,7 @@ from hydro.core.diagnosis.settings import (
     MATERIAL,
     MOST_FINDINGS,
     NEGLIGIBLE,
+    QUICK_STEPS,
     RESAMPLES,
     RIGHT,
     SURE,
@@ -48,7 +49,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import greatest_change
+from hydro.core.identification.prior import greatest_change, in_file
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
@@ -341,9 +342,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
         left: Residual with all changes, in floors.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
-    unchanged = compared.unchanged
-    hulls = imitations(unchanged, file, model.unknown, model.values, folds(unchanged.shots.session))
-    fit = widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
+    fit = estimated(compared, file, model)
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= NEGLIGIBLE]
@@ -378,6 +377,8 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:
     """Fit changes of a file together, with the rest of the file and the hull forces held fixed.
 
+    Entries that start at the file's values stay there: the diagnosis has found that they are not needed.
+
     Args:
         file: Vehicle file as given.
         log: Recording after the change.
@@ -389,4 +390,22 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
     model = with_hull_response(compared, first, fitted_together(compared, first, changes))
-    return model.estimated()
+    entries = model.unknown.entries
+    given = in_file(first.vehicle, entries)
+    held = in_file(extended(file, changes), entries) == given
+    if held.any() and not held.all():
+        model = held_at(model, np.where(held, given, model.values), held, QUICK_STEPS)
+    return estimated(compared, file, model)
+
+
+def estimated(compared: Compared, file: Vehicle, model: Model) -> Fit:
+    """Return fitted changes with standard errors that account for the error of the hull model.
+
+    Args:
+        compared: Recordings.
+        file: Vehicle file.
+        model: Vehicle with its changes, as fitted.
+    """
+    unchanged = compared.unchanged
+    hulls = imitations(unchanged, file, model.unknown, model.values, folds(unchanged.shots.session))
+    return widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
