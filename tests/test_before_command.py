@@ -16,7 +16,7 @@ from terminal import fits
 
 import hydro
 from hydro import cli
-from hydro.core.diagnosis import diagnose
+from hydro.core.diagnosis import pipeline
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import table
@@ -44,7 +44,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def learnt_once() -> Iterator[None]:
     """Learn the hull of each recording once for all commands of this file, which mostly read the same one."""
     learnt: dict[tuple[bytes, str], Any] = {}
-    learn = diagnose.hull_of
+    learn = pipeline.hull_of
 
     def kept(vehicle: Vehicle, before: pl.DataFrame, law: Any = None) -> Any:
         if law is not None:
@@ -55,7 +55,7 @@ def learnt_once() -> Iterator[None]:
         return learnt[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(diagnose, "hull_of", kept)
+        patch.setattr(pipeline, "hull_of", kept)
         yield
 
 
@@ -79,7 +79,7 @@ def test_compare_prints_errors_and_floor_axis_by_axis(capsys) -> None:
         assert run(*line, "-o", f"{name}-compared.parquet") == 0
         found[name] = table.read(f"{name}-compared.parquet", "comparison")
     told = capsys.readouterr().err
-    assert "Recording before, earlier: reduced chi-square" in told
+    assert "Earlier recording (earlier): reduced chi-square" in told
     unchanged, changed = times(found["same"].frame), times(found["after"].frame)
     assert max(unchanged.values()) < 1.5, "a hull alike in both recordings leaves what it left"
     most = max(changed, key=lambda axis: changed[axis])

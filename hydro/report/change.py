@@ -55,7 +55,7 @@ def learnt(before: Mapping[str, Any]) -> str:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"
     return (
-        f"Recording before, {before['recording']}: reduced chi-square (1: noise alone) "
+        f"Earlier recording ({before['recording']}): reduced chi-square (1: noise alone) "
         f"{before['given']:.3g} of the file, {before['left']:.3g} {model}."
     )
 

@@ -213,6 +213,7 @@ def _ladder(sources: Sources, charts: Charts) -> Section:
         "held_out": "holdout" in frame["dataset"],
         "columns": [(axis, units[axis]) for axis in ("all", *axes)],
         "best": best_step(frame),
+        "changed": change.of_change(sources.ladder),
         "too_far": best_step(frame) < frame.select(pl.col("step").max()).item(),
         "values": list(_joint(sources)),
     }

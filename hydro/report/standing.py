@@ -150,7 +150,12 @@ def headline(sources: Sources) -> str:
         told = f"The error of the model is {words.figure(first.before)} {first.unit} {look}."
         return f"{told} {_first_finding(sources) or _worst_place(sources)}".strip()
     added = listed(added_effects(sources))
-    begin = f"With {added} added and the file's values re-estimated" if added else "With the findings added"
+    own = (
+        ""
+        if sources.ladder is not None and of_change(sources.ladder)
+        else " and the file's values re-estimated"
+    )
+    begin = f"With {added} added{own}" if added else "With the findings added"
     falls = "falls" if first.after < first.before else "goes"
     told = f"{begin}, the error {look} {falls} {_fall(first)} {first.unit}"
     others = [f", and on {one.data} {_fall(one)}" for one in found[1:] if one.after is not None]
