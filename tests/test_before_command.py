@@ -171,7 +171,7 @@ def test_explain_in_python_makes_one_step_if_nothing_changed() -> None:
     assert "nothing has changed beyond" in step.diagnosis["advice"][0]
     assert step.diagnosis.changed
     assert step.diagnosis.headline.startswith("Nothing has changed")
-    assert "Nothing changed" in repr(step.diagnosis)
+    assert "No change found" in repr(step.diagnosis)
     assert study.ending in repr(study)
     assert study.vehicle == vehicle
 

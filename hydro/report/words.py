@@ -41,7 +41,7 @@ OF_CHANGE = {
     "missing": ("Changed", "The {effect} has changed."),
     "suspect": ("Unconfirmed", "The {effect} may have changed; this log does not confirm it."),
     "nothing_missing": (
-        "Nothing changed",
+        "No change found",
         "No change exceeds the error of the hull-force model.",
     ),
 }
