@@ -142,7 +142,7 @@ def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
         assert after < 1.3, "what is left is what the model of the hull leaves"
     assert hydro.read("study/diagnosis-1.parquet")["verdict"].to_list() == ["nothing_missing"]
     page = render(gather(["study"]))
-    assert "What has changed since the recording earlier?" in page
+    assert "What has changed since the recording “earlier”?" in page
     assert "with thruster_gain" in page
     assert "Noise explains the remaining error" not in page
     assert run(*line) == 0
@@ -168,7 +168,7 @@ def test_explain_in_python_makes_one_step_if_nothing_changed() -> None:
     study = hydro.explain(vehicle, hydro.read("same.parquet"), before=before)
     (step,) = study
     assert step.diagnosis["verdict"].to_list() == ["nothing_missing"]
-    assert "nothing has changed beyond" in step.diagnosis["advice"][0]
+    assert "no change exceeds the error of the hull-force model" in step.diagnosis["advice"][0]
     assert step.diagnosis.changed
     assert step.diagnosis.headline.startswith("Nothing has changed")
     assert "No change found" in repr(step.diagnosis)

@@ -152,8 +152,8 @@ class ByChange:
         found = self._sensor_findings()
         found += [_finding(change, first.vehicle, compared, given, left) for change in changes.found]
         words = (
-            f"no {'further ' * self.further}change exceeds the error of the hull-force model: the mean squared "
-            f"residual is {given:.3g} times that of the model on the earlier recording"
+            f"no {'further ' * self.further}change exceeds the error of the hull-force model: the mean "
+            f"squared residual is {given:.3g} times that of the model on the earlier recording"
         )
         return found or [Finding("nothing_missing", advice=words)]
 
