@@ -166,25 +166,15 @@ def test_the_readme_quotes_sensors_and_imports() -> None:
 
 
 def test_the_readme_quotes_policies() -> None:
-    alone, planned = "8 pillars, no plan", "8 pillars, planned way"
-
-    def arrivals(who: str, way: str) -> str:
-        return f"{float(cell('rl_pillars', way, flown_by=who, in_the='teacher').split('%')[0]):g} %"
-
-    assert (
-        f"without water forces {arrivals('R_0', alone)}, "
-        f"with the vehicle file {arrivals('R_effects, as given', alone)}, "
-        f"with the file after `hydro explain` {arrivals('R_effects, identified', alone)}, "
-        f"with a network {arrivals('R_PhysFeat', alone)}; hand-written pilot {arrivals('pilot', alone)}."
-    ) in README
-    best = max(
-        float(row[planned].split("%")[0])
-        for row in GENERATOR["results"]("rl_pillars")
-        if row["in the"] == "teacher" and "%" in row[planned] and "pilot" not in row["flown by"]
-    )
-    assert (
-        f"Along a planned path: hand-written pilot {arrivals('pilot', planned)}, best SAC policy {best:g} %."
-    ) in README
+    rows = [row for row in GENERATOR["results"]("paper_rl") if "continued" not in row["condition"]]
+    ended = [row for row in rows if row["result"].startswith(("budget used", "passed"))]
+    planned = sum(len(row["seed"].split(",")) for row in rows)
+    assert f"{len(ended)} of {planned} trainings by SAC, in six models of the water." in README
+    assert len({row["condition"] for row in rows}) == 6
+    assert {row["divergence"] for row in ended} == {"none"}, "None diverged."
+    assert all(row["stage 1 passed after"] for row in ended), "All passed open water"
+    passed = sum(bool(row["stage 2 passed after"]) for row in ended)
+    assert f"{passed} passed the eight pillars within {ended[0]['steps']} steps." in README
     study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
     trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
     assert f"the {trainings} trainings in [the tables](docs/rl-figures.md) used it" in README
