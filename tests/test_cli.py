@@ -121,11 +121,12 @@ def test_the_page_of_commands_is_current() -> None:
     assert (ROOT / "docs" / "cli.md").read_text() == generated, "run `make docs`"
 
 
-ENDLESS = {"demo", "app"}
-"""Commands with tests of their own: `demo` takes minutes, and `app` runs until Ctrl-C (`tests/app`)."""
+APART = {"demo", "app", "warm"}
+"""Commands that run elsewhere: `demo` takes minutes, `app` runs until Ctrl-C (`tests/app`), and `make install` does
+the work of `warm`."""
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ENDLESS])
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in APART])
 def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     """Each example runs as printed, in a folder with the files it names, the data a short recording."""
     data = tmp_path / "datasets" / "stonefish"
