@@ -122,8 +122,8 @@ def test_the_page_of_commands_is_current() -> None:
 
 
 APART = {"demo", "app", "warm"}
-"""Commands that run elsewhere: `demo` takes minutes, `app` runs until Ctrl-C (`tests/app`), and `make install`
-does the work of `warm`."""
+"""Commands that run elsewhere: `demo` takes minutes, `app` runs until Ctrl-C (`tests/app`), and
+`make install` does the work of `warm`."""
 
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name not in APART])
