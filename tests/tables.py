@@ -26,6 +26,8 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=1
 def shorten(folder: Path, seconds: float, sessions: int | None = None) -> None:
     """Cut every session of the recordings in a folder to its beginning; keep all or the first `sessions`."""
     for path in folder.glob("*.parquet"):
+        if path.name.endswith(".covariance.parquet"):
+            continue
         whole = table.read(path, ("raw",))
         since = pl.col("t") - pl.col("t").first().over("session")
         number = pl.col("session").rle_id()

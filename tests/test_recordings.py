@@ -92,7 +92,7 @@ def test_every_command_that_takes_a_recording_takes_logs() -> None:
         for command in group.COMMANDS
         if "map_" in inspect.signature(command).parameters
     }
-    assert takes == {*COMMANDS, "check", "import", "start"}
+    assert takes == {*COMMANDS, "app", "check", "import", "start", "track"}
 
 
 @pytest.mark.parametrize("name", ["labels", "replay", "simulate"])

@@ -31,7 +31,7 @@ from benchmarks.shares import rate
 from benchmarks.work import Results, add_report, add_workers, done
 
 KEY = ("seed", "seconds")
-FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}
+FLIGHTS = {"advised": "the advised run", "random": "a random one as long"}
 
 
 def run(chosen: argparse.Namespace) -> None:

@@ -25,6 +25,7 @@ NEWEST = (
     "offset_drag",
     "control_surface",
     "propeller_torque",
+    "reference_point",
 )
 LATER = ("thruster_curve", *NEWEST)
 """Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from hydro.core import toml_text
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.describe import toml
 from hydro.core.effects.record import Index, Parameter
@@ -120,7 +120,9 @@ def switchable(vehicle: Vehicle) -> list[str]:
 
 def neutral(effect: str, vehicle: Vehicle) -> dict[str, Any]:
     """Return the table of an effect whose values are 0, or 1 where 0 is not allowed."""
-    tables: Sequence[dict[str, Any]] = tomllib.loads(toml(CATALOGUE[effect], len(vehicle.thruster)))["effect"]
+    tables: Sequence[dict[str, Any]] = toml_text.content(toml(CATALOGUE[effect], len(vehicle.thruster)))[
+        "effect"
+    ]
     return dict(tables[0])
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from hydro.core.effects.damping import LINEAR_DAMPING, QUADRATIC_DAMPING
 from hydro.study import policies
 from hydro.study.policies import Run
 from hydro.study.steps import Step
@@ -21,7 +22,7 @@ PROTOCOLS = ("paper", "annealed")
 """Protocols of the networks; those of the trainings are of the first."""
 CONDITIONS = ("R_PhysFeat", "R_MLP", "R_0+M_A", "R_effects", "R_identified", "R_0")
 """Physics of the trainings, the paper's most important comparison first."""
-IDENTIFIED_EFFECTS = ("linear_damping", "quadratic_damping")
+IDENTIFIED_EFFECTS = (LINEAR_DAMPING.name, QUADRATIC_DAMPING.name)
 """Effects that are fitted for `R_identified`."""
 PIECE = "10"
 """Length of a segment of the paper's replay sequence [s]."""

@@ -171,6 +171,7 @@ def test_any_changed_value_makes_results_unequal(result: Any) -> None:
         "changed": True,
         "outcome": replace(made.fit().outcome, values=made.fit().values + 1e-9),
         "sentences": ("Another.",),
+        "corrections": ("Another.",),
         "steps": made.study().steps[:1],
         "best": made.study().steps[0],
         "ending": "another reason",

@@ -13,6 +13,10 @@ import msgspec
 import numpy as np
 
 from hydro.core.columns import DOF, Array
+from hydro.core.effects.actuator import THRUSTER_GAIN
+from hydro.core.effects.changes import in_current
+from hydro.core.effects.damping import LINEAR_DAMPING, QUADRATIC_DAMPING
+from hydro.core.effects.restoring import NET_BUOYANCY
 from hydro.core.prediction.candidate import candidate
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import GAIN
@@ -82,7 +86,7 @@ def parameters_of(vehicle: Vehicle, drag: Drag) -> tuple[Parameter, ...]:
         if thruster.pushes
     ]
     spread = SPREAD_OF_BUOYANCY * vehicle.buoyancy.force
-    found.append(Parameter("net_buoyancy", BUOYANCY, 0, "Net buoyancy", NEWTON, 0.0, spread))
+    found.append(Parameter(NET_BUOYANCY.name, BUOYANCY, 0, "Net buoyancy", NEWTON, 0.0, spread))
     for axis, name in enumerate(DOF):
         if drag.linear[axis] + drag.quadratic[axis] > 0.0:
             label = f"{name.capitalize()} drag"
@@ -109,13 +113,12 @@ def vehicle_at(vehicle: Vehicle, drag: Drag, parameters: Sequence[Parameter], va
         else:
             current[i] = value
     added = (
-        {"name": "thruster_gain", "g": gains.tolist()},
-        {"name": "net_buoyancy", "dB": lift},
-        {"name": "linear_damping", "diagonal": linear.tolist()},
-        {"name": "quadratic_damping", "diagonal": quadratic.tolist()},
-        {"name": "ocean_current", "v_N": float(current[0]), "v_E": float(current[1])},
+        {"name": THRUSTER_GAIN.name, "g": gains.tolist()},
+        {"name": NET_BUOYANCY.name, "dB": lift},
+        {"name": LINEAR_DAMPING.name, "diagonal": linear.tolist()},
+        {"name": QUADRATIC_DAMPING.name, "diagonal": quadratic.tolist()},
     )
-    return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *added))
+    return in_current(msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *added)), current[:3])
 
 
 def named(vehicle: Vehicle, names: Sequence[str]) -> tuple[Parameter, ...]:

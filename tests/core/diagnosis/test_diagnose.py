@@ -83,7 +83,9 @@ def test_a_change_counts_as_the_first_unless_further_is_given(known, monkeypatch
     """Of a further change more is asked, so that whoever has one already must say so."""
     log = cast(Any, SimpleNamespace(observed=None, misdirected=False))
     monkeypatch.setattr(module, "require_ready", lambda observed: None)
-    monkeypatch.setattr(module, "ByChange", SimpleNamespace(of=lambda *given: given[-1]))
+    monkeypatch.setattr(
+        module, "ByChange", SimpleNamespace(of=lambda vehicle, log, hull, further, told: further)
+    )
     monkeypatch.setattr(module, "reported", lambda regime, progress: regime)
     hull = cast(Any, SimpleNamespace())
     assert diagnose_log(known, log, hull=hull, file=known) is False

@@ -70,7 +70,7 @@ def test_what_was_hung_on_the_vehicle_since_acts_beside_a_model_or_is_refused():
         ("R_PhysFeat", "mlp", "kind physfeat, but mlp is given"),
         ("R_PhysFeat", None, "none is given"),
         ("R_0", "mlp", "has no residual model"),
-        ("R_water", None, "R_0, R_MLP"),
+        ("R_water", None, r"R_0, R_0\+M_A, R_MLP"),
     ],
 )
 def test_a_model_of_another_kind_is_refused(condition, kind, word):
