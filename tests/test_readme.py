@@ -105,8 +105,8 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     binaries = checkout / ".venv" / "bin"
     binaries.mkdir(parents=True)
     shutil.copytree(ROOT / "datasets", checkout / "datasets")
-    for folder in ("hidden", "changed"):
-        shorten(checkout / "datasets" / folder, 10.0, sessions=2)
+    shorten(checkout / "datasets" / "hidden", 10.0, sessions=2)
+    shorten(checkout / "datasets" / "changed", 10.0)
     shutil.copy(ROOT / "Makefile", checkout)
     shutil.copy(ROOT / "pyproject.toml", checkout)
     (binaries / "activate").write_text(f'export PATH="{binaries}:$PATH"\n')
