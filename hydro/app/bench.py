@@ -1,4 +1,4 @@
-"""One tab of the page: carries out what a user does, and tells the page what to draw."""
+"""One tab of the page: carries out the actions of the user, and sends the page its drawings."""
 
 from __future__ import annotations
 

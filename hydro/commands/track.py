@@ -83,11 +83,11 @@ def track(
 
     The test for changes allows at most one false alarm in 500 unchanged dives, over all parameters. The
     scatter between dives is estimated from the history, so that standard errors that are too small cause no
-    alarm. A change needs two dives after it, so that a single odd dive is not one. A slow trend is told from
-    a jump once it has lasted four dives.
+    alarm. A change needs two dives after it, so that a single odd dive is not one. A slow trend can be
+    distinguished from a jump once it has lasted four dives.
 
-    A bug in hydro has exit code 3 as well; its line on stderr then says so. New changes are told on stderr
-    in lines that begin with "hydro: new:".
+    A bug in hydro has exit code 3 as well; its line on stderr then says so. New changes are reported on
+    stderr in lines that begin with "hydro: new:".
 
     Dives of five minutes with motion on all axes determine most parameters. `hydro diagnose --before` names
     a change of another kind, such as a payload or a faulty sensor.
