@@ -434,12 +434,12 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))
     draws = imitations(unchanged, file, unknown, values, folds(unchanged.shots.session))
     bounds = (unknown.bounds[0] / scales, unknown.bounds[1] / scales)
-    found = joint_posterior(normal, values / scales, prior, bounds, compared.fold, draws)
-    mean = found.mean * scales
-    if compared.weighed(problem.linearise(unknown.at(mean), [], [])).cost > normal.cost:
-        mean = values
     needed = {entry.name for entry in entries}
     kept = np.array([entry.name in needed for entry in unknown.entries])
+    found = joint_posterior(normal, values / scales, prior, bounds, compared.fold, draws, ~kept)
+    mean = unknown.within(found.mean * scales)
+    if compared.weighed(problem.linearise(unknown.at(mean), [], [])).cost > normal.cost:
+        mean = values
     normal = normal.of(np.flatnonzero(kept).tolist())
     fit = Model(unknown.holding(values, ~kept), mean[kept], problem, normal).estimated()
     moved = fit.values - mean[kept]  # onto the boundary of passive hulls

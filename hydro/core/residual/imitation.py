@@ -16,10 +16,11 @@ from hydro.core.vehicle.description import Vehicle
 
 
 def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Array, fold: Rows) -> Array:
-    """Return the changes that would be fitted to stretches of a recording without a change.
+    """Return the changes that would be fitted to a recording without a change if all were like one stretch.
 
-    Each is one Gauss-Newton step along the motion that the file predicts.  Each stretch is weighted to
-    represent as much data as all stretches together.
+    Each is one Gauss-Newton step along the motion that the file predicts, with the information of all
+    stretches and the score of one in place of each.  One stretch alone need not determine every entry: in a
+    straight run, thrusters with equal commands differ in nothing.
 
     Args:
         unchanged: Shots of the recording before the change, corrected by the hull model.
