@@ -172,7 +172,8 @@ class ByChange:
         """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
         last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
         tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
-        return Result(extended(last.vehicle, tables), (self.given, self.given, self.compared.chi2(last)), candidates=tried)
+        chi2 = (self.given, self.given, self.compared.chi2(last))
+        return Result(extended(last.vehicle, tables), chi2, candidates=tried)
 
     def _sensor_findings(self) -> list[Finding]:
         """Return the errors of the velocity sensor as findings."""
@@ -416,8 +417,8 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
 
     All entries of the changed effects are free, also those that the search held at the file's values: a held
     entry that has changed a little would bias the others.  Only those that the search needs get new values.
-    The fit stays where it is if the linear step does not lower the error.  Values that only a hull with a
-    source of energy could have are moved; the distance counts as a further error.
+    The fit stays where it is if the linear step does not lower the error, and damping and added mass stay
+    passive.  The distance of such values from the posterior mean counts as a further error.
 
     Args:
         compared: Recordings.
@@ -429,7 +430,7 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
     problem = AskedAnew.of(compared.hull.law, Transitions.of(candidate(vehicle), shots))
-    normal = compared.weighed(linearised(unknown, values / scales, problem))
+    normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))
     draws = imitations(unchanged, file, unknown, values, folds(unchanged.shots.session))
@@ -438,10 +439,10 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     kept = np.array([entry.name in needed for entry in unknown.entries])
     found = joint_posterior(normal, values / scales, prior, bounds, compared.fold, draws, ~kept)
     mean = unknown.within(found.mean * scales)
-    if compared.weighed(problem.linearise(unknown.at(mean), [], [])).cost > normal.cost:
-        mean = values
+    lower = problem.linearise(unknown.at(mean), [], []).cost <= normal.cost
+    reached = (mean if lower else values)[kept]
     normal = normal.of(np.flatnonzero(kept).tolist())
-    fit = Model(unknown.holding(values, ~kept), mean[kept], problem, normal).estimated()
-    moved = fit.values - mean[kept]  # onto the boundary of passive hulls
+    fit = Model(unknown.holding(values, ~kept), reached, problem, normal).estimated()
+    moved = fit.values - mean[kept]
     spread = (found.covariance * np.outer(scales, scales))[np.ix_(kept, kept)] + np.outer(moved, moved)
     return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))

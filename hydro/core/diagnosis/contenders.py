@@ -129,13 +129,10 @@ class Compared:
         """Shots of the earlier recording, corrected for the hull force and weighted likewise."""
         return self.hull.unchanged.weighed(self.problem.shots.sigma)
 
-    def weighed(self, normal: Normal) -> Normal:
-        """Return the problem with the robust weights of the shots."""
-        return replace(normal, gram=normal.gram * self.weight[:, None, None])
-
     def left_out(self, normal: Normal) -> Array:
         """Return the weighted held-out cost of each shot, by one linear step to all other folds, (S,)."""
-        return left_out_costs(Fitted(self.weighed(normal), np.zeros(len(normal.gram[0]) - 1)), self.fold)
+        weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
+        return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
 
     def elsewhere(self, model: Model) -> Array:
         """Return the held-out cost of each shot about a fit, (S,), at least the cost of the fit itself.

@@ -1,7 +1,7 @@
 """Error of a hull model in the values of a change.
 
-The error of a hull model is not white noise: it persists, and it recurs with the motion.  It may cause as much
-of a change as a fit would find in a held-out stretch of a recording without a change.
+The error of a hull model is not white noise: it persists, and it recurs with the motion.  It may cause as
+much of a change as a fit would find in a held-out stretch of a recording without a change.
 """
 
 from __future__ import annotations

@@ -11,9 +11,9 @@ the motion.  So their covariance comes from data, not from a formula:
 - Stretches of the recording after them give the scatter of the scores J^T e (the sandwich estimator for
   clustered errors, White 1982, Liang and Zeger 1986).
 
-Entries that the search held at the file's values may have changed a little, and then bias the others.  So they
-are free here, with a normal prior about the file's values.  Its standard deviation has the maximum evidence
-(MacKay 1992): it is 0 where the recordings do not show that any of them has changed.
+Entries that the search held at the file's values may have changed a little, and then bias the others.  So
+they are free here, with a normal prior about the file's values.  Its standard deviation has the maximum
+evidence (MacKay 1992): it is 0 where the recordings do not show that any of them has changed.
 
 Few stretches leave the variance uncertain, so standard errors are widened until two of them hold as much
 probability as two of a normal distribution: Student's t with the effective degrees of freedom of Welch (1947)
@@ -33,11 +33,10 @@ from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.prediction.normal_equations import Normal, bounded_step
 
 HELD = 2.0
-"""Number of standard errors whose probability is that of a normal distribution, as readers take it to be."""
-
+"""Number of standard errors whose probability is that of a normal distribution, as readers expect."""
 SPREADS = np.concatenate([[0.0], np.geomspace(0.01, 2.0, 24)])
-"""Candidate prior standard deviations of held entries, in scales: from none to that of a new effect, in steps of
-a quarter."""
+"""Candidate prior standard deviations of held entries, in scales: from none to that of a new effect, in steps
+of a quarter."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def joint_posterior(
     Correlations are those of white residuals: few stretches do not determine them.
 
     Args:
-        normal: Problem linearised about `here`, shots weighted.
+        normal: Problem linearised about `here`.
         here: Values at the linearisation, (P,), in scales.
         prior: Prior of the values.
         bounds: Least and greatest values, (P,) each, in scales.

@@ -40,7 +40,8 @@ def test_mean_and_standard_errors_equal_those_of_numpy(columns):
     assert found.mean == pytest.approx(mean)
     left = error - columns @ (mean - here)
     inverse = np.linalg.inv(rows.T @ rows)
-    pulled = np.array([inverse @ np.einsum("sri,sr->i", columns[FOLD == k], left[FOLD == k]) for k in range(4)])
+    scores = np.einsum("sri,sr->si", columns, left).reshape(STRETCHES, -1, 3).sum(axis=1)
+    pulled = scores @ inverse
     first, second = (draws**2).mean(axis=0), 4 / 3 * (pulled**2).sum(axis=0)
     freedom = (first + second) ** 2 / (first**2 / 5 + second**2 / 3)
     factor = stats.t.ppf(stats.norm.cdf(2.0), freedom) / 2.0
@@ -96,7 +97,8 @@ def shifted(columns, rng, true):
 
 def test_two_standard_errors_hold_95_percent_of_the_values_from_few_stretches(columns):
     """Without the factor for few stretches, and with noise taken as white, they hold less."""
-    rng, true, prior = np.random.default_rng(3), np.array([1.0, -0.5, 0.2]), Prior(np.zeros(3), np.full(3, 0.25))
+    rng, true = np.random.default_rng(3), np.array([1.0, -0.5, 0.2])
+    prior = Prior(np.zeros(3), np.full(3, 0.25))
     away, plain, white = [], [], []
     for _ in range(400):
         error, draws = shifted(columns, rng, true)
