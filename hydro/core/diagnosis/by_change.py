@@ -43,17 +43,24 @@ from hydro.core.diagnosis.settings import (
     RESAMPLES,
     RIGHT,
     SURE,
+    SUSPECT_SPREAD,
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
+from hydro.core.identification.levenberg_marquardt import Prior, linearised
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change, in_file
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.progress import Progress, part
+from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
-from hydro.core.residual.imitation import imitations, pulls, widened
+from hydro.core.residual.imitation import imitations
+from hydro.core.residual.joint_posterior import joint_posterior
+from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -150,7 +157,11 @@ class ByChange:
         compared, first = self.compared, self.first
         given, left = compared.chi2(first), compared.chi2(self._last(changes))
         found = self._sensor_findings()
-        found += [_finding(change, first.vehicle, compared, given, left) for change in changes.found]
+        if changes.found:
+            entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
+            fit = joint_fit(compared, first.vehicle, self._last(changes).vehicle, entries)
+            dt = self.log.record.dt
+            found += [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
         words = (
             f"no {'further ' * self.further}change exceeds the error of the hull-force model: the mean "
             f"squared residual is {given:.3g} times that of the model on the earlier recording"
@@ -160,7 +171,9 @@ class ByChange:
     def result(self, changes: Changes, findings: Sequence[Finding]) -> Result:
         """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
         last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
-        return Result(last.vehicle, (self.given, self.given, self.compared.chi2(last)), candidates=tried)
+        tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
+        chi2 = (self.given, self.given, self.compared.chi2(last))
+        return Result(extended(last.vehicle, tables), chi2, candidates=tried)
 
     def _sensor_findings(self) -> list[Finding]:
         """Return the errors of the velocity sensor as findings."""
@@ -331,18 +344,18 @@ def _candidate(
     )
 
 
-def _finding(change: Change, file: Vehicle, compared: Compared, given: float, left: float) -> Finding:
+def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, left: float) -> Finding:
     """Return a change as a finding.
 
     Args:
         change: Change.
         file: Vehicle file.
-        compared: Recordings.
+        fit: Values of all changes.
+        dt: Time between rows [s].
         given: Residual of the file as given, in floors.
         left: Residual with all changes, in floors.
     """
-    name, wins, model = change.best.effect, change.wins(), change.best.model
-    fit = estimated(compared, file, model)
+    name, wins = change.best.effect, change.wins()
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= NEGLIGIBLE]
@@ -352,10 +365,11 @@ def _finding(change: Change, file: Vehicle, compared: Compared, given: float, le
         words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
     if known:
-        entries = [entry for entry in model.unknown.entries if entry.effect == name]
-        words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
+        own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == name]
+        greatest = greatest_change(file, [fit.free.entries[i] for i in own], fit.values[own])
+        words = f"{advice.having_changed(name, greatest)}; {words}"
     else:
-        words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
+        words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
@@ -395,17 +409,40 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
     held = in_file(extended(file, changes), entries) == given
     if held.any() and not held.all():
         model = held_at(model, np.where(held, given, model.values), held, QUICK_STEPS)
-    return estimated(compared, file, model)
+    return joint_fit(compared, file, model.vehicle, model.unknown.entries)
 
 
-def estimated(compared: Compared, file: Vehicle, model: Model) -> Fit:
-    """Return fitted changes with standard errors that account for the error of the hull model.
+def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequence[Entry]) -> Fit:
+    """Return the joint posterior of all changes, with the error of the hull model integrated out.
+
+    All entries of the changed effects are free, also those that the search held at the file's values: a held
+    entry that has changed a little would bias the others.  Only those that the search needs get new values.
+    The fit stays where it is if the linear step does not lower the error, and damping and added mass stay
+    passive.  The distance of such values from the posterior mean counts as a further error.
 
     Args:
         compared: Recordings.
         file: Vehicle file.
-        model: Vehicle with its changes, as fitted.
+        vehicle: Vehicle with its changes, as fitted.
+        entries: Entries that the search needs.
     """
-    unchanged = compared.unchanged
-    hulls = imitations(unchanged, file, model.unknown, model.values, folds(unchanged.shots.session))
-    return widened(model.estimated(), hulls, pulls(model.normal, model.unknown, compared.fold))
+    names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
+    unknown = free(vehicle, names, reach=compared.log.track)
+    values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
+    problem = AskedAnew.of(compared.hull.law, Transitions.of(candidate(vehicle), shots))
+    normal = linearised(unknown, values / scales, problem)
+    centre = unknown.within(in_file(file, unknown.entries)) / scales
+    prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))
+    draws = imitations(unchanged, file, unknown, values, folds(unchanged.shots.session))
+    bounds = (unknown.bounds[0] / scales, unknown.bounds[1] / scales)
+    needed = {entry.name for entry in entries}
+    kept = np.array([entry.name in needed for entry in unknown.entries])
+    found = joint_posterior(normal, values / scales, prior, bounds, compared.fold, draws, ~kept)
+    mean = unknown.within(found.mean * scales)
+    lower = problem.linearise(unknown.at(mean), [], []).cost <= normal.cost
+    reached = (mean if lower else values)[kept]
+    normal = normal.of(np.flatnonzero(kept).tolist())
+    fit = Model(unknown.holding(values, ~kept), reached, problem, normal).estimated()
+    moved = fit.values - mean[kept]
+    spread = (found.covariance * np.outer(scales, scales))[np.ix_(kept, kept)] + np.outer(moved, moved)
+    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
