@@ -25,7 +25,7 @@ FOOTER_KEY = b"hydro"
 """Key of the record in a Parquet file's footer."""
 _BEGIN = b'{"check":"'
 ROWS_IN_THREADS = 50_000
-"""Rows of a table from which its columns are hashed in parallel: starting threads takes about a millisecond."""
+"""Rows of a table from which its columns are hashed in parallel: threads start in about a millisecond."""
 
 
 class Before(TypedDict):
