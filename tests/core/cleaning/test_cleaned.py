@@ -20,8 +20,8 @@ KEYS = ["level", "axis", "by", "place", "horizon", "rmse", "noise_floor"]
 
 @pytest.fixture(scope="module")
 def flight():
-    """A vehicle under slow sines for 40 s."""
-    return moved(damped(), rows=2000)
+    """A vehicle under slow sines for 26 s."""
+    return moved(damped(), rows=1300)
 
 
 def with_outliers(raw):
@@ -33,7 +33,7 @@ def with_outliers(raw):
 
 def with_jumps(raw):
     spike = np.zeros(raw.height)
-    spike[[500, 1200]] = 3.0
+    spike[[500, 1100]] = 3.0
     return raw.with_columns(pl.col("u") + pl.Series(spike))
 
 
@@ -84,7 +84,7 @@ def test_they_do_on_real_logs(log, mapped, vehicle):
     first = raw.filter(pl.col("session") == raw["session"][0])
     same_error(
         hydro.vehicle(REAL / vehicle),
-        first.filter(pl.col("t") < first["t"][0] + (20.0 if log.endswith("bag") else 60.0)),
+        first.filter(pl.col("t") < first["t"][0] + (20.0 if log.endswith("bag") else 30.0)),
     )
 
 
