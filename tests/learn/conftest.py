@@ -31,7 +31,7 @@ def wrench(states: np.ndarray) -> np.ndarray:
 
 @pytest.fixture
 def short_searches(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fit Gaussian processes to fewer rows with fewer iterations: their time grows with the cube of the rows."""
+    """Fit Gaussian processes to few rows: their time grows with the cube of the rows."""
     monkeypatch.setattr(gaussian_process, "ROWS_VARIANCES", 80)
     monkeypatch.setattr(gaussian_process, "ROWS_CENTRE", 60)
     monkeypatch.setattr(gaussian_process, "STEPS", 4)

@@ -231,12 +231,12 @@ def test_a_strong_current_is_found_by_a_restart_from_the_file(datasets):
     file = files.read(datasets / "vehicles" / "remus100.toml")[0]
     true, parts = CURRENT | {"v_N": -0.6, "v_E": 0.6}, []
     for seed, session in enumerate("ab"):
-        rng, t = np.random.default_rng(seed), np.arange(ROWS) * 0.02
+        rng, t = np.random.default_rng(seed), np.arange(1500) * 0.02
         fins = {
             f"cmd_{i}": 0.3 * np.sin(2 * np.pi * rng.uniform(0.03, 0.15) * t + rng.uniform(0, 6))
             for i in range(2, 6)
         }
-        commands = {"session": [session] * ROWS, "t": t, "cmd_1": 0.5 + 0.2 * np.sin(0.3 * t)} | fins
+        commands = {"session": [session] * len(t), "t": t, "cmd_1": 0.5 + 0.2 * np.sin(0.3 * t)} | fins
         moved = simulate(hiding(file, true), pl.DataFrame(commands))
         logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
         parts.append(moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))

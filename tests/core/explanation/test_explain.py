@@ -78,7 +78,7 @@ def test_a_thrust_curve_is_added_together_with_the_buoyancy_that_it_balances(kno
 
     Of the effects that promise anything, only those of the thrusters are tried: others would only take time.
     """
-    promising, tried = trials.Recordings.promising, ("thrust_curve", "thruster_gain", "thruster_deadband")
+    promising, tried = trials.Recordings.promising, ("thruster_curve", "thruster_gain", "thruster_deadband")
     monkeypatch.setattr(
         trials.Recordings,
         "promising",
