@@ -16,7 +16,7 @@ MAKEFILE = Path(__file__).resolve().parents[1] / "Makefile"
 
 @pytest.mark.slow
 def test_the_kernels_are_compiled_and_kept(capsys: pytest.CaptureFixture[str]) -> None:
-    kernels.main(seconds=12.0)
+    kernels.main(seconds=20.0)
     assert "compiled in" in capsys.readouterr().out
     kernel_cache._announce_compilation.cache_clear()
     with warnings.catch_warnings():
