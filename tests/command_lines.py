@@ -83,7 +83,10 @@ def known_options(line: str) -> None:
 def in_messages() -> Iterator[tuple[str, str]]:
     """Yield every command line in backquotes in a text of the program, with the module that says it."""
     for path in sorted(PACKAGE.rglob("*.py")):
-        tree = ast.parse(path.read_text())
+        text = path.read_text()
+        if "`hydro" not in text:
+            continue
+        tree = ast.parse(text)
         within = {
             id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values
         }

@@ -147,10 +147,6 @@ def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
     assert "Noise explains the remaining error" not in page
     assert run(*line) == 0
     assert "(already done)" in capsys.readouterr().err
-    hydro.write(hydro.read("same.parquet").filter(pl.col("session") < "s2"), "unchanged.parquet", "raw")
-    other = ["explain", "vehicle.toml", "unchanged.parquet", "--before", "earlier.parquet", "-o", "study"]
-    assert run(*other) == 0
-    assert "the files of another study there are replaced" in capsys.readouterr().err
 
 
 def test_held_out_data_too_short_for_a_floor_are_refused_by_name(capsys) -> None:

@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -50,8 +51,11 @@ FILES += ["vehicle-1.covariance.parquet"]
 
 COMPARED: dict[str, pl.DataFrame] = {}
 """Comparisons by vehicle and session: the same in every test, and a second each."""
+STUDY: dict[str, bytes] = {}
+"""Files of the study of LINE, made by the first test that begins with one."""
 
 
+@cache
 def recording(seed: int, seconds: float = 12.0) -> pl.DataFrame:
     rng, t = np.random.default_rng(seed), np.arange(round(seconds * 50)) / 50
     demand = {f"cmd_{i}": 0.4 * np.sin((0.2 + 0.05 * i) * t + seed) for i in range(1, 9)}
@@ -101,6 +105,17 @@ def counted(tmp_path, monkeypatch) -> list[str]:
 
 def run(*more: str) -> int:
     return cli.main([*LINE, *more])
+
+
+def begin_with_a_study() -> None:
+    """Put a finished study of LINE in the working folder: computed once, copied afterwards."""
+    if STUDY:
+        Path("study").mkdir()
+        for name, content in STUDY.items():
+            Path("study", name).write_bytes(content)
+    else:
+        assert run() == 0
+        STUDY.update(contents())
 
 
 def contents() -> dict[str, bytes]:
@@ -186,7 +201,7 @@ def _doubted(one: Finding) -> Finding:
 
 def test_a_study_has_the_bands_of_its_best_step(counted):
     """A current that is known to 1 cm/s: within each 20 s from one beginning the track's band widens."""
-    assert run() == 0
+    begin_with_a_study()
     made = table.read("study/bands.parquet", "bands")
     assert made.provenance.parameters["step"] == 1
     frame = made.frame
@@ -200,7 +215,7 @@ def test_a_study_has_the_bands_of_its_best_step(counted):
 
 
 def test_a_study_stores_sessions_and_unexplained_forces_of_the_recordings(counted):
-    assert run() == 0
+    begin_with_a_study()
     listed = table.read("study/sessions.parquet", "sessions").frame
     assert listed.rows() == [("fit", "run-1", 600, 0.02), ("holdout", "run-2", 600, 0.02)]
     told = table.read("study/replay.parquet", "replay").frame.filter(variant="measured")
@@ -223,7 +238,7 @@ def test_a_recording_without_unexplained_forces_stores_the_reason(counted, monke
 
 
 def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):
-    assert run() == 0
+    begin_with_a_study()
     first, text = vehicles.read("study/vehicle-1.toml")
     assert Path("study/vehicle-0.toml").read_text() == VEHICLE.read_text()
     assert text.startswith(VEHICLE.read_text().rstrip())
@@ -262,7 +277,7 @@ def test_explain_reports_implausible_values(counted, capsys, monkeypatch):
 
 
 def test_explain_in_python_gives_the_same_result(counted):
-    assert run() == 0
+    begin_with_a_study()
     raw, heldout = (hydro.read(f"{name}.parquet") for name in ("measured", "held"))
     known = hydro.vehicle(VEHICLE)
     steps = list(hydro.explain(known, raw, holdout=heldout))
@@ -278,7 +293,7 @@ def test_explain_in_python_gives_the_same_result(counted):
 
 
 def test_a_completed_study_is_not_repeated(counted, capsys):
-    assert run() == 0
+    begin_with_a_study()
     before = contents()
     counted.clear()
     capsys.readouterr()
@@ -300,7 +315,7 @@ def test_a_study_that_ended_without_a_better_prediction_is_not_repeated(counted,
 
 
 def test_a_completed_study_of_a_file_from_another_study_is_not_repeated(counted):
-    assert run() == 0
+    begin_with_a_study()
     line = ["explain", "study/vehicle-1.toml", "held.parquet", "-o", "next"]
     assert cli.main(line) == 0
     counted.clear()
@@ -310,7 +325,7 @@ def test_a_completed_study_of_a_file_from_another_study_is_not_repeated(counted)
 
 @pytest.mark.parametrize("lost", ["diagnosis-1.parquet", "vehicle-1.toml", "comparison-1.parquet"])
 def test_an_interrupted_study_resumes(counted, lost):
-    assert run() == 0
+    begin_with_a_study()
     before = contents()
     Path("study", lost).unlink()
     counted.clear()
@@ -320,7 +335,7 @@ def test_an_interrupted_study_resumes(counted, lost):
 
 
 def test_an_edited_vehicle_file_of_a_study_is_written_again(counted):
-    assert run() == 0
+    begin_with_a_study()
     before = contents()
     Path("study/vehicle-1.toml").write_text(
         before["vehicle-1.toml"].decode().replace("v_N = 0.2", "v_N = 0.3")
@@ -330,7 +345,7 @@ def test_an_edited_vehicle_file_of_a_study_is_written_again(counted):
 
 
 def test_another_study_replaces_the_files_in_the_folder(counted, capsys):
-    assert run() == 0
+    begin_with_a_study()
     Path("study/notes.txt").write_text("mine")
     Path("study/vehicle-7.toml").write_text("of an older one")
     capsys.readouterr()
@@ -342,7 +357,7 @@ def test_another_study_replaces_the_files_in_the_folder(counted, capsys):
 
 
 def test_another_version_of_hydro_starts_the_study_again(counted, monkeypatch):
-    assert run() == 0
+    begin_with_a_study()
     counted.clear()
     monkeypatch.setattr(provenance, "package_version", lambda: "9.9")
     assert run() == 0
@@ -350,7 +365,7 @@ def test_another_version_of_hydro_starts_the_study_again(counted, monkeypatch):
 
 
 def test_explain_reads_a_recording_from_a_pipe(counted, monkeypatch):
-    assert run() == 0
+    begin_with_a_study()
     before = contents()
     with open("measured.parquet", "rb") as stream:
         monkeypatch.setattr("sys.stdin", type("Stdin", (), {"buffer": stream})())

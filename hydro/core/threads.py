@@ -58,10 +58,13 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     """Apply `work` to every item in parallel threads; yield the results in order.
 
     It pays for work of some hundredths of a second or more.  Compiled kernels run in parallel, and the Python
-    code of one item runs while the kernels of another do.
+    code of one item runs while the kernels of another do.  With one thread, it stays in the current one.
     """
     every = list(items)
-    threads = max(min(available(), len(every)), 1)
+    threads = min(available(), len(every))
+    if threads <= 1:
+        yield from map(work, every)
+        return
     sharing = threads * getattr(_LOCAL, "sharing", 1)
 
     def in_thread(item: T) -> R:

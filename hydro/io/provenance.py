@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
@@ -19,12 +18,14 @@ from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
 from hydro.core.nesting import too_deep
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.io.schema import storage_type
 
 FOOTER_KEY = b"hydro"
 """Key of the record in a Parquet file's footer."""
 _BEGIN = b'{"check":"'
+ROWS_IN_THREADS = 50_000
+"""Rows of a table from which its columns are hashed in parallel: threads start in about a millisecond."""
 
 
 class Before(TypedDict):
@@ -204,12 +205,12 @@ def content_hash(frame: pl.DataFrame) -> str:
         `sha256:` and 64 hexadecimal digits.
     """
     names = sorted(frame.columns)
-    with ThreadPoolExecutor(min(len(names), available()) or 1) as pool:  # hashlib releases the GIL
-        digests = pool.map(lambda name: _column_digest(frame[name]), names)
-        whole = hashlib.sha256()
-        for name, digest in zip(names, digests, strict=True):
-            encoded = name.encode()
-            whole.update(len(encoded).to_bytes(8, "little") + encoded + digest)
+    threads = None if frame.height > ROWS_IN_THREADS else 1  # hashlib releases the GIL
+    digests = spread(lambda name: _column_digest(frame[name]), names, threads)
+    whole = hashlib.sha256()
+    for name, digest in zip(names, digests, strict=True):
+        encoded = name.encode()
+        whole.update(len(encoded).to_bytes(8, "little") + encoded + digest)
     return f"sha256:{whole.hexdigest()}"
 
 
@@ -219,21 +220,26 @@ def _column_digest(values: pl.Series) -> bytes:
     if isinstance(values.dtype, pl.List):
         digest.update(b"list")
         _add_missing(digest, values)
-        digest.update(_little(values.list.len().fill_null(0).to_numpy(), "<i8"))
+        digest.update(_little(_filled(values.list.len(), 0).to_numpy(), "<i8"))
         digest.update(_column_digest(values.drop_nulls().explode(empty_as_null=False)))
         return digest.digest()
     if storage_type(values.dtype) == "string":
         digest.update(b"string")
         _add_missing(digest, values)
-        texts = values.cast(pl.String).fill_null("")
+        texts = _filled(values.cast(pl.String), "")
         digest.update(_little(texts.str.len_bytes().to_numpy(), "<i8"))
         digest.update(texts.str.join("").item().encode())
         return digest.digest()
     logical = "float64" if values.dtype.is_float() else "int64"
     digest.update(logical.encode())
     _add_missing(digest, values)
-    digest.update(_little(values.fill_null(0).to_numpy(), "<f8" if logical == "float64" else "<i8"))
+    digest.update(_little(_filled(values, 0).to_numpy(), "<f8" if logical == "float64" else "<i8"))
     return digest.digest()
+
+
+def _filled(values: pl.Series, replacement: int | str) -> pl.Series:
+    """Return a column with its missing rows replaced; the column itself if there are none."""
+    return values.fill_null(replacement) if values.null_count() else values
 
 
 def _add_missing(digest: hashlib._Hash, values: pl.Series) -> None:

@@ -223,7 +223,7 @@ class Schema:
         place = " and ".join(key)
         runs = [np.diff(frame[name].rle_id().to_numpy(), prepend=-1) for name in key]
         starts = np.flatnonzero(np.any(runs, axis=0))
-        again = starts[_repeated(frame[starts], key)]
+        again = starts[_repeated(frame.select(key)[starts], key)]
         self._refuse(frame, source, f"rows of one {place} must be together", again)
         step = np.diff(frame[time].to_numpy())
         step[starts[1:] - 1] = 1.0

@@ -111,4 +111,4 @@ def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, 
 
 def _rows(broken: pl.Series) -> Rows:
     """Return the rows where a polars condition is true."""
-    return np.flatnonzero(broken.fill_null(False).to_numpy())
+    return np.flatnonzero((broken.fill_null(False) if broken.null_count() else broken).to_numpy())

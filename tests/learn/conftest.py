@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 
 from hydro.core.distillation.features import INPUTS, OUTPUTS
+from hydro.learn import gaussian_process
 
 LINEAR = np.array([15.0, 40.0, 60.0, 5.0, 10.0, 8.0])
 QUADRATIC = np.array([95.0, 260.0, 380.0, 10.0, 40.0, 30.0])
@@ -26,6 +27,14 @@ def wrench(states: np.ndarray) -> np.ndarray:
         [np.cross(nu[:, 3:], linear), np.cross(nu[:, :3], linear) + np.cross(nu[:, 3:], angular)]
     )
     return coriolis + LINEAR * nu + QUADRATIC * np.abs(nu) * nu
+
+
+@pytest.fixture
+def short_searches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit Gaussian processes to few rows: their time grows with the cube of the rows."""
+    monkeypatch.setattr(gaussian_process, "ROWS_VARIANCES", 80)
+    monkeypatch.setattr(gaussian_process, "ROWS_CENTRE", 60)
+    monkeypatch.setattr(gaussian_process, "STEPS", 4)
 
 
 @pytest.fixture(scope="session")

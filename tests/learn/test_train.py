@@ -47,6 +47,7 @@ def few(model: str) -> int:
     return 240 if model == "gp" else 600
 
 
+@pytest.mark.usefixtures("short_searches")
 @pytest.mark.parametrize("model", list(ARCHITECTURES))
 def test_same_seed_same_bytes_whatever_torch_was_set_to(table, model):
     split = table(few(model))
@@ -141,6 +142,7 @@ def test_rows_of_the_other_parts_do_not_reach_the_model(table, part):
     assert stored(train(changed, epochs=2)) == stored(train(split, epochs=2))
 
 
+@pytest.mark.usefixtures("short_searches")
 @pytest.mark.parametrize("model", list(ARCHITECTURES))
 def test_a_network_trained_blind_does_not_feel_accelerations(table, model):
     trained = train(table(few(model)), model=model, epochs=1, accelerations=False)

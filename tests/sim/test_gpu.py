@@ -116,7 +116,10 @@ def test_the_step_compiles_for_a_gpu_with_every_effect_there_is_and_a_network(mo
         block(kernels.Orders, 2),
     )
     ptx, result = cuda.compile_ptx(
-        kernels.step_kernel(kernels.Sizes(4, 8, 3, work=563, scratch=218)).py_func, arguments, cc=(9, 0)
+        kernels.step_kernel(kernels.Sizes(4, 8, 3, work=563, scratch=218)).py_func,
+        arguments,
+        cc=(9, 0),
+        opt=False,
     )
     text = ptx if isinstance(ptx, str) else ptx.decode()
     assert result == types.none

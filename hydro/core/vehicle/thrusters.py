@@ -16,6 +16,7 @@ first row is the initial one, and the first command first acts at the second row
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +26,7 @@ from hydro.core.compiled import jit, kernel
 from hydro.core.errors import DataError
 from hydro.core.thrust_curves.curve import curve_table
 from hydro.core.thrust_curves.table import ThrustTable
-from hydro.core.vehicle.description import Thruster, Vehicle
+from hydro.core.vehicle.description import Battery, Thruster, Vehicle
 
 # Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
 UNIT_WRENCH, UNIT_FORCE, UNIT_MOMENT = slice(0, 6), slice(0, 3), slice(3, 6)
@@ -87,8 +88,16 @@ def thruster_table(vehicle: Vehicle) -> Array:
         DataError: A thruster's placement is missing or doubled, its `lag_step` exceeds its time constant, or
             its curve is invalid.
     """
-    table = np.zeros((len(vehicle.thruster), COLUMNS))
-    for row, thruster in zip(table, vehicle.thruster, strict=True):
+    try:
+        return _remembered(vehicle.thruster, vehicle.battery).copy()
+    except TypeError:  # lists in the place of tuples
+        return _table(vehicle.thruster, vehicle.battery)
+
+
+def _table(thrusters: tuple[Thruster, ...], battery: Battery | None) -> Array:
+    """Return the table of thrusters with a battery."""
+    table = np.zeros((len(thrusters), COLUMNS))
+    for row, thruster in zip(table, thrusters, strict=True):
         step = thruster.lag_step or 0.0
         if 0.0 < thruster.time_constant < step:
             raise DataError(
@@ -96,7 +105,7 @@ def thruster_table(vehicle: Vehicle) -> Array:
                 f"{thruster.time_constant:g} s, where Euler steps overshoot; give the source's step"
             )
         row[UNIT_WRENCH] = _unit_wrench(thruster)
-        row[MAX_THRUST], row[MAX_REVERSE], row[BEYOND] = _limits(vehicle, thruster)
+        row[MAX_THRUST], row[MAX_REVERSE], row[BEYOND] = _limits(thruster, thrusters, battery)
         row[POWER] = curve_power(thruster)
         row[SPEED_LAG] = thruster.lag == "speed"
         row[TIME_CONSTANT] = thruster.time_constant
@@ -105,6 +114,10 @@ def thruster_table(vehicle: Vehicle) -> Array:
         row[SHIFT] = thruster.deadband_style == "shift"
         row[DELAY] = thruster.delay
     return table
+
+
+_remembered = lru_cache(maxsize=64)(_table)
+"""A fit assembles hundreds of vehicles that differ in their effects alone."""
 
 
 def table_of(thruster: Thruster) -> ThrustTable | None:
@@ -128,7 +141,12 @@ def curve_power(thruster: Thruster) -> float:
 
 def voltage_matters(vehicle: Vehicle) -> bool:
     """Return whether the thrust of any thruster depends on the supply voltage."""
-    tables = map(table_of, vehicle.thruster)
+    return _depend_on_voltage(vehicle.thruster)
+
+
+def _depend_on_voltage(thrusters: tuple[Thruster, ...]) -> bool:
+    """Return whether the curve of any thruster has several voltages."""
+    tables = map(table_of, thrusters)
     return any(table is not None and table.several for table in tables)
 
 
@@ -138,16 +156,23 @@ def nominal_voltage(vehicle: Vehicle) -> float:
     Raises:
         DataError: A curve has several voltages, and the file does not give the nominal one.
     """
-    if vehicle.battery is not None:
-        return vehicle.battery.voltage
-    if voltage_matters(vehicle):
+    return _nominal_voltage(vehicle.thruster, vehicle.battery)
+
+
+def _nominal_voltage(thrusters: tuple[Thruster, ...], battery: Battery | None) -> float:
+    """Return the supply voltage [V] of thrusters with a battery; 0 if no thrust depends on it."""
+    if battery is not None:
+        return battery.voltage
+    if _depend_on_voltage(thrusters):
         raise DataError(
             "battery: thrust curves by supply voltage need the nominal one: add [battery] with voltage [V]"
         )
     return 0.0
 
 
-def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
+def _limits(
+    thruster: Thruster, thrusters: tuple[Thruster, ...], battery: Battery | None
+) -> tuple[float, float, float]:
     """Return the thrust at full command ahead and astern [N], and the excess of effective commands over 1."""
     if not thruster.pushes:
         return 0.0, 0.0, 0.0
@@ -163,7 +188,7 @@ def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
             f"thruster {thruster.name}: its curve is a table, which says the greatest thrusts and the dead "
             "band: leave out max_thrust, max_reverse_thrust and deadband"
         )
-    nominal = nominal_voltage(vehicle)
+    nominal = _nominal_voltage(thrusters, battery)
     ahead, astern = table.limits(nominal)
     if ahead <= 0.0:
         raise DataError(f"thruster {thruster.name}: no thrust at the nominal voltage of {nominal:g} V")

@@ -37,7 +37,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
 CURRENT = {"name": "ocean_current", "v_N": 0.25, "v_E": -0.15, "v_D": 0.0}
-ROWS = 1500  # of each of two sessions, 60 s at 50 Hz in all
+ROWS = 1200  # of each of two sessions, 48 s at 50 Hz in all
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +77,15 @@ def flown(vehicle: Vehicle, *, seed: int = 0, session: str = "a", rows: int = RO
 
 def recorded(vehicle: Vehicle, **how) -> pl.DataFrame:
     return pl.concat([flown(vehicle, seed=i, session=name, **how) for i, name in enumerate("ab")])
+
+
+@pytest.fixture(scope="module")
+def refitted(known) -> Baseline:
+    """A file with wrong damping, refitted to the recording of a vehicle in a current."""
+    file = misjudged(known)
+    log = preprocess(file, recorded(hiding(known, CURRENT)))
+    start, problem = stable_start(file, log)
+    return refit(file, log, problem, start)
 
 
 def test_a_change_counts_as_the_first_unless_further_is_given(known, monkeypatch):
@@ -183,7 +192,7 @@ def test_the_cause_of_an_error_far_below_the_noise_is_named(known):
     """Sway damping 3 % wrong: the error is a small part of the noise, and all that the file has wrong."""
     damping = known.effects("quadratic_damping")[0]
     wrong = damping | {"diagonal": [d * (1.03 if i == 1 else 1.0) for i, d in enumerate(damping["diagonal"])]}
-    found = diagnose(hiding(known.without("quadratic_damping"), wrong), recorded(known))
+    found = diagnose(hiding(known.without("quadratic_damping"), wrong), recorded(known, rows=1500))
     assert found.findings[0].verdict == "nothing_missing"
     assert 1.0 + VISIBLE < found.chi2[0] < 1.0 + MATERIAL
     told = [one for one in found.findings if one.verdict == "retune"]
@@ -222,12 +231,12 @@ def test_a_strong_current_is_found_by_a_restart_from_the_file(datasets):
     file = files.read(datasets / "vehicles" / "remus100.toml")[0]
     true, parts = CURRENT | {"v_N": -0.6, "v_E": 0.6}, []
     for seed, session in enumerate("ab"):
-        rng, t = np.random.default_rng(seed), np.arange(ROWS) * 0.02
+        rng, t = np.random.default_rng(seed), np.arange(1500) * 0.02
         fins = {
             f"cmd_{i}": 0.3 * np.sin(2 * np.pi * rng.uniform(0.03, 0.15) * t + rng.uniform(0, 6))
             for i in range(2, 6)
         }
-        commands = {"session": [session] * ROWS, "t": t, "cmd_1": 0.5 + 0.2 * np.sin(0.3 * t)} | fins
+        commands = {"session": [session] * len(t), "t": t, "cmd_1": 0.5 + 0.2 * np.sin(0.3 * t)} | fins
         moved = simulate(hiding(file, true), pl.DataFrame(commands))
         logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
         parts.append(moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
@@ -451,12 +460,9 @@ def test_a_small_sensor_error_does_not_end_the_search(known):
     assert found.chi2[-1] == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_fit_with_runaway_values_restarts_from_the_file(known):
+def test_a_fit_with_runaway_values_restarts_from_the_file(refitted):
     """A roll damping of seven hundred answers to nothing, and no step leads back from there."""
-    file = misjudged(known)
-    log = preprocess(file, recorded(hiding(known, CURRENT)))
-    start, problem = stable_start(file, log)
-    baseline = refit(file, log, problem, start)
+    baseline, file = refitted, refitted.vehicle
     away = [
         table | {"diagonal": [10.0, 10.0, 10.0, 700.0, 700.0, 700.0]}
         if table["name"] == "linear_damping"
@@ -464,7 +470,8 @@ def test_a_fit_with_runaway_values_restarts_from_the_file(known):
         for table in file.effect
     ]
     vehicle = msgspec.structs.replace(file, effect=tuple(away))
-    quick = fit_model(hiding(vehicle, CURRENT), [*baseline.effects, "ocean_current"], problem, log.track, 0)
+    names = [*baseline.effects, "ocean_current"]
+    quick = fit_model(hiding(vehicle, CURRENT), names, baseline.problem, baseline.log.track, 0)
     plain, again = Search(baseline), Search(baseline, from_file=True)
     assert plain.converged(quick, baseline.refitted, ["ocean_current"]).normal.chi2 > RIGHT
     found = again.converged(quick, baseline.refitted, ["ocean_current"])
@@ -485,12 +492,8 @@ def test_after_a_failed_search_names_by_transfer_come_first_far_from_the_noise(k
         diagnose_log(known, log, in_vain=True)
 
 
-def test_a_search_without_a_fit_restarts_from_the_file(known, monkeypatch):
-    file = misjudged(known)
-    log = preprocess(file, recorded(hiding(known, CURRENT)))
-    start, problem = stable_start(file, log)
-    baseline = refit(file, log, problem, start)
-    search, outcome = searched(baseline, silent)
+def test_a_search_without_a_fit_restarts_from_the_file(refitted, monkeypatch):
+    search, outcome = searched(refitted, silent)
     assert not search.from_file
     grow = Search.grow
 
@@ -498,7 +501,7 @@ def test_a_search_without_a_fit_restarts_from_the_file(known, monkeypatch):
         return grow(self, progress, **how) if self.from_file else Outcome(self.baseline.refitted, (), None)
 
     monkeypatch.setattr(Search, "grow", stuck)
-    search, other = searched(baseline, silent)
+    search, other = searched(refitted, silent)
     assert search.from_file
     assert other.effects == outcome.effects == ["ocean_current"]
     assert other.model.normal.chi2 == pytest.approx(outcome.model.normal.chi2, rel=1e-3)

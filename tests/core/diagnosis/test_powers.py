@@ -10,7 +10,7 @@ from recordings import DAMPING, moved, noisy
 
 from hydro.core.diagnosis.pipeline import diagnose
 
-ROWS = 3000
+ROWS = 2000
 STRONG = {"name": "power_drag", "diagonal": synthetic.QUADRATIC.tolist()}
 
 

@@ -412,11 +412,10 @@ def test_columns_that_are_not_what_they_are_called_stop_a_fit():
 BLUEROV2 = Path(__file__).resolve().parents[3] / "datasets" / "vehicles" / "bluerov2_heavy.toml"
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_sensor_more_does_not_spoil_a_net_buoyancy(seed):
+def test_a_sensor_more_does_not_spoil_a_net_buoyancy():
     """The attitude shows a trim that the file lacks: its moment must not be taken for a weight."""
     known, _ = files.read(BLUEROV2)
-    depth, both = (fit(known, sunk(seed, attitude=seen), ["net_buoyancy"]) for seen in (False, True))
+    depth, both = (fit(known, sunk(0, attitude=seen), ["net_buoyancy"]) for seen in (False, True))
     error = float(np.hypot(depth.standard_errors[0], both.standard_errors[0]))
     assert both.values[0] == pytest.approx(depth.values[0], abs=3.0 * error)
     assert both.standard_errors[0] <= depth.standard_errors[0]

@@ -77,7 +77,7 @@ def test_the_kernels_compile_for_a_gpu_and_make_no_arrays(monkeypatch):
         ),
         (kernels.evaluate_step, (block(Rules, 1, 1, 2, 1), motion, scenes, episodes, demands, outcome)),
     ):
-        ptx, result = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0))
+        ptx, result = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), opt=False)
         text = ptx if isinstance(ptx, str) else ptx.decode()
         assert result == types.none
         assert ".visible .entry" in text
