@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hydro.core.diagnosis.findings import Prediction, Status
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.vehicle.description import Vehicle
+    from hydro.report.next_steps import NextStep
     from hydro.report.result_axes import Axes
 
 CHI2 = ("given", "own_effects", "found")
@@ -82,6 +83,13 @@ class Diagnosis(Result):
         return self.status.headline
 
     @property
+    def next_step(self) -> NextStep:
+        """Recommended next step: its `action`, such as `add`, its `words`, and `effects` to add by name."""
+        from hydro.report.next_steps import next_steps
+
+        return next_steps(self.table, self.prediction)[0]
+
+    @property
     def unseen(self) -> tuple[str, ...]:
         """Names of the effects that the motion in the recording cannot show."""
         return tuple(self.table.filter(verdict="not_excited")["effect"])
@@ -137,17 +145,22 @@ class Diagnosis(Result):
         return panels
 
     def to_json(self) -> str:
-        """Return headline, findings, chi-square and prediction errors, as `hydro diagnose --json` does."""
+        """Return headline, next step, findings, chi-square and errors, as `hydro diagnose --json` does."""
         from hydro.report.json_text import json_text
 
         errors = {} if self.prediction is None else {"prediction": asdict(self.prediction)}
         chi2 = dict(zip(CHI2, self.chi2, strict=True))
-        return json_text(headline=self.headline, findings=self.table, chi2=chi2, **errors)
+        step = asdict(self.next_step)
+        return json_text(headline=self.headline, next=step, findings=self.table, chi2=chi2, **errors)
 
     def _above(self) -> Sequence[str]:
+        from hydro.report.next_steps import in_python
+
+        step, call = self.next_step, in_python(self.next_step)
+        following = f"Next: {step.words}{f', `{call}`' if call else ''}."
         values = [one for one in self.table.sort("rank")["sentence"] if one and one not in self.headline]
         errors = [] if self.prediction is None else [_in_words(self.prediction)]
-        return (self.headline, *values, *errors)
+        return (self.headline, following, *values, *errors)
 
     def _below(self) -> Sequence[str]:
         from hydro.report.diagnosis import SHARES, has_shares, look_up

@@ -205,6 +205,7 @@ def diagnose(
     from hydro.io import vehicle as vehicles
     from hydro.report import change
     from hydro.report.diagnosis import Context
+    from hydro.report.next_steps import next_steps
 
     printing = Printing(output, as_text, as_json)
     if fly is not None:
@@ -256,6 +257,7 @@ def diagnose(
         errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
         print_json(
             headline=found.headline,
+            next=asdict(next_steps(found.frame(), found.prediction)[0]),
             findings=found.frame(),
             chi2=dict(zip(CHI2, found.chi2, strict=True)),
             **errors,

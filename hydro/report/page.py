@@ -63,6 +63,7 @@ def render(sources: Sources) -> str:
         "headline": standing.headline(sources),
         "errors": bool(standing.standings(sources)),
         "noise": standing.noise_line(sources),
+        "step": standing.next_step(sources),
         "folded": bool(sources.comparisons or sources.diagnoses or sources.ladder),
         "model": _model(sources),
         "recorded": recorded.section(sources),

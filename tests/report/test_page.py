@@ -267,6 +267,14 @@ def test_advice_for_the_next_run_has_no_duplicates() -> None:
     assert "hydro add" not in page["next"]
 
 
+def test_the_head_names_one_next_step() -> None:
+    of_finding = Text(render(alone("diagnosis", studies.found()))).found
+    assert "Next: add all 2 to the vehicle file, with hydro add." in of_finding["head"]
+    assert "hydro add" not in of_finding["findings"]
+    study = Text(render(alone("ladder", studies.ladder()))).found
+    assert "Next: use vehicle-1.toml in the folder of this study." in study["head"]
+
+
 def test_a_comparison_with_an_earlier_one_shows_both_errors() -> None:
     frame = studies.comparison(0.5).with_columns(before=2.0 * pl.col("rmse"))
     page = Text(render(alone("comparison", frame))).found
