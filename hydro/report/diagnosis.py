@@ -20,7 +20,7 @@ from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 from hydro.report.following import Call
-from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, RUN, NextStep, is_of_thrusters, next_steps
+from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, RUN, NextStep, next_steps
 from hydro.report.screen import EMPTY, MOST_LINES, Block, Following, Text, fitted, table
 
 TITLES = {
@@ -151,11 +151,12 @@ def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None
     if call is None:
         return None
     if step.action == ADD:
-        return call.adding(*step.effects, into="" if alone else (*step.effects, "found")[0].partition(":")[0])
+        name, *_ = (*step.effects, "found")
+        return call.adding(*step.effects, into="" if alone else name.partition(":")[0])
     if step.action == CORRECT:
-        return (
-            call.flipping(about.reversed) if about.reversed else call.again("diagnose", "--correct-thrusters")
-        )
+        if about.reversed:
+            return call.flipping(about.reversed)
+        return call.again("diagnose", "--correct-thrusters")
     if step.action == EXPLAIN:
         return call.again("explain", "-o", "study")
     if step.action == RUN:
@@ -165,8 +166,8 @@ def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None
 
 
 def _has_block(row: Mapping[str, Any]) -> bool:
-    """Return whether a finding has a block; a fault of the log has one only for its next command."""
-    return row["verdict"] not in SILENT and (row["verdict"] != "log_fault" or is_of_thrusters(row))
+    """Return whether a finding has a block; the headline has faults of the log."""
+    return row["verdict"] not in (*SILENT, "log_fault")
 
 
 def errors(known: Prediction) -> Iterator[Text]:
@@ -209,8 +210,6 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
         about: Other data of the answer.
         number: Its number; 0 if it is the only one.
     """
-    if is_of_thrusters(row):
-        return  # it is in the headline
     place = f"{number}. " if number else ""
     sure = sureness(row)
     yield Text(f"{place}{title(row, about)}{f': {sure}' if sure else ''}.", bold=True)

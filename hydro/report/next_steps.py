@@ -50,10 +50,10 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
         count = "it" if len(stated) == 1 else f"all {len(stated)}"
         steps.append(NextStep(ADD, f"add {count} to the vehicle file"))
     steps += [step for row in rows for step in _of_finding(row, prediction)]
-    if any(row["verdict"] == "not_excited" for row in rows):
-        steps.append(NextStep(RUN, "design a run that shows the effects not visible in this log"))
     if not steps:
         steps.append(NextStep(COMPARE, "see the errors at other horizons and by regime"))
+    if any(row["verdict"] == "not_excited" for row in rows):
+        steps.append(NextStep(RUN, "design a run that shows the effects not visible in this log"))
     first = {(one.action, one.effects): one for one in reversed(steps)}
     return tuple(dict.fromkeys(first[one.action, one.effects] for one in steps))
 
@@ -64,7 +64,7 @@ def is_of_thrusters(row: Mapping[str, Any]) -> bool:
 
 
 def in_python(step: NextStep) -> str:
-    """Return a step as a Python expression, for a diagnosis `found` of `vehicle` and `raw`; empty without one."""
+    """Return a step as a Python expression with `vehicle`, `raw` and the diagnosis `found`; else empty."""
     if step.action == ADD:
         names = f", {list(step.effects)}" if step.effects else ""
         return f"hydro.add(vehicle, found{names})"
@@ -78,9 +78,8 @@ def _of_finding(row: Mapping[str, Any], prediction: Prediction | None) -> Iterat
     if row["verdict"] == "suspect":
         name, error = row["effect"], row["error_added"]
         if prediction is None or _unknown(error) or error < prediction.given:
-            yield NextStep(
-                ADD, f"add {name.replace('_', ' ')}, if you can confirm it on the vehicle", (name,)
-            )
+            told = f"add {name.replace('_', ' ')}, if you can confirm it on the vehicle"
+            yield NextStep(ADD, told, (name,))
         else:
             yield NextStep(EXPLAIN, "try single steps, and keep those that lower the error")
     if row["verdict"] == "cannot_tell_apart":
