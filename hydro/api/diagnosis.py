@@ -36,11 +36,11 @@ class Diagnosis(Result):
         table: Diagnosis table, one finding per row, that with the largest share of the error first.
         status: Overall result: `kind` is `fault`, `stated`, `uncertain`, `unexplained` or `nothing`, and
             `sentences` has one or two sentences for each effect.
-        vehicle: Vehicle with the stated findings, as `hydro.add` with `force=True` returns it; the given
-            vehicle if none is stated.
+        vehicle: Vehicle with the confirmed findings (confidence of 0.9 or more), as `hydro.add` with
+            `force=True` returns it; the given vehicle if none is confirmed.
         chi2: Mean squared residual in units of the noise variance (1: noise alone), three numbers: of the
             vehicle as given, with its own effects refitted, and with the findings.
-        prediction: Errors of predictions before and after the stated findings are added [m/s], measured on
+        prediction: Errors of predictions before and after the confirmed findings are added [m/s], measured on
             parts that the fits left out.  None if no session is long enough, or if `before` was given.
         estimates: Values that were fitted together, with their covariance; None if none were fitted.
         changed: Whether the findings are changes since an earlier recording (`before`).
@@ -188,7 +188,7 @@ def _in_words(known: Prediction) -> str:
 
 
 def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
-    """Return a vehicle with the stated findings of a diagnosis table; the same vehicle if none is stated."""
+    """Return a vehicle with the confirmed findings of a diagnosis table; without any, the same vehicle."""
     import polars as pl
 
     from hydro.core.diagnosis.findings import STATED, extended, tables

@@ -89,7 +89,7 @@ class Context:
 
     @property
     def refused(self) -> bool:
-        """Whether `hydro add` refuses the stated findings, because they do not lower the error."""
+        """Whether `hydro add` refuses the confirmed findings, because they do not lower the error."""
         return self.prediction is not None and self.prediction.refuted
 
 
@@ -195,7 +195,7 @@ def _columns(after: bool, floor: bool) -> list[int]:
 
 
 def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
-    """Yield a block for each finding, stated ones first."""
+    """Yield a block for each finding, confirmed ones first."""
     stated = [row for row in rows if row["verdict"] in STATED]
     others = [row for row in rows if row["verdict"] not in STATED]
     for place, row in enumerate([*stated, *others], 1):
@@ -336,7 +336,11 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
 
 
 def fits(chi2: Sequence[float]) -> str:
-    """Return the reduced chi-squares of a diagnosis in a sentence."""
+    """Return the reduced chi-squares of a diagnosis in a sentence.
+
+    Args:
+        chi2: Of the file as given, with its effects re-estimated, and with the findings added.
+    """
     given, own, found = chi2
     return (
         f"Reduced chi-square (1: noise alone): {given:.3g} of the file, {own:.3g} with its own effects "

@@ -59,10 +59,10 @@ class Call:
         return [*words, *more]
 
     def adding(self, *effects: str, into: str = "") -> list[str] | None:
-        """Return the words of `hydro add`, for all stated findings or for some effects.
+        """Return the words of `hydro add`, for all confirmed findings or for some effects.
 
         Args:
-            effects: Effects to add; empty for all stated findings.
+            effects: Effects to add; empty for all confirmed findings.
             into: End of the name of the new file, `vehicle-payload.toml` for `payload`; empty for a number.
 
         Returns:

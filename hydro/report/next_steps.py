@@ -22,7 +22,7 @@ class NextStep:
     Attributes:
         action: `add`, `explain`, `correct_thrusters`, `next_run` or `compare`.
         words: The step in words, without a capital letter and a full stop.
-        effects: Effects to add by name; empty if all stated findings are added, or none.
+        effects: Effects to add by name; empty if all confirmed findings are added, or none.
     """
 
     action: str
@@ -33,7 +33,7 @@ class NextStep:
 def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tuple[NextStep, ...]:
     """Return the steps that a diagnosis supports, the recommended one first.
 
-    Thrusters that contradict the file come first, then stated findings, then all others by rank.
+    Thrusters that contradict the file come first, then confirmed findings, then all others by rank.
 
     Args:
         frame: Diagnosis table.
@@ -74,7 +74,7 @@ def in_python(step: NextStep) -> str:
 
 
 def _of_finding(row: Mapping[str, Any], prediction: Prediction | None) -> Iterator[NextStep]:
-    """Yield the step for a finding that is not stated; none for other verdicts."""
+    """Yield the step for one finding; confirmed ones are added together by another step."""
     if row["verdict"] == "suspect":
         name, error = row["effect"], row["error_added"]
         if prediction is None or _unknown(error) or error < prediction.given:

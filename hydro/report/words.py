@@ -63,7 +63,7 @@ class Value:
     """One fitted number.
 
     Attributes:
-        name: Parameter, with the axis or number of its entry: `diagonal X`.
+        name: Parameter, with the axis or number of its component: `diagonal X`.
         value: The number.
         error: Its standard error; None without one.
         unit: Its unit.
@@ -163,7 +163,7 @@ def _entries(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
 
 
 def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> str:
-    """Return the name of an entry: `v_N`, `diagonal X`, `alpha pitch`, or with its number, `g 3`."""
+    """Return the name of a component: `v_N`, `diagonal X`, `alpha pitch`, or with its number, `g 3`."""
     if not index:
         return name
     last = record.shape[-1] if record is not None and record.shape else None

@@ -156,7 +156,7 @@ class Windows:
         return np.asarray(np.diff(first, prepend=-1 - step) == step)
 
     def sums(self, values: Array) -> Array:
-        """Return the integrals of signals times the test function, (W, k).
+        """Return the integrals over W windows of k signals times the test function, (W, k).
 
         Args:
             values: Signals at the rows of the windows, (K, k).
@@ -168,7 +168,9 @@ class Windows:
         return found
 
     def changes(self, values: Array) -> Array:
-        """Return the integrals of the derivative of signals times the test function, (W, k).
+        """Return integrals over W windows of the time derivative of signals times the test function, (W, k).
+
+        Integration by parts moves the derivative to the test function.
 
         Args:
             values: Signals at the rows of the windows, (K, k).

@@ -31,18 +31,18 @@ def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Arr
     Args:
         unchanged: Shots of the recording before the change, corrected by the hull model.
         file: The vehicle without the change.
-        unknown: Entries fitted to the recording after the change.
+        unknown: Components fitted to the recording after the change.
         values: Their fitted values, (P,).
         fold: Number of the stretch of each shot, (S,).
 
     Returns:
-        Deviations from no change, in the units of the entries, (stretches, P).
+        Deviations from no change, in the units of the components, (stretches, P).
     """
     changed, steps = moved(unknown, values)
     normal = unchanged.linearise(file, [unknown.at(values), *changed], [1.0] * (1 + len(changed)))
     numbers = np.unique(fold)
     gram = np.array([normal.gram[(fold == one) & ~normal.lost].sum(axis=0) for one in numbers]) * len(numbers)
-    # Columns are responses of the file's motion to the whole change, and to a small step of each entry.
+    # Columns are responses of the file's motion to the whole change, and to a small step of each component.
     little = np.vstack([-np.ones(len(changed)), np.eye(len(changed))]) / np.array(steps)
     matrix = little.T @ gram[:, :-1, :-1] @ little + np.eye(len(changed)) * PRIOR**-2
     score = gram[:, :-1, -1] @ little
@@ -55,11 +55,11 @@ def pulls(normal: Normal, unknown: Free, fold: Rows) -> Array:
 
     Args:
         normal: The problem linearised at the fit.
-        unknown: The P fitted entries.
+        unknown: The P fitted components.
         fold: Number of the stretch of each shot, (S,).
 
     Returns:
-        Changes of the values, in the units of the entries, (stretches, P).
+        Changes of the values, in the units of the components, (stretches, P).
     """
     kept = np.isfinite(normal.gram[:, -1, -1])
     matrix = normal.matrix[kept].sum(axis=0) + np.eye(len(unknown.scales)) * PRIOR**-2
