@@ -3,10 +3,10 @@
 Vehicles in a row of eight pillars get a new random action each at 25 Hz, on one thread.  Control steps of all
 vehicles per second of processor time:
 
-    bare             MuJoCo alone at 500 Hz, as in benchmarks/student.py: the body and first-order thrusters
+    bare             MuJoCo alone at 500 Hz, as in benchmarks/student.py: the body and first-order thrusters;
     R_…, mujoco      the whole environment under a condition: allocation, physics at 500 Hz, sonar,
-                     observations, noise, collisions, reward, and new episodes
-    R_…, kernels     the same with the project's own kernels, Runge-Kutta at 10 ms
+                     observations, noise, collisions, reward, and new episodes;
+    R_…, kernels     the same with the project's own kernels, Runge-Kutta at 10 ms.
 
 A round times every case once, in alternating order.  Results are medians over rounds, of each case and of the
 ratio of both engines in a round, with quartiles.  The profile then divides the processor time of a step.

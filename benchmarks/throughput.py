@@ -7,11 +7,11 @@ Speed: control steps of 25 Hz of 64 vehicles together, per second of processor t
 command for each.  GPU speeds are those of the kept table gpu.csv, recorded with the effects of auv151.  A GPU
 runs the kernels, so its error is theirs.
 
-    bare MuJoCo                   rigid body, weight and buoyancy, thrusters
-    ... with added mass           M_A in the mass matrix
-    ... with MuJoCo's ellipsoid   MuJoCo's own fluid model on an ellipsoid of the hull's size
-    effects                       M_A, and linear and quadratic damping fitted to the bundled sample
-    network                       M_A and a PhysicsFeature-MLP trained on the bundled sample
+    bare MuJoCo                   rigid body, weight and buoyancy, thrusters;
+    ... with added mass           M_A in the mass matrix;
+    ... with MuJoCo's ellipsoid   MuJoCo's own fluid model on an ellipsoid of the hull's size;
+    effects                       M_A, and linear and quadratic damping fitted to the bundled sample;
+    network                       M_A and a PhysicsFeature-MLP trained on the bundled sample.
 
 Effects and network run in MuJoCo at 500 Hz and in this project's own kernels, Runge-Kutta at 10 ms.  If
 Stonefish is installed, its speed is measured too; its error is zero by definition.

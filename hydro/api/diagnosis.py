@@ -163,12 +163,13 @@ class Diagnosis(Result):
         return (self.headline, following, *values, *errors)
 
     def _below(self) -> Sequence[str]:
-        from hydro.report.diagnosis import SHARES, has_shares, look_up
+        from hydro.report.diagnosis import SHARES, UNCONFIRMED, has_shares, has_unconfirmed, look_up
 
         rows = [row for row in self.table.sort("rank").to_dicts() if row["verdict"] != "not_excited"]
         unseen = ", ".join(self.unseen)
         return (
             *([SHARES] if has_shares(rows) else []),
+            *([UNCONFIRMED] if has_unconfirmed(rows) else []),
             *(line.text for line in look_up([row["effect"] for row in rows])),
             *([f"Not visible in this recording: {unseen}."] if unseen else []),
         )

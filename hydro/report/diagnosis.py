@@ -45,6 +45,8 @@ MORE = "{count}, not shown: add --details."
 """Note on findings that do not fit on the screen."""
 SHARES = "Shares are of the squared error above the noise, and need not sum to 100 %."
 """Note on the shares of findings."""
+UNCONFIRMED = "Unconfirmed: the confidence in the name is below 90 %."
+"""Note on findings whose title says so."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
 """Options of `hydro diagnose` that `hydro compare` does not have."""
 FLIP = "reverse thrusters in the vehicle file"
@@ -109,7 +111,8 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    notes = [Text(SHARES)] * has_shares(rows) + look_up([row["effect"] for row in rows])
+    notes = [Text(SHARES)] * has_shares(rows) + [Text(UNCONFIRMED)] * has_unconfirmed(rows)
+    notes += look_up([row["effect"] for row in rows])
     tail = [EMPTY, *notes] if notes else []
     tail += [EMPTY, Text(about.learned)] if about.learned else []
     tail += unseen(frame, about)
@@ -256,7 +259,7 @@ def facts(row: Mapping[str, Any]) -> str:
     if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
         return ""
     if row["verdict"] in UNEXPLAINED:
-        return f"{words.percent(share)} of the error remains."
+        return f"{words.percent(share)} of the squared error remains."
     told = _share(row)
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
@@ -272,17 +275,22 @@ def _share(row: Mapping[str, Any]) -> str:
     low, high = row["share_low"], row["share_high"]
     told = words.percent(row["share_of_error_explained"])
     if row["verdict"] == "retune" and low is None:
-        return f"The file's values cause {told} of the error of the file as given"
+        return f"The file's values cause {told} of the squared error of the file as given"
     if low is not None and high is not None and (interval := words.between(low, high)) != told:
         told = f"{told} ({interval})"
     if row["verdict"] in STATED:
-        return f"Without it {told} of the error returns"
-    return f"It removes {told} of the error"
+        return f"Without it {told} of the squared error returns"
+    return f"It removes {told} of the squared error"
 
 
 def has_shares(rows: Sequence[Mapping[str, Any]]) -> bool:
     """Return whether a finding has a share, so that shares need a note."""
     return any(facts(row) for row in rows)
+
+
+def has_unconfirmed(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether a finding is unconfirmed, so that the word needs a note."""
+    return any(row["verdict"] == "suspect" for row in rows)
 
 
 def look_up(effects: Sequence[str]) -> list[Text]:

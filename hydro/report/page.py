@@ -21,7 +21,7 @@ from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, change, errors, growth, leftover, plots, recorded, standing, words, yardsticks
 from hydro.report.charts import Charts
-from hydro.report.comparison import MOTIONS
+from hydro.report.comparison import MOTIONS, is_even
 from hydro.report.figures import MEASURED, TITLES
 from hydro.report.glossary import GLOSSARY
 from hydro.report.sources import Named, Sources
@@ -180,6 +180,7 @@ def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
             "share": row["share"],
             "width": 100.0 * row["share"],
             "time": row["rows"] / (everything or row["rows"]),
+            "even": is_even(row["share"], row["rows"] / (everything or row["rows"])),
             "kind": "moment" if row["unit"] == "N m" else "force",
             "rmse": f"{words.figure(row['rmse'])} {row['unit']}",
         }

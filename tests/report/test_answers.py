@@ -106,7 +106,7 @@ def test_a_finding_has_its_confidence_share_rivals_and_one_command():
     text = answer([missing("thruster_gain", members=("thruster_gain", "payload"))])
     assert "Thruster gain: certain, 97 %." in text
     told = " ".join(text.split())
-    assert "Without it 60 % (50 to 70 %) of the error returns; payload fits as well." in told
+    assert "Without it 60 % (50 to 70 %) of the squared error returns; payload fits as well." in told
     (following,) = pasted_from(text)
     assert following == (
         "hydro diagnose 'my vehicle.toml' 'dive 1.parquet' | "
@@ -117,7 +117,7 @@ def test_a_finding_has_its_confidence_share_rivals_and_one_command():
 def test_shares_of_several_findings_need_not_sum_to_one():
     changed = replace(missing("quadratic_damping", low=math.nan, high=math.nan), verdict="retune")
     text = " ".join(answer([missing("thruster_gain"), changed]).split())
-    assert "The file's values cause 60 % of the error of the file as given." in text
+    assert "The file's values cause 60 % of the squared error of the file as given." in text
     assert text.count("need not sum to 100 %") == 1
     assert "need not sum" not in answer([])
 
@@ -131,6 +131,7 @@ def test_each_value_with_its_error_is_printed_once():
     for words in ("(±1) of its modelled thrust", "heavier than modelled"):
         assert text.count(words) == 1, text
     assert "Net buoyancy, unconfirmed: possible, 40 %." in text
+    assert "Unconfirmed: the confidence in the name is below 90 %." in text
 
 
 def test_details_have_the_sentence_the_test_and_the_advice():

@@ -410,8 +410,7 @@ def test_an_unlikely_suspect_is_reported_but_not_tried(staged):
     unlikely = replace(LIKELY, confidence=0.1)
     steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
-        "no effect of the catalogue explains the remaining error; unconfirmed, and not added: "
-        "ocean_current"
+        "no effect of the catalogue explains the remaining error; unconfirmed, and not added: ocean_current"
     )
 
 
