@@ -28,8 +28,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import polars as pl
-from kept_tables import keep, origin
+from kept_tables import keep_timed
 from student import (
     PHYSFEAT,
     Clock,
@@ -204,12 +203,8 @@ def main() -> None:
     if chosen.out:
         write(results, chosen.out)
     if chosen.keep:
-        command = (
-            f"OMP_NUM_THREADS=1 python benchmarks/environment.py --rounds {rounds} --seconds {seconds:g} "
-            f"--keep {chosen.keep}"
-        )
-        where = origin(pl.DataFrame({"seed": [1]}), command, chosen.commit)
-        keep(chosen.keep, [row | where for row in table])
+        timed = {"rounds": rounds, "seconds": float(seconds), "keep": chosen.keep}
+        keep_timed("environment.py", chosen.keep, table, chosen.commit, 1, **timed)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from kept_tables import RESULTS, keep, origin
+from kept_tables import RESULTS, keep_timed
 
 import hydro
 from hydro.core.columns import POSE, VELOCITY, Array
@@ -225,12 +225,9 @@ def main() -> None:
     if chosen.plot:
         plot(rows, chosen.plot)
     if chosen.keep:
-        command = (
-            f"OMP_NUM_THREADS=1 python benchmarks/throughput.py --rounds {chosen.rounds} "
-            f"--seconds {chosen.seconds:g} --keep {chosen.keep} --plot {chosen.plot}"
-        )
-        where = origin(pl.DataFrame({"seed": [0]}), command, chosen.commit)
-        keep(chosen.keep, [row | where for row in cells(rows)])
+        timed = {"rounds": chosen.rounds, "seconds": float(chosen.seconds)}
+        options = {**timed, "keep": chosen.keep, "plot": chosen.plot}
+        keep_timed("throughput.py", chosen.keep, cells(rows), chosen.commit, 0, **options)
 
 
 if __name__ == "__main__":

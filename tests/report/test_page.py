@@ -164,7 +164,7 @@ def test_a_finding_has_its_confidence(page: dict[str, str]) -> None:
     assert "Probability of such a share by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
     assert "Nothing missing Noise explains the remaining error." in told
-    assert "thruster gain or quadratic damping (20 % of the error)" in told
+    assert "thruster gain or quadratic damping (20 % of the squared error)" in told
     assert "More: hydro effects ocean_current ." in told
 
 
