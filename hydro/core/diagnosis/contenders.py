@@ -186,7 +186,7 @@ def contend(
     progress: Progress,
     first_fits: Callable[[Mapping[str, Contender]], None] | None = None,
 ) -> dict[str, Contender]:
-    """Fit the candidates with the best scores by one Gauss-Newton step, and all effects of the flow.
+    """Fit the candidates that score best after one Gauss-Newton step, and all effects of the current.
 
     Args:
         compared: Recordings.

@@ -144,7 +144,7 @@ def common_gain(table: Mapping[str, Any], vehicle: Vehicle) -> list[dict[str, An
 
 
 def thrusters(vehicle: Vehicle) -> list[Thruster]:
-    """Return the commands of a vehicle that drive thrusters."""
+    """Return the thrusters of a vehicle, without the servos in its list, which exert no wrench."""
     return [thruster for thruster in vehicle.thruster if thruster.pushes]
 
 

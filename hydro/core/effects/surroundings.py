@@ -141,7 +141,7 @@ def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def steady_pull(force: float, way: Array, attachment: Array) -> Table:
-    """Return a cable with an anchor so far away that its pull is the same everywhere.
+    """Return the table of a tether whose anchor is so far away that its pull is the same everywhere.
 
     Args:
         force: Pull [N].

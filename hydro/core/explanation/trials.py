@@ -331,7 +331,7 @@ def quick_fits(
     problem: OutputError,
     progress: Progress,
 ) -> Iterator[Quick]:
-    """Yield quick fits of candidates and of their simpler special cases, without those that diverge."""
+    """Yield fits with few steps of the candidates, and of their simpler special cases, if they converge."""
 
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)

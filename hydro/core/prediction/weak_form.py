@@ -131,7 +131,7 @@ class Windows:
         )
 
     def residuals(self, vehicle: Vehicle) -> Array:
-        """Return the whitened residuals of a vehicle, (W, 9)."""
+        """Return the residuals of a vehicle's equations over each window, in units of their noise, (W, 9)."""
         model = candidate(vehicle)
         return self._residuals(model, self._rotors(model))
 

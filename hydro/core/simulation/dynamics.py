@@ -92,7 +92,7 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 @kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
-    """Write the state of motion `s` of a state y."""
+    """Write the state of motion to `s` (`effects.layout`) from an integrated state `y`."""
     observe(flat, y[:3], y[3:7], y[7:BODY], s)
 
 
