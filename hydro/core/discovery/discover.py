@@ -224,8 +224,7 @@ def discovered(
 
     Returns:
         The diagnosis, unchanged if nothing is unexplained or no term transfers.  Named forces become
-        unconfirmed
-            if the formula has a smaller residual: they may imitate the same law.
+        unconfirmed if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:

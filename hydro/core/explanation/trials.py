@@ -94,12 +94,12 @@ class Recordings:
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
         """Return predictions over HORIZON for a fit; None if there are too few or they diverge.
 
+        Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
+        from the noise.
+
         Args:
             vehicle: Vehicle that predicts.
             most: Maximum number of predictions.
-
-        Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
-        from the noise.
         """
         enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None

@@ -150,8 +150,7 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
         tested: Which of them count, (P, K).
 
     Returns:
-        Mean squared deviations in units of the squared standard errors, (P, K), and degrees of freedom, (P,
-        K).
+        Mean squared deviations in units of the squared standard errors, and degrees of freedom, (P, K) each.
     """
     d = np.maximum(freedom, 1.0)
     own = np.maximum(squares / d, 1e-12)
