@@ -22,7 +22,7 @@ AT_FLOOR = 1.05
 """Ratio of an error to the noise floor up to which the floor is reached: both are estimates."""
 
 BY_COMMAND = {
-    ADD: ", with `hydro add{named}`",
+    ADD: ", with `hydro add`",
     EXPLAIN: ", with `hydro explain`",
     CORRECT: ", with `hydro diagnose --correct-thrusters`",
     RUN: ", with `hydro diagnose --next-run`",
@@ -186,9 +186,8 @@ def next_step(sources: Sources) -> str:
     last = sources.diagnoses[-1]
     errors = last.artefact.provenance.parameters.get(PREDICTION)
     step = next_steps(last.frame, None if errors is None else Prediction(**errors))[0]
-    command = BY_COMMAND.get(step.action, "")
-    named = f" --effect {step.effects[0]}" if step.effects else ""
-    return f"Next: {step.words}{command.format(named=named)}."
+    named = f", with `hydro add --effect {step.effects[0]}`" if step.effects else ""
+    return f"Next: {step.words}{named or BY_COMMAND[step.action]}."
 
 
 def noise_line(sources: Sources) -> str:
