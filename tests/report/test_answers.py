@@ -149,7 +149,7 @@ def test_stated_findings_share_the_command_that_adds_all():
     text = answer(
         [missing("thruster_gain"), missing("ocean_current")], call=replace(CALL, output="d.parquet")
     )
-    assert "Next: add all 2 to the vehicle file:" in text
+    assert "Next: add all 2 corrections to the vehicle file:" in text
     assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
 
 
@@ -210,7 +210,7 @@ def test_one_command_is_next_and_alternatives_write_other_files():
         "hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"
     ]
     text = answer([stated, suspected], call=saved, whole=True)
-    assert text.index("Next: add it to the vehicle file:") < text.index("Error 5 s ahead")
+    assert text.index("Next: add this correction to the vehicle file:") < text.index("Error 5 s ahead")
     assert pasted_from(text)[1:] == [
         "hydro add 'my vehicle.toml' d.parquet --effect payload -o 'my vehicle-payload.toml'"
     ]

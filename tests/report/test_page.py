@@ -269,7 +269,7 @@ def test_advice_for_the_next_run_has_no_duplicates() -> None:
 
 def test_the_head_names_one_next_step() -> None:
     of_finding = Text(render(alone("diagnosis", studies.found()))).found
-    assert "Next: add all 3 to the vehicle file, with hydro add ." in of_finding["head"]
+    assert "Next: add all 3 corrections to the vehicle file, with hydro add ." in of_finding["head"]
     assert "hydro add" not in of_finding["findings"]
     study = Text(render(alone("ladder", studies.ladder()))).found
     assert "Next: use vehicle-1.toml in the folder of this study." in study["head"]
