@@ -98,12 +98,12 @@ def explain(
     The thrusters are audited first, as by hydro check VEHICLE LOG. If their directions or the order of the
     columns contradict the file, nothing is added.
 
-    A confirmed finding (confidence of 90 % or more) makes a step. Without one, unconfirmed findings are tried
-    together with other candidate effects of the catalogue, if one of them has a confidence of 20 % or more or
-    no model comes near the noise. The one with the best predictions 5 s ahead, on data that its fit leaves
-    out, is added if it lowers their error by 2 % or more. Such a step is unconfirmed: it predicts better, but
-    its name may be wrong. A study has six steps at most. Without --holdout, parts of the recording are left
-    out of the fit instead.
+    A confirmed finding (confidence of 90 % or more) makes a step. Without one, unconfirmed findings and other
+    candidate effects of the catalogue are tried, if a finding has a confidence of 20 % or more or no model
+    comes near the noise. The one with the best predictions 5 s ahead, on data that its fit leaves out, is
+    added if it lowers their error by 2 % or more. Such a step is unconfirmed: it predicts better, but its
+    name may be wrong. A study has six steps at most. Without --holdout, parts of the recording are left out
+    of the fit instead.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and vehicle-K.covariance.parquet of
     every step K, and ladder.parquet with the errors of all. For the first and the best step it gets
@@ -124,7 +124,7 @@ def explain(
         hydro explain vehicle.toml raw.parquet --add ocean_current \
           --add best -o study
 
-    With --discover a step adds a formula of sparse terms if no effect is confirmed and the formula reduces
+    With --discover a step adds a formula of sparse terms if no effect is confirmed. The formula must reduce
     the error on regimes of motion that it was not fitted to; see hydro diagnose.
 
         hydro explain vehicle.toml raw.parquet --discover -o study

@@ -3,14 +3,14 @@
 All of them work in place: they return nothing and write to their last argument, so that a time step allocates
 no memory and several effects add up.  Arguments are contiguous float64 arrays in SI units.
 
-| function | meaning |
-|---|---|
-| wrench kernel `f(p, c, s, x, dx, tau)` | adds the effect's wrench to `tau`, and sets `dx` |
-| start `f(p, c, s, x)` | sets `x` to its value in steady motion |
-| inertia `f(p, matrix)` | adds to the mass matrix (6, 6) about CO |
-| flow `f(p, flow)` | adds to the velocity of the water (7,), see `catalogue.current` |
-| actuator `f(p, table)` | changes the thruster table (thrusters, columns), see `vehicle.thrusters` |
-| sensor `f(p, log)` | changes the row of DVL errors, see `core.effects.sensor` |
+* wrench kernel `f(p, c, s, x, dx, tau)`: adds the effect's wrench to `tau`, and sets `dx`;
+* start `f(p, c, s, x)`: sets `x` to its value in steady motion;
+* inertia `f(p, matrix)`: adds to the mass matrix (6, 6) about CO;
+* flow `f(p, flow)`: adds to the velocity of the water (7,), see `catalogue.current`;
+* actuator `f(p, table)`: changes the thruster table (thrusters, columns), see `vehicle.thrusters`;
+* sensor `f(p, log)`: changes the row of DVL errors, see `core.effects.sensor`.
+
+The arguments are:
 
 * `p`: the effect's parameters in the order of its record, matrices row by row;
 * `c`: constants of the vehicle (CONSTANTS,), with the indices below;
