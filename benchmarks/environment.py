@@ -3,10 +3,10 @@
 Vehicles in a row of eight pillars get a new random action each at 25 Hz, on one thread.  Control steps of all
 vehicles per second of processor time:
 
-    bare             MuJoCo alone at 500 Hz, as in benchmarks/student.py: the body and first-order thrusters
+    bare             MuJoCo alone at 500 Hz, as in benchmarks/student.py: the body and first-order thrusters;
     R_…, mujoco      the whole environment under a condition: allocation, physics at 500 Hz, sonar,
-                     observations, noise, collisions, reward, and new episodes
-    R_…, kernels     the same with the project's own kernels, Runge-Kutta at 10 ms
+                     observations, noise, collisions, reward, and new episodes;
+    R_…, kernels     the same with the project's own kernels, Runge-Kutta at 10 ms.
 
 A round times every case once, in alternating order.  Results are medians over rounds, of each case and of the
 ratio of both engines in a round, with quartiles.  The profile then divides the processor time of a step.
@@ -28,8 +28,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import polars as pl
-from kept_tables import keep, origin
+from kept_tables import keep_timed
 from student import (
     PHYSFEAT,
     Clock,
@@ -204,12 +203,8 @@ def main() -> None:
     if chosen.out:
         write(results, chosen.out)
     if chosen.keep:
-        command = (
-            f"OMP_NUM_THREADS=1 python benchmarks/environment.py --rounds {rounds} --seconds {seconds:g} "
-            f"--keep {chosen.keep}"
-        )
-        where = origin(pl.DataFrame({"seed": [1]}), command, chosen.commit)
-        keep(chosen.keep, [row | where for row in table])
+        timed = {"rounds": rounds, "seconds": float(seconds), "keep": chosen.keep}
+        keep_timed("environment.py", chosen.keep, table, chosen.commit, 1, **timed)
 
 
 if __name__ == "__main__":

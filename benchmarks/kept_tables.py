@@ -26,6 +26,24 @@ def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
     }
 
 
+def keep_timed(script: str, name: str, rows: Sequence[Row], commit: str, seed: int, **options: Any) -> None:
+    """Keep the processor times that a script measured, with the command that repeats it.
+
+    Args:
+        script: File name of the script in benchmarks.
+        name: Name of the table.
+        rows: Cells by column.
+        commit: Measured commit.
+        seed: Seed of the script.
+        options: Values of the script's options by their name, in the order of the command.
+    """
+    values = {key: f"{value:g}" if isinstance(value, float) else value for key, value in options.items()}
+    words = " ".join(f"--{key} {value}" for key, value in values.items())
+    command = f"OMP_NUM_THREADS=1 python benchmarks/{script} {words}"
+    where = origin(pl.DataFrame({"seed": [seed]}), command, commit)
+    keep(name, [row | where for row in rows])
+
+
 def keep(name: str, rows: Sequence[Row], folder: Path = RESULTS) -> None:
     """Write a table of rows with their origin, and regenerate the pages if it is a kept table.
 

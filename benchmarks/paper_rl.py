@@ -1,10 +1,12 @@
 """Result tables of `hydro study paper`, and verdicts on the claims of the paper.
 
+    # Run the study:
     hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet
         --vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml -o study
+    # Keep its tables:
     python -m benchmarks.paper_rl study --commit COMMIT
 
-A study that was stopped has rows for what was run; the others say that they were not run.
+Of a study that was stopped, rows of steps that were not reached say so.
 """
 
 from __future__ import annotations
@@ -96,7 +98,7 @@ def _state(row: Row, study: paper.Study) -> str:
 def flown(study: paper.Study, counted: dict[str, str], continued: Continued) -> list[Row]:
     """Return a row for every task and policy, and for every task and pilot in the reference simulator.
 
-    Beside a policy stand the pilots in the MuJoCo model of its condition.
+    Each policy is followed by the pilots in the MuJoCo model of its condition.
     """
     tests = paper_tables.flights(study).to_dicts()
     if continued:
@@ -148,7 +150,7 @@ def compared(study: paper.Study) -> list[Row]:
 
 
 def errors(study: paper.Study) -> list[Row]:
-    """Return Tables II and III beside the paper's surge errors, as far as they were run."""
+    """Return Tables II and III with the paper's surge errors, as far as they were run."""
     offline, replayed = paper_tables.networks(study)
     rows: list[Row] = [
         {"table": "II, wrench", "protocol": row["protocol"], "model": row["model"]}

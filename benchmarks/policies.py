@@ -5,11 +5,13 @@ from the reference path.  They also contain the energy in seconds of all thruste
 collision rate.  With several trainings they are those of the median training by success, with the range of
 success rates.
 
-    # Test policies, and keep the results.
+    # Test policies:
     hydro rl eval datasets/vehicles/auv151.toml --task slalom --in teacher -o slalom-teacher.parquet
+    # Keep the results:
     python -m benchmarks.policies tasks *.parquet --commit COMMIT --command "hydro rl eval ..."
-    # Measure trainings, and keep the results.
+    # Measure trainings:
     /usr/bin/time -f "%U %S" -o run-0.time hydro rl train datasets/vehicles/auv151.toml --seed 0 -o run-0
+    # Keep the results:
     python -m benchmarks.policies trainings run-* --commit COMMIT --command "hydro rl train ..."
 """
 

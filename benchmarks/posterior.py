@@ -6,11 +6,12 @@ in vehicles drawn from that covariance.  A second test is the reference simulato
 fitted, as it is and with a current, a payload or a dead thruster.  Expert pilots with and without a map run
 all tests too.
 
-    # Fit a vehicle file with its covariance to one minute.
+    # Record one minute:
     hydro collect --vehicle datasets/vehicles/auv151.toml --rows 3000 --seed 44 --noise dvl -o minute.parquet
+    # Fit a vehicle file with its covariance:
     hydro fit datasets/vehicles/auv151.toml minute.parquet --effect added_mass --effect linear_damping
         --effect quadratic_damping -o fitted.toml
-    # Train, test, and keep the results.
+    # Train, test, and keep the results:
     python -m benchmarks.posterior run fitted.toml -o posterior
     python -m benchmarks.posterior keep posterior --commit COMMIT
 """

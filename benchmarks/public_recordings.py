@@ -3,7 +3,7 @@
     python -m benchmarks.public_recordings dive.bag --map map.toml --vehicle vehicle.toml
 
 The last quarter of the sessions, or of the time of a single session, is held out.  Each method predicts 5 s
-of it again and again from the log's own motion.  docs/public-recordings.md says where recordings are, and
+of it again and again from the measured motion.  docs/public-recordings.md says where recordings are, and
 under which licence.  No recording is bundled.
 """
 

@@ -1,6 +1,8 @@
 """Regression of the residual wrench on the Stonefish recordings, and excerpts of them for `hydro explain`.
 
+    # Label the recording:
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
+    # Fit the labels, and cut the excerpts:
     python -m benchmarks.stonefish [RECORDINGS] --labels labels.parquet --excerpts FOLDER
 
 RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet; by default that of

@@ -19,8 +19,7 @@ from typing import Any
 import msgspec
 import numba
 import numpy as np
-import polars as pl
-from kept_tables import keep, origin
+from kept_tables import keep_timed
 from student import (
     TIMESTEP,
     VEHICLES,
@@ -135,12 +134,8 @@ def main() -> None:
     for row in rows:
         print(row)
     if chosen.keep:
-        command = (
-            f"OMP_NUM_THREADS=1 python benchmarks/student_effects.py --rounds {chosen.rounds} "
-            f"--seconds {chosen.seconds:g} --keep {chosen.keep}"
-        )
-        where = origin(pl.DataFrame({"seed": [1]}), command, chosen.commit)
-        keep(chosen.keep, [row | where for row in rows])
+        timed = {"rounds": chosen.rounds, "seconds": float(chosen.seconds), "keep": chosen.keep}
+        keep_timed("student_effects.py", chosen.keep, rows, chosen.commit, 1, **timed)
 
 
 if __name__ == "__main__":

@@ -7,11 +7,11 @@ Speed: control steps of 25 Hz of 64 vehicles together, per second of processor t
 command for each.  GPU speeds are those of the kept table gpu.csv, recorded with the effects of auv151.  A GPU
 runs the kernels, so its error is theirs.
 
-    bare MuJoCo                   rigid body, weight and buoyancy, thrusters
-    ... with added mass           M_A in the mass matrix
-    ... with MuJoCo's ellipsoid   MuJoCo's own fluid model on an ellipsoid of the hull's size
-    effects                       M_A, and linear and quadratic damping fitted to the bundled sample
-    network                       M_A and a PhysicsFeature-MLP trained on the bundled sample
+    bare MuJoCo                   rigid body, weight and buoyancy, thrusters;
+    ... with added mass           M_A in the mass matrix;
+    ... with MuJoCo's ellipsoid   MuJoCo's own fluid model on an ellipsoid of the hull's size;
+    effects                       M_A, and linear and quadratic damping fitted to the bundled sample;
+    network                       M_A and a PhysicsFeature-MLP trained on the bundled sample.
 
 Effects and network run in MuJoCo at 500 Hz and in this project's own kernels, Runge-Kutta at 10 ms.  If
 Stonefish is installed, its speed is measured too; its error is zero by definition.
@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from kept_tables import RESULTS, keep, origin
+from kept_tables import RESULTS, keep_timed
 
 import hydro
 from hydro.core.columns import POSE, VELOCITY, Array
@@ -225,12 +225,9 @@ def main() -> None:
     if chosen.plot:
         plot(rows, chosen.plot)
     if chosen.keep:
-        command = (
-            f"OMP_NUM_THREADS=1 python benchmarks/throughput.py --rounds {chosen.rounds} "
-            f"--seconds {chosen.seconds:g} --keep {chosen.keep} --plot {chosen.plot}"
-        )
-        where = origin(pl.DataFrame({"seed": [0]}), command, chosen.commit)
-        keep(chosen.keep, [row | where for row in cells(rows)])
+        timed = {"rounds": chosen.rounds, "seconds": float(chosen.seconds)}
+        options = {**timed, "keep": chosen.keep, "plot": chosen.plot}
+        keep_timed("throughput.py", chosen.keep, cells(rows), chosen.commit, 0, **options)
 
 
 if __name__ == "__main__":

@@ -3,16 +3,17 @@
 A history is one of five hulls (three simulated from their files with a misjudged damping, two with panel
 hulls that no file describes) with one change, or none:
 
-    abrupt    one thruster loses 20 % of its thrust, or the drag of one axis grows by 20 %, between two dives
-    gradual   the drag of one axis grows by 3 % of its first value with each dive from some dive on
-    none      nothing changes
+    abrupt    one thruster loses 20 % of its thrust, or the drag of one axis grows by 20 %, between two dives;
+    gradual   the drag of one axis grows by 3 % of its first value with each dive from some dive on;
+    none      nothing changes.
 
 Every dive has its own demands, heading and noise.  A results file grows by one history at a time; the same
 command continues an earlier run.  Seeds below 10,000 are for development.  `write` makes
 benchmarks/results/track.csv.
 
+    # Simulate and estimate:
     python -m benchmarks.track run --histories 50 --dives 30 --seconds 300 --first-seed 90000 -o track.parquet
-    # Report, and keep the table.
+    # Report, and keep the table:
     python -m benchmarks.track report track.parquet
     python -m benchmarks.track write track.parquet --commit 1234567
 """

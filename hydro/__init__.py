@@ -3,22 +3,26 @@
 The functions work on polars data frames and vehicles; the command line does the same with files. Importing
 `hydro` is fast, because each function loads its libraries at its first call.
 
-    # Read a recording and a vehicle file.
+    # Read a recording and a vehicle file:
     raw = hydro.read("raw.parquet")
     vehicle = hydro.vehicle("vehicle.toml")
 
-    # Train a network on the recording and replay its commands.
+    # Train a network on the recording:
     split, blocks = hydro.split(hydro.labels(vehicle, raw))
     model = hydro.train(split, model="physfeat")
+
+    # Replay the recorded commands with it:
     series, metrics = hydro.replay(vehicle, raw, models=[model])
 
-    # Find missing effects of a vehicle file, and add them.
+    # Find missing effects of a vehicle file:
     found = hydro.diagnose(vehicle, raw)
     print(found.headline)
+
+    # Add them step by step:
     study = hydro.explain(vehicle, raw, holdout=hydro.read("heldout.parquet"))
     better = study.vehicle
 
-    # Step or view the vehicle in MuJoCo.
+    # Step or view the vehicle in MuJoCo:
     model, data = hydro.student(vehicle)
 """
 

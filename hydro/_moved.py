@@ -1,8 +1,8 @@
 """Import names of version 0.1 that have moved; they work for one more version with a `DeprecationWarning`.
 
 A finder at the end of `sys.meta_path` handles only modules that no other finder has found.  It imports the
-module under its new name and returns the same object, so classes stay identical.  When version 0.2 is out,
-delete this file, its call in `hydro/__init__.py`, and the `__getattr__` of `core.vehicle` and
+module under its new name and returns the same object, so classes stay identical.  After version 0.2.0 is
+published, delete this file, its call in `hydro/__init__.py`, and the `__getattr__` of `core.vehicle` and
 `core.recording`.
 """
 

@@ -69,7 +69,7 @@ def test_add_leaves_out_suspects_and_says_so(tmp_path: Path, capsys: pytest.Capt
     target = tmp_path / "vehicle2.toml"
     assert cli.main(["add", str(VEHICLE), str(tmp_path / "d.parquet"), "-o", str(target)]) == 0
     assert vehicles.read(target)[0].effects("body_lift") == ()
-    assert "only suspected: body_lift (confidence 50%)" in capsys.readouterr().err
+    assert "only unconfirmed effects: body_lift (confidence 50%)" in capsys.readouterr().err
 
 
 def test_add_with_effect_adds_only_the_named_finding(diagnosis: Path, tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ LEVELS = {
     ),
     "hydro.sim": (
         ("film", "gpu", "kernel_plant", "replay", "stonefish", "teacher_plant"),
+        ("fleet_plant",),
         ("flight",),
         ("plant", "scene", "single", "teacher"),
         ("craft", "student"),

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hydro.core.diagnosis.findings import Prediction, Status
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.vehicle.description import Vehicle
+    from hydro.report.next_steps import NextStep
     from hydro.report.result_axes import Axes
 
 CHI2 = ("given", "own_effects", "found")
@@ -35,11 +36,11 @@ class Diagnosis(Result):
         table: Diagnosis table, one finding per row, that with the largest share of the error first.
         status: Overall result: `kind` is `fault`, `stated`, `uncertain`, `unexplained` or `nothing`, and
             `sentences` has one or two sentences for each effect.
-        vehicle: Vehicle with the stated findings, as `hydro.add` with `force=True` returns it; the given
-            vehicle if none is stated.
+        vehicle: Vehicle with the confirmed findings (confidence of 0.9 or more), as `hydro.add` with
+            `force=True` returns it; the given vehicle if none is confirmed.
         chi2: Mean squared residual in units of the noise variance (1: noise alone), three numbers: of the
             vehicle as given, with its own effects refitted, and with the findings.
-        prediction: Errors of predictions before and after the stated findings are added [m/s], measured on
+        prediction: Errors of predictions before and after the confirmed findings are added [m/s], measured on
             parts that the fits left out.  None if no session is long enough, or if `before` was given.
         estimates: Values that were fitted together, with their covariance; None if none were fitted.
         changed: Whether the findings are changes since an earlier recording (`before`).
@@ -80,6 +81,13 @@ class Diagnosis(Result):
     def headline(self) -> str:
         """Overall result in one line: the number of corrections, and a short sentence for each."""
         return self.status.headline
+
+    @property
+    def next_step(self) -> NextStep:
+        """Recommended next step: its `action`, such as `add`, its `words`, and `effects` to add by name."""
+        from hydro.report.next_steps import next_steps
+
+        return next_steps(self.table, self.prediction)[0]
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -137,25 +145,31 @@ class Diagnosis(Result):
         return panels
 
     def to_json(self) -> str:
-        """Return headline, findings, chi-square and prediction errors, as `hydro diagnose --json` does."""
+        """Return headline, next step, findings, chi-square and errors, as `hydro diagnose --json` does."""
         from hydro.report.json_text import json_text
 
         errors = {} if self.prediction is None else {"prediction": asdict(self.prediction)}
         chi2 = dict(zip(CHI2, self.chi2, strict=True))
-        return json_text(headline=self.headline, findings=self.table, chi2=chi2, **errors)
+        step = asdict(self.next_step)
+        return json_text(headline=self.headline, next=step, findings=self.table, chi2=chi2, **errors)
 
     def _above(self) -> Sequence[str]:
+        from hydro.report.next_steps import in_python
+
+        step, call = self.next_step, in_python(self.next_step)
+        following = f"Next: {step.words}{f', `{call}`' if call else ''}."
         values = [one for one in self.table.sort("rank")["sentence"] if one and one not in self.headline]
         errors = [] if self.prediction is None else [_in_words(self.prediction)]
-        return (self.headline, *values, *errors)
+        return (self.headline, following, *values, *errors)
 
     def _below(self) -> Sequence[str]:
-        from hydro.report.diagnosis import SHARES, has_shares, look_up
+        from hydro.report.diagnosis import SHARES, UNCONFIRMED, has_shares, has_unconfirmed, look_up
 
         rows = [row for row in self.table.sort("rank").to_dicts() if row["verdict"] != "not_excited"]
         unseen = ", ".join(self.unseen)
         return (
             *([SHARES] if has_shares(rows) else []),
+            *([UNCONFIRMED] if has_unconfirmed(rows) else []),
             *(line.text for line in look_up([row["effect"] for row in rows])),
             *([f"Not visible in this recording: {unseen}."] if unseen else []),
         )
@@ -175,7 +189,7 @@ def _in_words(known: Prediction) -> str:
 
 
 def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
-    """Return a vehicle with the stated findings of a diagnosis table; the same vehicle if none is stated."""
+    """Return a vehicle with the confirmed findings of a diagnosis table; without any, the same vehicle."""
     import polars as pl
 
     from hydro.core.diagnosis.findings import STATED, extended, tables

@@ -167,8 +167,8 @@ def diagnose(
         progress: called as `progress(words, share)`: the present work, and the share that is done, 0 to 1.
 
     Returns:
-        The diagnosis: `headline`, `vehicle` with the stated findings, and `table` with one finding per row,
-        that with the largest share of the error first, with verdict, values, confidence and advice.
+        The diagnosis: `headline`, `vehicle` with the confirmed findings, and `table` with one finding per
+        row, that with the largest share of the error first, with verdict, values, confidence and advice.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
@@ -199,8 +199,8 @@ def add(
     Args:
         vehicle: vehicle that was diagnosed or fitted.
         diagnosis: result of `hydro.diagnose` or `hydro.fit`, or a diagnosis table.
-        effects: names of the effects to add; by default all fitted or stated ones. A suspected effect
-            (confidence below 0.9) is added only by its name.
+        effects: names of the effects to add; by default all that were fitted, or all confirmed ones. An
+            unconfirmed effect (confidence below 0.9) is added only by its name.
         force: add findings even if they do not lower the prediction error on held-out data. A plain table
             does not have that error, so its findings are not checked.
 

@@ -28,8 +28,8 @@ class Step:
     Attributes:
         number: Number of the step; step 0 is the vehicle as given.
         added: Names of the effects that the step added; if it added none, of those that got new values.
-        stated: Whether the diagnosis of the previous step states these effects, with a confidence of 0.9 or
-            more; False for step 0.
+        stated: Whether these effects are confirmed: the diagnosis of the previous step names them with a
+            confidence of 0.9 or more. False for step 0.
         tables: `[[effect]]` tables of all effects that were fitted together, with standard errors; empty for
             step 0.
         vehicle: Vehicle with these effects.
@@ -55,7 +55,7 @@ class Step:
 
         Args:
             rung: Step of `hydro.core.explanation`.
-            stated: Whether the diagnosis of the previous step states the added effects.
+            stated: Whether the diagnosis of the previous step confirms the added effects.
             changed: Whether a recording from before a change was given.
         """
         from hydro.io.table import conform
@@ -181,7 +181,7 @@ class Study(Result):
 
     @property
     def headline(self) -> str:
-        """Corrections of the vehicle in one line; "unconfirmed" marks those that no test confirmed."""
+        """Corrections of the vehicle in one line; "unconfirmed" marks a confidence below 0.9."""
         return self.answer
 
     @property

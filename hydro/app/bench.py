@@ -111,7 +111,7 @@ class Bench:
             elif isinstance(content, Provisional):
                 self.provisional = (
                     f"so far: {words.effect_name(content.effect)} ({in_words(content.confidence)}), "
-                    f"removes {words.percent(content.share)} of the error above the noise"
+                    f"removes {words.percent(content.share)} of the squared error above the noise"
                 )
 
         try:

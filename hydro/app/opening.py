@@ -165,7 +165,7 @@ def propose_map(
 
 
 def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Return the settings of a block with a fixed choice, such as its unit, and their choices.
+    """Return the settings of a block of a map that have fixed choices, such as its unit, with the choices.
 
     Args:
         name: Name of the block, one of `map_lines.KINDS`.

@@ -8,18 +8,17 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.panel import begun
 from hydro.core.columns import DOF, UNITS, VELOCITY
 from hydro.report import words
 
 
 def show(bench: Bench) -> None:
     """Make the panel."""
-    session = bench.session
-    ui.html("<h2>Compare measured and predicted motion</h2>", sanitize=False)
-    if session.live is None:
-        ui.html("<p>Open a recording first.</p>", sanitize=False)
+    session, live = bench.session, begun(bench, "Compare measured and predicted motion")
+    if live is None:
         return
-    horizons: dict[float | str, str] = {one: f"{one:g} s" for one in session.live.horizons}
+    horizons: dict[float | str, str] = {one: f"{one:g} s" for one in live.horizons}
     horizons["whole"] = "whole run"
     ui.html("<h3>Prediction horizon</h3>", sanitize=False)
     ui.toggle(

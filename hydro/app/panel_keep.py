@@ -8,15 +8,14 @@ from nicegui import ui
 
 from hydro.app import shown_commands
 from hydro.app.bench import MODIFIED, Bench
+from hydro.app.panel import begun
 from hydro.core.errors import HydroError
 
 
 def show(bench: Bench) -> None:
     """Make the panel."""
     session = bench.session
-    ui.html("<h2>Keep the result</h2>", sanitize=False)
-    if session.live is None:
-        ui.html("<p>Open a recording first.</p>", sanitize=False)
+    if begun(bench, "Keep the result") is None:
         return
     folder = bench.desk.places.folders[0]
     ui.html(f"<p>Files are saved in {escape(str(folder))}.</p>", sanitize=False)

@@ -8,6 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.panel import begun
 from hydro.core.diagnosis.findings import WITH_VALUES, extended, tables
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import HydroError
@@ -23,9 +24,7 @@ UNSEEN = "not_excited"
 def show(bench: Bench) -> None:
     """Make the panel."""
     session = bench.session
-    ui.html("<h2>Learn which effects are missing</h2>", sanitize=False)
-    if session.live is None:
-        ui.html("<p>Open a recording first.</p>", sanitize=False)
+    if begun(bench, "Learn which effects are missing") is None:
         return
     with ui.element("div").classes("row"):
         ui.button("Diagnosed" if session.diagnosed else "Diagnose", on_click=bench.diagnose).props(

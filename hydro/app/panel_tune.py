@@ -7,6 +7,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.panel import begun
 from hydro.app.parameters import Slider
 from hydro.core.effects import CATALOGUE
 from hydro.report import words
@@ -18,9 +19,7 @@ MOST_OPEN = 4
 def show(bench: Bench) -> None:
     """Make the panel."""
     session = bench.session
-    ui.html("<h2>Add effects and tune their numbers</h2>", sanitize=False)
-    if session.live is None:
-        ui.html("<p>Open a recording first.</p>", sanitize=False)
+    if begun(bench, "Add effects and tune their numbers") is None:
         return
     with ui.element("div").classes("row"):
         ui.button("Fit the ticked", on_click=bench.fit).props("unelevated dense no-caps color=primary").mark(

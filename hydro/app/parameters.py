@@ -23,7 +23,7 @@ REACH = 10.0
 STEPS = 1000
 """Minimum number of positions of a slider, finer than a screen shows."""
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Names of the entries of a 6-vector."""
+"""Names of the components of a 6-vector."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _step(width: float) -> float:
 
 
 def _place(parameter: Parameter, index: Index, vehicle: Vehicle) -> str:
-    """Return the name of an entry: an axis, a thruster, or its number."""
+    """Return the name of a component: an axis, a thruster, or its number."""
     if not index:
         return ""
     if parameter.shape == ("thrusters",):

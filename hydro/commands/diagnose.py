@@ -149,18 +149,18 @@ def diagnose(
 
     The thrusters are audited first, as by hydro check VEHICLE LOG. If their directions or the order of the
     columns contradict the file, that is the only finding, because it would distort all others.
-    --correct-thrusters continues with directions and order as the audit states them.
+    --correct-thrusters continues with directions and order as the audit finds them.
 
     The effects of the file are re-estimated before the tests, except those that the file holds as `known` or
     --known names. A recording that clearly contradicts a known value is a finding. The covariance of all
     values is written next to the table that -o names.
 
     If no model comes near the noise, as for a hull that no file describes exactly, unknown hull forces are
-    allowed for. Drag, lift and added mass are then at most suspected.
+    allowed for. Drag, lift and added mass then remain unconfirmed.
 
     With --before a hull-force model is fitted to the recording before the change, and held fixed. Ten minutes
     with motion on all axes give a better model than two. The file's effects keep their values, and a change
-    of one is a finding. A change is stated if it removes 10 % or more of the error on data that it was not
+    of one is a finding. A change is confirmed if it removes 10 % or more of the error on data that it was not
     fitted to. Command columns that were exchanged or reversed since are the first finding.
 
     With --model a network of hydro train replaces the hull-force model. Train it on labels of the unchanged
@@ -174,7 +174,7 @@ def diagnose(
 
     With --discover a formula is fitted if no effect explains the error: sparse terms of velocities, products,
     tilt and commands. Each term must reduce the error on sessions and regimes that it was not fitted to. A
-    formula is suspected, never stated. Add it by its name if its terms make sense for the vehicle.
+    formula is always unconfirmed. Add it by its name if its terms make sense for the vehicle.
 
         hydro diagnose vehicle.toml raw.parquet --discover -o diagnosis.parquet
         hydro add vehicle.toml diagnosis.parquet --effect formula \
@@ -205,6 +205,7 @@ def diagnose(
     from hydro.io import vehicle as vehicles
     from hydro.report import change
     from hydro.report.diagnosis import Context
+    from hydro.report.next_steps import next_steps
 
     printing = Printing(output, as_text, as_json)
     if fly is not None:
@@ -256,6 +257,7 @@ def diagnose(
         errors = {"prediction": asdict(found.prediction)} if found.prediction else {}
         print_json(
             headline=found.headline,
+            next=asdict(next_steps(found.frame(), found.prediction)[0]),
             findings=found.frame(),
             chi2=dict(zip(CHI2, found.chi2, strict=True)),
             **errors,
@@ -346,7 +348,7 @@ def add(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="Finding to add; default: all that are stated. May be repeated.",
+            help="Finding to add; default: all confirmed ones. May be repeated.",
         ),
     ] = None,
     force: Annotated[
@@ -358,8 +360,9 @@ def add(
 ) -> None:
     r"""Add the findings of a diagnosis to a vehicle file.
 
-    Adds the findings that are stated. A missing effect becomes an [[effect]] table at the end of the file; an
-    effect of the file gets new values. A suspect (confidence below 90 %) is added only by its name.
+    Adds the confirmed findings. A missing effect becomes an [[effect]] table at the end of the file; an
+    effect of the file gets new values. An unconfirmed effect (confidence below 90 %) is added only by its
+    name.
 
         hydro add vehicle.toml diagnosis.parquet --effect ocean_current \
           -o vehicle-1.toml

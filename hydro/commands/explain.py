@@ -98,12 +98,12 @@ def explain(
     The thrusters are audited first, as by hydro check VEHICLE LOG. If their directions or the order of the
     columns contradict the file, nothing is added.
 
-    A finding that is stated makes a step. If none is stated, and a suspect has a confidence of 20 % or more
-    or no model comes near the noise, suspects are tried together with other candidates of the catalogue. The
-    one with the best predictions 5 s ahead, on data that its fit leaves out, is added if it lowers their
-    error by 2 % or more. Such a step is unconfirmed: it predicts better, but no significance test confirmed
-    its name. A study has six steps at most. Without --holdout, parts of the recording are left out of the fit
-    instead.
+    A confirmed finding (confidence of 90 % or more) makes a step. Without one, unconfirmed findings and other
+    candidate effects of the catalogue are tried, if a finding has a confidence of 20 % or more or no model
+    comes near the noise. The one with the best predictions 5 s ahead, on data that its fit leaves out, is
+    added if it lowers their error by 2 % or more. Such a step is unconfirmed: it predicts better, but its
+    name may be wrong. A study has six steps at most. Without --holdout, parts of the recording are left out
+    of the fit instead.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and vehicle-K.covariance.parquet of
     every step K, and ladder.parquet with the errors of all. For the first and the best step it gets
@@ -113,8 +113,8 @@ def explain(
     same folder replaces it.
 
     With --before a hull-force model is fitted to the recording before the change. The model and the file's
-    own values are held fixed. A step adds the change that is stated, or suspected with a confidence of 20 %
-    or more, and refits it together with earlier changes. Errors are in units of the error of the hull-force
+    own values are held fixed. A step adds a change with a confidence of 20 % or more, a confirmed one
+    first, and refits it together with earlier changes. Errors are in units of the error of the hull-force
     model on parts of the first recording that it was not fitted to. --holdout is then a recording of the
     changed vehicle.
 
@@ -124,8 +124,8 @@ def explain(
         hydro explain vehicle.toml raw.parquet --add ocean_current \
           --add best -o study
 
-    With --discover a step adds a formula of sparse terms if no effect is stated and the formula reduces the
-    error on regimes of motion that it was not fitted to; see hydro diagnose.
+    With --discover a step adds a formula of sparse terms if no effect is confirmed. The formula must reduce
+    the error on regimes of motion that it was not fitted to; see hydro diagnose.
 
         hydro explain vehicle.toml raw.parquet --discover -o study
     """

@@ -351,7 +351,7 @@ def tell_provisional(
         from hydro.report import words
 
         told = f"{words.effect_name(best.effect)} ({in_words(best.confidence)})"
-        message(f"hydro: provisional: {told}, removes {words.percent(best.share)} of the error")
+        message(f"hydro: provisional: {told}, removes {words.percent(best.share)} of the squared error")
 
     return tell
 

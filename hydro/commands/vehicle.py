@@ -57,7 +57,7 @@ class Asked:
         return not self.thrusters and self.layout != "none" and self.thrust is None and self.curve != T200
 
     def missing(self, mesh: bool) -> list[str]:
-        """Return the required options that are missing."""
+        """Return the names of options that an estimate needs and that were not given."""
         lacking = ["--mass"] if self.mass is None else []
         if not mesh:
             names = ("--length", "--width", "--height")

@@ -151,9 +151,13 @@ def copy_kernel(values: Any, out: Any) -> None:
 
 
 def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
-    """Compile with `numba.cfunc` (a native function pointer, called without the GIL), with the same cache.
+    """Return a decorator that compiles a function with `numba.cfunc` and caches the code.
 
-    `counted`: see `kernel`.
+    C code can call the result by its address, without Python's global lock.
+
+    Args:
+        signature: Types of the result and of the arguments, as `numba.cfunc` takes them.
+        counted: Whether references to arrays are counted; False is faster, see `kernel`.
     """
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
 

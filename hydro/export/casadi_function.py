@@ -263,7 +263,7 @@ def _states(vehicle: Vehicle, model: Model) -> list[Any]:
 
 
 def without_delays(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle of f: without delays."""
+    """Return the vehicle without command delays, as the exported differential equation f has it."""
     still = without_effects(vehicle, delays)
     return msgspec.structs.replace(
         still, thruster=tuple(msgspec.structs.replace(one, delay=0.0) for one in still.thruster)
@@ -280,7 +280,7 @@ def delays(effect: Any) -> bool:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Return errors of the DVL, and delays: `step` includes them, the differential equation f cannot."""
+    """Return the effects that the differential equation f cannot represent: DVL errors and command delays."""
     found = lacking_effects(vehicle, sensor_reason)
     if (thruster_table(vehicle)[:, DELAY] > 0.0).any():
         why = "included in step, as past commands; f and jacobian take delayed commands"

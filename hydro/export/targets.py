@@ -64,7 +64,7 @@ class Target:
 
 
 def targets() -> dict[str, Target]:
-    """Return all targets by name."""
+    """Return all targets of `hydro export` by the name that `--to` takes."""
     found = [import_module(f"hydro.export.{module}").TARGET for module in MODULES]
     return {target.name: target for target in found}
 

@@ -95,7 +95,7 @@ def refuse_device(source: Source) -> None:
 
 
 def check_file(destination: str | Path) -> None:
-    """Check that `whole_file` could write to a place, without writing.
+    """Check that a file could be written to a place, without writing it.
 
     Raises:
         DataError: It is a folder, or its folder is missing or not writable.

@@ -30,7 +30,7 @@ Several = Annotated[int, msgspec.Meta(ge=1, le=1024)]
 
 
 class Architecture(TypedDict, total=False):
-    """Description from which the layers are built; networks from elsewhere may have further keys."""
+    """Architecture of a residual network in its file: name, features and sizes of layers, by key."""
 
     model: str
     features: str

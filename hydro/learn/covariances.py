@@ -82,10 +82,16 @@ def mirrored(axis: int) -> NDArray[np.bool_]:
 
 
 def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
-    """Return the covariances of the processes (N, M) in the order of GUESSES, then of two that are no drag.
+    """Return covariance matrices (N, M) of the Gaussian processes whose sum is the hull force on an axis.
 
-    The last two are the covariances of d_i d_j at p = 2, as the symmetry allows and excludes them.  They are
-    parts of two earlier entries.
+    They are in the order of GUESSES.  Two that are no drag follow: the covariances of d_i d_j at p = 2, those
+    that the symmetry of the hull allows and those that it excludes.  Two earlier matrices contain them.
+
+    Args:
+        one: Motion at N points.
+        other: Motion at M points.
+        images: Covariances between mirror images of the motions, see `core.residual.mirrors`.
+        axis: Axis of the wrench, 0 to 5.
     """
     own = mirrored(axis)
     grown = [np.outer(one.size**p, other.size**p) for p in range(1, POWERS + 1)]

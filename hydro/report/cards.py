@@ -8,7 +8,7 @@ import polars as pl
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import listed
-from hydro.core.experiment.advice import separating
+from hydro.core.experiment.advice import ADD, separating
 from hydro.io import vehicle as vehicles
 from hydro.report import diagnosis, plots, recorded, words
 from hydro.report.change import of_change
@@ -172,8 +172,13 @@ def _card(
         "values": [(one.name, words.with_error(one), one.unit) for one in values],
         "long": len(values) > MOST_VALUES,
         "charts": drawn,
-        "advice": "" if added and row["verdict"] in ADDED else row["advice"],
+        "advice": "" if added and row["verdict"] in ADDED else _beyond_adding(row["advice"]),
     }
+
+
+def _beyond_adding(advice: str) -> str:
+    """Return advice without its call to add the finding, which the head of the page has."""
+    return "" if advice == ADD else advice.removeprefix(f"{ADD}; ")
 
 
 def _drawn(values: list[Value]) -> list[Value]:

@@ -55,8 +55,9 @@ def learnt(before: Mapping[str, Any]) -> str:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"
     return (
-        f"Earlier recording ({before['recording']}): reduced chi-square (1: noise alone) "
-        f"{before['given']:.3g} of the file, {before['left']:.3g} {model}."
+        f"Before the change ({before['recording']}), the squared error of short predictions is "
+        f"{before['given']:.3g} times that of noise alone with the file, and {before['left']:.3g} times "
+        f"{model}. A change that causes less error than this remains invisible."
     )
 
 
@@ -76,8 +77,11 @@ def left(chi2: tuple[float, ...]) -> str:
     Args:
         chi2: Mean squared residuals of the diagnosis, in units of the residual of the hull-force model.
     """
-    found = f", {chi2[-1]:.3g} with the findings added" if chi2[-1] != chi2[0] else ""
-    return f"Recording after, in units of that (1: nothing has changed): {chi2[0]:.3g}{found}."
+    found = f", and {chi2[-1]:.3g} times with the findings added" if chi2[-1] != chi2[0] else ""
+    return (
+        f"After the change, the squared error is {chi2[0]:.3g} times that remaining error{found}; 1 means "
+        "that nothing else has changed."
+    )
 
 
 def errors(comparison: pl.DataFrame) -> pl.DataFrame:

@@ -14,6 +14,8 @@ from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 MOTIONS = dict(zip(WRENCH, DOF, strict=True)) | {"all": "all axes"}
 """Names of motion for the axes of a wrench."""
+EVEN = 1.25
+"""Ratio of a regime's share of the error to its share of the time up to which the regime is not special."""
 WORST = 3
 """Number of regimes of motion that an answer names."""
 MISSING, CHANGED = "Find what is missing:", "Find what has changed:"
@@ -101,10 +103,19 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
     if within_noise(comparison):
         return
     ranked = failures(comparison).head(WORST)
+    shares = comparison.filter(pl.col("rank").is_not_null()).sort("rank").select("share", "rows")
+    rows = comparison.filter(level="force", by="all")["rows"].max()
     yield EMPTY
-    yield Text("Where it fails most (share of the force error above the noise floor):", bold=True)
-    for place, share, time in ranked.select("place", "error", "time").iter_rows():
-        yield Text(f"{place[:1].upper()}{place[1:]}: {share} in {time} of the time.", indent=2)
+    yield Text("Where it fails most (share of the squared force error above the noise floor):", bold=True)
+    for told, (number, count) in zip(ranked.to_dicts(), shares.rows(), strict=False):
+        even = ", about as much as its time" if is_even(number, count / rows) else ""
+        where = f"{told['place'][:1].upper()}{told['place'][1:]}"
+        yield Text(f"{where}: {told['error']} in {told['time']} of the time{even}.", indent=2)
+
+
+def is_even(share: float, time: float) -> bool:
+    """Return whether a regime has about the same share of the error as of the time, both from 0 to 1."""
+    return time / EVEN <= share <= EVEN * time
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
@@ -180,7 +191,7 @@ def _capital(text: str) -> str:
 def worst_place(comparison: pl.DataFrame) -> str:
     """Return a sentence on the regime with the largest share of the error."""
     place, share, time = failures(comparison).select("place", "error", "time").row(0)
-    return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained error in {time} of the time."
+    return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained squared error in {time} of the time."
 
 
 def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:

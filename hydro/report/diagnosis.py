@@ -20,6 +20,7 @@ from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 from hydro.report.following import Call
+from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, RUN, NextStep, next_steps
 from hydro.report.screen import EMPTY, MOST_LINES, Block, Following, Text, fitted, table
 
 TITLES = {
@@ -44,9 +45,12 @@ MORE = "{count}, not shown: add --details."
 """Note on findings that do not fit on the screen."""
 SHARES = "Shares are of the squared error above the noise, and need not sum to 100 %."
 """Note on the shares of findings."""
+UNCONFIRMED = "Unconfirmed: the confidence in the name is below 90 %."
+"""Note on findings whose title says so."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
 """Options of `hydro diagnose` that `hydro compare` does not have."""
-NOTHING_NEXT = Following()
+FLIP = "reverse thrusters in the vehicle file"
+"""Words for the step that corrects thrusters which are reversed but not swapped."""
 
 
 @dataclass(frozen=True)
@@ -87,37 +91,86 @@ class Context:
 
     @property
     def refused(self) -> bool:
-        """Whether `hydro add` refuses the stated findings, because they do not lower the error."""
+        """Whether `hydro add` refuses the confirmed findings, because they do not lower the error."""
         return self.prediction is not None and self.prediction.refuted
 
 
 def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = False) -> list[Text]:
-    """Return a diagnosis as lines of a terminal.
+    """Return a diagnosis as lines of a terminal: the headline, the next command, errors, and findings.
 
     Args:
         frame: Diagnosis table.
         about: Other data of the answer.
         width: Columns.
-        whole: Whether all findings are shown, even if they do not fit on the screen.
+        whole: Whether all findings and alternative commands are shown, even if they do not fit on the screen.
     """
     head = [Text(about.headline, bold=True)] if about.headline else []
+    first, *others = commands(frame, about) or [Following()]
+    if first.words:
+        head += [EMPTY, *first.lines(width)]
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    notes = [Text(SHARES)] * has_shares(rows) + look_up([row["effect"] for row in rows])
+    notes = [Text(SHARES)] * has_shares(rows) + [Text(UNCONFIRMED)] * has_unconfirmed(rows)
+    notes += look_up([row["effect"] for row in rows])
     tail = [EMPTY, *notes] if notes else []
     tail += [EMPTY, Text(about.learned)] if about.learned else []
-    last = list(_without_findings(about, width)) if not rows else []
+    tail += unseen(frame, about)
+    if whole and others:
+        tail += [EMPTY, Text("Instead of the next command:", bold=True)]
+        tail += [line for one in others for line in one.lines(width)]
     blocks = list(_blocks(rows, about))
-    complete = fitted(head, blocks, [*tail, *unseen(frame, about, width), *last], width, "")
+    complete = fitted(head, blocks, tail, width, "")
     if whole or len(complete) <= MOST_LINES:
         return complete
-    return fitted(head, blocks, [*tail, *unseen(frame, about, width, short=True), *last], width, MORE)
+    return fitted(head, blocks, tail, width, MORE)
+
+
+def commands(frame: pl.DataFrame, about: Context) -> list[Following]:
+    """Return the next command, then its alternatives, which write other files.
+
+    Args:
+        frame: Diagnosis table.
+        about: Other data of the answer.
+    """
+    found: list[Following] = []
+    for step in next_steps(frame, about.prediction):
+        told = FLIP if step.action == CORRECT and about.reversed else step.words
+        label = f"{_capital(told)}:" if found else f"Next: {told}:"
+        if words_of := _command(step, about, alone=not found):
+            found.append(Following(label, words_of))
+    return found
+
+
+def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None:
+    """Return the words of a step's command; None if the inputs cannot be read again.
+
+    Args:
+        step: The step.
+        about: Other data of the answer.
+        alone: Whether no other command of the answer may write `vehicle-1.toml`.
+    """
+    call = about.call
+    if call is None:
+        return None
+    if step.action == ADD:
+        name, *_ = (*step.effects, "found")
+        return call.adding(*step.effects, into="" if alone else name.partition(":")[0])
+    if step.action == CORRECT:
+        if about.reversed:
+            return call.flipping(about.reversed)
+        return call.again("diagnose", "--correct-thrusters")
+    if step.action == EXPLAIN:
+        return call.again("explain", "-o", "study")
+    if step.action == RUN:
+        return call.designing() if about.open else None
+    assert step.action == COMPARE
+    return call.again("compare", without=DIAGNOSE_ONLY)
 
 
 def _has_block(row: Mapping[str, Any]) -> bool:
-    """Return whether a finding has a block; a fault of the log has one only for its next command."""
-    return row["verdict"] not in SILENT and (row["verdict"] != "log_fault" or is_of_thrusters(row))
+    """Return whether a finding has a block; the headline has faults of the log."""
+    return row["verdict"] not in (*SILENT, "log_fault")
 
 
 def errors(known: Prediction) -> Iterator[Text]:
@@ -145,17 +198,11 @@ def _columns(after: bool, floor: bool) -> list[int]:
 
 
 def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
-    """Yield a block for each finding: stated ones first, with the command that adds all of them."""
+    """Yield a block for each finding, confirmed ones first."""
     stated = [row for row in rows if row["verdict"] in STATED]
     others = [row for row in rows if row["verdict"] not in STATED]
-    for place, row in enumerate([*stated, *others]):
-        following = NOTHING_NEXT
-        if place >= len(stated):
-            following = _following(row, about)
-        elif place == len(stated) - 1:
-            following = _adding(about, len(stated))
-        number = place + 1 if len(rows) > 1 else 0
-        yield Block([EMPTY, *finding(row, about, number)], following)
+    for place, row in enumerate([*stated, *others], 1):
+        yield Block([EMPTY, *finding(row, about, place if len(rows) > 1 else 0)])
 
 
 def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
@@ -166,8 +213,6 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
         about: Other data of the answer.
         number: Its number; 0 if it is the only one.
     """
-    if is_of_thrusters(row):
-        return  # it is in the headline
     place = f"{number}. " if number else ""
     sure = sureness(row)
     yield Text(f"{place}{title(row, about)}{f': {sure}' if sure else ''}.", bold=True)
@@ -214,7 +259,7 @@ def facts(row: Mapping[str, Any]) -> str:
     if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
         return ""
     if row["verdict"] in UNEXPLAINED:
-        return f"{words.percent(share)} of the error remains."
+        return f"{words.percent(share)} of the squared error remains."
     told = _share(row)
     rivals = [words.effect_name(name) for name in row["members"] if name != row["effect"]]
     if row["verdict"] == "cannot_tell_apart":
@@ -230,17 +275,22 @@ def _share(row: Mapping[str, Any]) -> str:
     low, high = row["share_low"], row["share_high"]
     told = words.percent(row["share_of_error_explained"])
     if row["verdict"] == "retune" and low is None:
-        return f"The file's values cause {told} of the error of the file as given"
+        return f"The file's values cause {told} of the squared error of the file as given"
     if low is not None and high is not None and (interval := words.between(low, high)) != told:
         told = f"{told} ({interval})"
     if row["verdict"] in STATED:
-        return f"Without it {told} of the error returns"
-    return f"It removes {told} of the error"
+        return f"Without it {told} of the squared error returns"
+    return f"It removes {told} of the squared error"
 
 
 def has_shares(rows: Sequence[Mapping[str, Any]]) -> bool:
     """Return whether a finding has a share, so that shares need a note."""
     return any(facts(row) for row in rows)
+
+
+def has_unconfirmed(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether a finding is unconfirmed, so that the word needs a note."""
+    return any(row["verdict"] == "suspect" for row in rows)
 
 
 def look_up(effects: Sequence[str]) -> list[Text]:
@@ -253,14 +303,12 @@ def look_up(effects: Sequence[str]) -> list[Text]:
     return [Text(f"Look up an effect: hydro effects {known[0]}")] if known else []
 
 
-def unseen(frame: pl.DataFrame, about: Context, width: int, *, short: bool = False) -> Iterator[Text]:
+def unseen(frame: pl.DataFrame, about: Context) -> Iterator[Text]:
     """Yield the effects that the recording cannot show, with the manoeuvre that would show the first one.
 
     Args:
         frame: Diagnosis table.
         about: Other data of the answer.
-        width: Columns.
-        short: Whether the command that designs the manoeuvre is only mentioned.
     """
     names = frame.filter(verdict="not_excited").sort("rank")["effect"].unique(maintain_order=True).to_list()
     if not names:
@@ -271,14 +319,7 @@ def unseen(frame: pl.DataFrame, about: Context, width: int, *, short: bool = Fal
     yield EMPTY
     motion, what = _capital(CATALOGUE[names[0]].excitation), "it" if len(names) == 1 else shown[0]
     told = f"Not visible in this log: {listed(shown)}. {motion} would show {what}"
-    if not (about.open and about.call is not None):
-        yield Text(f"{told}.")
-    elif short:
-        yield Text(f"{told}; --next-run FILE designs that run.")
-    else:
-        yield Text(f"{told}.")
-        again = about.call.again("diagnose", "--next-run", "next.parquet", "-o", "diagnosis.parquet")
-        yield from Following("Design that run:", again).lines(width)
+    yield Text(f"{told}; --next-run FILE designs that run." if about.open and about.call else f"{told}.")
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
@@ -303,59 +344,16 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
 
 
 def fits(chi2: Sequence[float]) -> str:
-    """Return the reduced chi-squares of a diagnosis in a sentence."""
+    """Return the reduced chi-squares of a diagnosis in a sentence.
+
+    Args:
+        chi2: Of the file as given, with its effects re-estimated, and with the findings added.
+    """
     given, own, found = chi2
     return (
         f"Reduced chi-square (1: noise alone): {given:.3g} of the file, {own:.3g} with its own effects "
         f"re-estimated, {found:.3g} with the findings added."
     )
-
-
-def _without_findings(about: Context, width: int) -> Iterator[Text]:
-    """Yield the next command of a diagnosis without findings."""
-    if about.call is not None:
-        yield EMPTY
-        again = about.call.again("compare", without=DIAGNOSE_ONLY)
-        yield from Following("Errors of other horizons and by regime:", again).lines(width)
-
-
-def _adding(about: Context, count: int) -> Following:
-    """Return the next command for stated findings: add them, or try single steps if they do not help."""
-    if about.call is None:
-        return NOTHING_NEXT
-    if about.refused:
-        return Following(
-            "Try steps, and keep those that lower the error:", about.call.again("explain", "-o", "study")
-        )
-    what = "it" if count == 1 else f"all {count}"
-    return Following(f"Add {what} to the vehicle file:", about.call.adding())
-
-
-def _following(row: Mapping[str, Any], about: Context) -> Following:
-    """Return the next command for a finding that is not stated."""
-    call, known = about.call, about.prediction
-    if call is None:
-        return NOTHING_NEXT
-    if row["verdict"] == "suspect":
-        if known is None or row["error_added"] is None or row["error_added"] < known.given:
-            return Following("Add it to the vehicle file by its name:", call.adding(row["effect"]))
-        return Following(
-            "Alone it does not lower the error. Try steps, and keep those that do:",
-            call.again("explain", "-o", "study"),
-        )
-    if is_of_thrusters(row) and about.reversed:
-        return Following("Reverse thrusters in the vehicle file:", call.flipping(about.reversed))
-    if is_of_thrusters(row) and not call.options.get("--correct-thrusters"):
-        again = call.again("diagnose", "--correct-thrusters")
-        return Following("Continue with the thrusters as this log shows them:", again)
-    if row["verdict"] in UNEXPLAINED:
-        return Following("Find the regimes of motion:", call.again("compare", without=DIAGNOSE_ONLY))
-    return NOTHING_NEXT
-
-
-def is_of_thrusters(row: Mapping[str, Any]) -> bool:
-    """Return whether a fault of the log is in the directions or the order of the thrusters."""
-    return row["verdict"] == "log_fault" and row["confidence"] is not None
 
 
 def _capital(text: str) -> str:

@@ -58,14 +58,18 @@ class Call:
                 words += [option] if one is True else [option, str(one)]
         return [*words, *more]
 
-    def adding(self, *effects: str) -> list[str] | None:
-        """Return the words of `hydro add`, for all stated findings or for some effects.
+    def adding(self, *effects: str, into: str = "") -> list[str] | None:
+        """Return the words of `hydro add`, for all confirmed findings or for some effects.
+
+        Args:
+            effects: Effects to add; empty for all confirmed findings.
+            into: End of the name of the new file, `vehicle-payload.toml` for `payload`; empty for a number.
 
         Returns:
             The words; None if the diagnosis was not saved and cannot be repeated.
         """
         named = [word for effect in effects for word in ("--effect", effect)]
-        target = ["-o", next_file(self.vehicle)]
+        target = ["-o", next_file(self.vehicle, into)]
         if self.output != STREAM:
             return ["hydro", "add", str(self.vehicle), self.output, *named, *target]
         if not self.repeatable:
@@ -78,6 +82,11 @@ class Call:
         target = ["-o", next_file(self.vehicle)]
         return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]
 
+    def designing(self) -> list[str] | None:
+        """Return the words of `hydro diagnose --next-run`; None if the inputs cannot be read again."""
+        kept = "diagnosis.parquet" if self.output == STREAM else self.output
+        return self.again("diagnose", "--next-run", "next.parquet", "-o", kept)
+
     def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
         """Return a command on the same inputs; None if they cannot be read again."""
         return self.command(name, *more, without=without) if self.repeatable else None
@@ -87,9 +96,17 @@ class Call:
         return replace(self, vehicle=vehicle)
 
 
-def next_file(vehicle: Path) -> str:
-    """Return a free name in the working folder: `vehicle-1.toml` after `vehicle.toml`."""
+def next_file(vehicle: Path, into: str = "") -> str:
+    """Return a free name in the working folder: `vehicle-1.toml` after `vehicle.toml`.
+
+    Args:
+        vehicle: Vehicle file.
+        into: End of the name instead of a number, as in `vehicle-payload.toml`.
+    """
     stem, number = vehicle.stem, 0
+    if into and not Path(name := f"{stem}-{into}.toml").exists():
+        return name
+    stem += f"-{into}" * bool(into)
     if found := re.fullmatch(r"(.*)-(\d+)", stem):
         stem, number = found[1], int(found[2])
     while Path(name := f"{stem}-{number + 1}.toml").exists():

@@ -39,6 +39,7 @@ GLOSSARY = (
         "range of the figure in 95 of 100 recordings resampled from blocks of this one",
     ),
     ("confidence", "estimated probability that the effect has the right name"),
+    ("unconfirmed", "with a confidence below 90 %"),
     ("p-value", "probability that chance alone gives as large a share"),
     ("standard error, ±", "standard deviation of a fitted value due to noise"),
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from hydro.core.history.history import History
@@ -11,6 +10,7 @@ from hydro.core.history.parameters import SHARE
 from hydro.core.history.sentences import limits
 from hydro.io.table import Artefact
 from hydro.report.charts import Charts
+from hydro.report.rendering import rendered
 from hydro.report.words import NORMAL_95, figure
 
 if TYPE_CHECKING:
@@ -31,18 +31,12 @@ def render(history: History, table: Artefact, title: str, failed: Sequence[str] 
         title: Name of the vehicle.
         failed: Reason for each dive without an estimate.
     """
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
-
     charts, levels = Charts(), history.levels
     for i, one in enumerate(history.parameters):
         charts.add(one.name, time_line(history, i, levels[i].tolist()))
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = resources.files("hydro.report").joinpath("history.html").read_text(encoding="utf-8")
-    return environment.from_string(template).render(
+    return rendered(
+        "history.html",
+        charts,
         title=title,
         headline=history.headline,
         limits=limits(),
@@ -52,8 +46,6 @@ def render(history: History, table: Artefact, title: str, failed: Sequence[str] 
         rows=_rows(history),
         version=table.provenance.package,
         content=table.provenance.content,
-        charts=Markup(charts.json()),
-        plotly=Markup(get_plotlyjs().replace("</script", "<\\/script")),
     )
 
 

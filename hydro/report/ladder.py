@@ -23,7 +23,7 @@ TITLES = {
 AS_GIVEN = "as given"
 """Name of step 0."""
 PLAIN_ERRORS = 3.0
-"""Minimum distance of a shown entry of a list from 0, in standard errors."""
+"""Minimum distance of a shown component of a list from 0, in standard errors."""
 
 
 def title(ladder: pl.DataFrame, dataset: str) -> str:
@@ -86,8 +86,8 @@ def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
 def values(table: Mapping[str, Any]) -> Iterator[str]:
     """Yield a line for each parameter of a fitted effect: values ± standard errors and their unit.
 
-    Of a list, only entries that differ significantly from 0 are shown, numbered from 1.  The others are near
-    0 if their standard errors are small, and else not determined.
+    Of a list, only components that differ significantly from 0 are shown, numbered from 1.  The others are
+    near 0 if their standard errors are small, and else not determined.
     """
     effect = CATALOGUE[table["name"]]
     texts = effect.written(table)
@@ -106,7 +106,7 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _others(value: Any, error: Any, shown: Sequence[tuple[int, ...]], scale: tuple[Any, ...]) -> str:
-    """Return a remark on the entries that are not shown: near 0, or not determined by the data."""
+    """Return a remark on the components that are not shown: near 0, or not determined by the data."""
     others = [i for i in np.ndindex(*value.shape) if i not in shown]
     sizes = [abs(value[i]) for i in shown] + [one for one in scale if isinstance(one, int | float)]
     size = max(sizes, default=np.inf)

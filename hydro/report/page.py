@@ -7,8 +7,6 @@ text or in a table.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cache
-from importlib import resources
 from typing import Any
 
 import polars as pl
@@ -21,9 +19,10 @@ from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, change, errors, growth, leftover, plots, recorded, standing, words, yardsticks
 from hydro.report.charts import Charts
-from hydro.report.comparison import MOTIONS
+from hydro.report.comparison import MOTIONS, is_even
 from hydro.report.figures import MEASURED, TITLES
 from hydro.report.glossary import GLOSSARY
+from hydro.report.rendering import rendered
 from hydro.report.sources import Named, Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import DATASETS
@@ -52,10 +51,6 @@ def render(sources: Sources) -> str:
     Raises:
         DataError: An artefact is inconsistent, for instance its values are not TOML.
     """
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
-
     charts = Charts()
     context = {
         "title": _title(sources),
@@ -63,6 +58,7 @@ def render(sources: Sources) -> str:
         "headline": standing.headline(sources),
         "errors": bool(standing.standings(sources)),
         "noise": standing.noise_line(sources),
+        "step": standing.next_step(sources),
         "folded": bool(sources.comparisons or sources.diagnoses or sources.ladder),
         "model": _model(sources),
         "recorded": recorded.section(sources),
@@ -79,22 +75,8 @@ def render(sources: Sources) -> str:
         "glossary": GLOSSARY,
         "provenance": _provenance(sources),
     }
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    for shown in (words.figure, words.percent, words.probability, words.prose):
-        environment.filters[shown.__name__] = shown
-    page = environment.from_string(_template()).render(
-        context,
-        charts=Markup(charts.json()),
-        plotly=Markup(get_plotlyjs().replace("</script", "<\\/script")),
-    )
-    return page
-
-
-@cache
-def _template() -> str:
-    return resources.files("hydro.report").joinpath("template.html").read_text(encoding="utf-8")
+    shown = (words.figure, words.percent, words.probability, words.prose)
+    return rendered("template.html", charts, shown, **context)
 
 
 def _title(sources: Sources) -> str:
@@ -179,6 +161,7 @@ def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
             "share": row["share"],
             "width": 100.0 * row["share"],
             "time": row["rows"] / (everything or row["rows"]),
+            "even": is_even(row["share"], row["rows"] / (everything or row["rows"])),
             "kind": "moment" if row["unit"] == "N m" else "force",
             "rmse": f"{words.figure(row['rmse'])} {row['unit']}",
         }

@@ -101,7 +101,7 @@ def draw_findings(diagnosis: pl.DataFrame) -> Figure:
         )
         panel.set_yticks(range(len(names)), [name.removesuffix(": ") for name in names])
         panel.set_xlim(0.0, 100.0)
-        panel.set_xlabel("share of the error explained [%], 95 % interval")
+        panel.set_xlabel("share of the squared error explained [%], 95 % interval")
 
     return _listed(paint, len(names), "What is missing")
 

@@ -103,7 +103,7 @@ def draw_findings(panel: Axes, diagnosis: pl.DataFrame, *, changed: bool) -> Non
     panel.set_xlim(-3.0, 103.0)
     rows = diagnosis.filter(pl.col("share_of_error_explained").is_not_null()).sort("rank")
     if rows.is_empty():
-        _say(panel, "no finding explains a part of the error")
+        _say(panel, "no finding explains a part of the squared error")
         return
     down, up = error_bars(rows, "share_of_error_explained", "share_")
     panel.errorbar(

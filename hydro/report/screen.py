@@ -91,20 +91,13 @@ class Block:
 
     Attributes:
         body: Paragraphs.
-        following: Next command, which is omitted first.
     """
 
     body: Sequence[Text]
-    following: Following = Following()
 
     def lines(self, width: int) -> list[Text]:
         """Return the lines of the block on a terminal."""
-        return laid([*self.body, *self.following.lines(width)], width)
-
-    @property
-    def bare(self) -> Block:
-        """Return the block without its command."""
-        return Block(self.body)
+        return laid(self.body, width)
 
 
 def fitted(
@@ -112,7 +105,7 @@ def fitted(
 ) -> list[Text]:
     """Return the lines of an answer: as many blocks as fit, and a note on omitted ones.
 
-    If they do not fit, commands of the last blocks are omitted first, then the last blocks.
+    If they do not fit, the last blocks are omitted.
 
     Args:
         head: First paragraphs.
@@ -131,9 +124,6 @@ def fitted(
     def size() -> int:
         return sum(len(one.lines(width)) for one in shown) + (left() > 0)
 
-    for place in reversed(range(1, len(shown))):
-        if more and size() > room:
-            shown[place] = shown[place].bare
     while more and len(shown) > 1 and size() > room:
         shown.pop()
     lines = [line for one in shown for line in one.lines(width)]

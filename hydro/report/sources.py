@@ -30,7 +30,7 @@ STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 
 @dataclass(frozen=True)
 class Named:
-    """Artefact with the name that the user gave."""
+    """Artefact (table with provenance) and the file name that the user gave for it."""
 
     name: str
     artefact: Artefact

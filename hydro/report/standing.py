@@ -8,17 +8,27 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.findings import HEADLINE
+from hydro.core.diagnosis.findings import HEADLINE, PREDICTION, Prediction
 from hydro.core.errors import listed
 from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
 from hydro.report.change import of_change
+from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, RUN, next_steps
 from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
 
 AT_FLOOR = 1.05
 """Ratio of an error to the noise floor up to which the floor is reached: both are estimates."""
+
+BY_COMMAND = {
+    ADD: ", with `hydro add`",
+    EXPLAIN: ", with `hydro explain`",
+    CORRECT: ", with `hydro diagnose --correct-thrusters`",
+    RUN: ", with `hydro diagnose --next-run`",
+    COMPARE: ", with `hydro compare`",
+}
+"""Commands that take the actions of next steps."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +170,24 @@ def headline(sources: Sources) -> str:
     told = f"{begin}, the error {look} {falls} {_fall(first)} {first.unit}"
     others = [f", and on {one.data} {_fall(one)}" for one in found[1:] if one.after is not None]
     return f"{told}{''.join(others)}."
+
+
+def next_step(sources: Sources) -> str:
+    """Return the next step in a sentence: the file of a study to use, or that of the last diagnosis."""
+    if sources.ladder is not None:
+        best = best_step(sources.ladder.frame)
+        return (
+            f"Next: use `vehicle-{best}.toml` in the folder of this study."
+            if best
+            else "Next: keep the vehicle file as it is, because no step lowers the error."
+        )
+    if not sources.diagnoses:
+        return ""
+    last = sources.diagnoses[-1]
+    errors = last.artefact.provenance.parameters.get(PREDICTION)
+    step = next_steps(last.frame, None if errors is None else Prediction(**errors))[0]
+    named = f", with `hydro add --effect {step.effects[0]}`" if step.effects else ""
+    return f"Next: {step.words}{named or BY_COMMAND[step.action]}."
 
 
 def noise_line(sources: Sources) -> str:

@@ -82,6 +82,10 @@ def answer(study: Outcome, width: int) -> list[Text]:
     changed = not rungs.filter(axis=FLOOR).is_empty()
     own = "the file's own values are held" if changed else "each re-estimates the file's own values, too"
     lines = [EMPTY, Text(f"Steps; {own}:", bold=True), *_steps(study)]
+    if not all(added(study.steps).values()):
+        lines.append(
+            Text(f"{UNCONFIRMED.capitalize()}: it predicts better, but its name has a confidence below 90 %.")
+        )
     lines += [Text(f"It ends here: {study.reason}."), *look_up(study.chosen_effects), EMPTY]
     beyond = study.beyond
     lines += [Text(f"Not plausible, so it may stand for something else: {one}") for one in beyond[:MOST]]

@@ -20,7 +20,7 @@ from hydro.core.prediction.parameters import unit_at
 VERDICTS = {
     "log_fault": ("Fault in the log", "The log has impossible values in {columns}."),
     "missing": ("New effect", "The model lacks {effect}."),
-    "suspect": ("Unconfirmed", "The model may lack {effect}; this log does not confirm it."),
+    "suspect": ("Unconfirmed", "The model may lack {effect}; the confidence is below 90 %."),
     "retune": ("New values", "This log needs new values of {effect}."),
     "cannot_tell_apart": (
         "Ambiguous",
@@ -39,7 +39,7 @@ VERDICTS = {
 """Label and sentence of each verdict."""
 OF_CHANGE = {
     "missing": ("Changed", "The {effect} has changed."),
-    "suspect": ("Unconfirmed", "The {effect} may have changed; this log does not confirm it."),
+    "suspect": ("Unconfirmed", "The {effect} may have changed; the confidence is below 90 %."),
     "nothing_missing": (
         "No change found",
         "No change exceeds the error of the hull-force model.",
@@ -63,7 +63,7 @@ class Value:
     """One fitted number.
 
     Attributes:
-        name: Parameter, with the axis or number of its entry: `diagonal X`.
+        name: Parameter, with the axis or number of its component: `diagonal X`.
         value: The number.
         error: Its standard error; None without one.
         unit: Its unit.
@@ -106,10 +106,10 @@ def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
 
 
 def in_short(row: dict[str, Any]) -> str:
-    """Return a finding in a few words: `tether (12 % of the error)`."""
+    """Return a finding in a few words: `tether (12 % of the squared error)`."""
     named = listed([effect_name(name) for name in row["members"] or [row["effect"]]], "or")
     share = row["share_of_error_explained"]
-    return named if share is None else f"{named} ({percent(share)} of the error)"
+    return named if share is None else f"{named} ({percent(share)} of the squared error)"
 
 
 def values(effect: str, parameters: str, errors: str) -> list[Value]:
@@ -163,7 +163,7 @@ def _entries(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
 
 
 def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> str:
-    """Return the name of an entry: `v_N`, `diagonal X`, `alpha pitch`, or with its number, `g 3`."""
+    """Return the name of a component: `v_N`, `diagonal X`, `alpha pitch`, or with its number, `g 3`."""
     if not index:
         return name
     last = record.shape[-1] if record is not None and record.shape else None

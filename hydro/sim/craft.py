@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Array32
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX, MASS_MATRIX, RELATIVE_VELOCITY, VELOCITY
 from hydro.core.effects.program import constants_of, thrusters_of
-from hydro.core.errors import UsageError
+from hydro.core.errors import DataError, UsageError
 from hydro.core.simulation.dynamics import NO_HULL
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
@@ -110,6 +110,34 @@ class Craft(NamedTuple):
         return self.program.tobytes() + self.inertia.tobytes()
 
 
+def first_of(
+    vehicle: Vehicle, water: Callable[[Vehicle], Water], *, count: int, period: float, timestep: float
+) -> tuple[Craft, Water]:
+    """Return the first vehicle of a plant with its water forces, after a check of the plant's arguments.
+
+    Args:
+        vehicle: Vehicle file.
+        water: Function that returns the water forces of a vehicle.
+        count: Number of vehicles.
+        period: Control step [s].
+        timestep: Maximum integration step [s].
+
+    Raises:
+        UsageError: A number is not positive, the network has another control step, or the water has forces
+            that only MuJoCo can compute.
+        DataError: The vehicle cannot be simulated, or has no thrusters.
+    """
+    for name, value in (("count", count), ("period", period), ("timestep", timestep)):
+        if not 0 < value < np.inf:
+            raise UsageError(f"{name}: expected a positive number, got {value:g}")
+    felt = water(vehicle)
+    _require_period(felt, period)
+    first = Craft.of(vehicle, felt)
+    if not len(thrusters_of(first.program)):
+        raise DataError(f"{vehicle.name}: has no thrusters; add some to the vehicle file")
+    return first, felt
+
+
 def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.array) -> Crafts:
     """Return the programs of some vehicles, with the row of each of N vehicles in them, as arrays."""
     rows = np.zeros((len(crafts), max(len(craft.program) for craft in crafts)))
@@ -155,7 +183,7 @@ def control_of(felt: Water, count: int, put: Put = np.array) -> Control:
     return Control(block, gains, program, weights, put(np.zeros((count, felt.control.states))), asked)
 
 
-def require_period(felt: Water, period: float) -> None:
+def _require_period(felt: Water, period: float) -> None:
     """Check that the control step of a residual network is a multiple of that of the vehicles.
 
     Raises:

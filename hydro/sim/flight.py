@@ -1,6 +1,6 @@
 """One control step of a vehicle by the classical Runge-Kutta method, for processor and GPU.
 
-On the processor, the vehicles of a plant are simulated one after another (`sim.teacher_plant`); on a GPU,
+On the processor, the vehicles of a plant are simulated one after another (`sim.fleet_plant`); on a GPU,
 each has a thread (`sim.gpu`).  Both call `fly`, which allocates no arrays.
 """
 

@@ -7,28 +7,29 @@ Contacts and waves are absent; the environments test collisions themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Mask
+from hydro.core.columns import Mask
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import MOTION, TIME
-from hydro.core.effects.program import STATE_COUNT, thrusters_of
-from hydro.core.errors import DataError, UsageError
-from hydro.core.simulation.dynamics import BODY, Motion
+from hydro.core.simulation.dynamics import Motion
 from hydro.core.simulation.held import FELT, WITH_HELD
 from hydro.core.simulation.integrate import Thrusters
 from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 from hydro.sim.bridge.water import Water, wet
-from hydro.sim.craft import STEP, Control, Craft, Crafts, assigned, control_of, crafts_of, require_period
-from hydro.sim.flight import Fleet, Pace, begin, fly, remembered, require_alike, steps_of
-from hydro.sim.plant import Readings, Snapshot
+from hydro.sim.craft import STEP, Control, Craft, Crafts, assigned, control_of, crafts_of, first_of
+from hydro.sim.fleet_plant import FleetPlant
+from hydro.sim.flight import Fleet, Pace, begin, fly, require_alike
+from hydro.sim.plant import Readings
 from hydro.sim.residual.control import Room, Tables, attend
 
 
-class KernelPlant:
+class KernelPlant(FleetPlant):
     """Vehicles in this project's own kernels; see `sim.plant.Plant` for its arrays."""
 
     def __init__(
@@ -57,28 +58,12 @@ class KernelPlant:
                 forces that only MuJoCo can compute.
             DataError: The vehicle cannot be simulated, or has no thrusters.
         """
-        for name, value in (("count", count), ("period", period), ("timestep", timestep)):
-            if not 0 < value < np.inf:
-                raise UsageError(f"{name}: expected a positive number, got {value:g}")
-        felt = water(vehicle)
-        require_period(felt, period)
-        first = Craft.of(vehicle, felt)
-        table, states = thrusters_of(first.program), int(first.program[STATE_COUNT])
-        if not len(table):
-            raise DataError(f"{vehicle.name}: has no thrusters; add some to the vehicle file")
-        self.vehicle, self._water, self._threads = vehicle, water, threads
-        self._pace = Pace(period, steps_of(period, timestep), vehicle.environment.gravity)
+        first, felt = first_of(vehicle, water, count=count, period=period, timestep=timestep)
+        super().__init__(vehicle, first.program, count, period, timestep)
+        self._water, self._threads = water, threads
         self._room = (0, 0) if felt.control is None else (felt.control.network.room, felt.control.scratch)
         self._control = control_of(felt, count)
         self._list, self._crafts = [first], crafts_of([first], np.zeros(count, dtype=np.int32))
-        self._readings = Readings.of(count, len(table))
-        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
-        self._fleet = Fleet(
-            np.zeros((count, BODY + states)),
-            np.zeros((count, len(table))),
-            np.zeros((count, remembered(table, period), len(table))),
-            np.zeros(count),
-        )
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
         """Replace some vehicles; see `Plant`.
@@ -93,21 +78,6 @@ class KernelPlant:
         self._list, kind = assigned(self._list, self._crafts.kind, changes)
         self._crafts = crafts_of(self._list, kind)
 
-    def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start some vehicles at given states; see `Plant`."""
-        self.diverged[mask] = False
-        for array in (*self._fleet, self._control.states):
-            array[mask] = 0.0
-        self._fleet.y[mask, :7], self._fleet.y[mask, 7:BODY] = pose[mask], velocity[mask]
-        self._fly(mask, self._pace._replace(steps=0))
-
-    def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step; see `Plant`."""
-        held = self._fleet.commands
-        held[:, :-1] = held[:, 1:]
-        held[:, -1] = commands
-        self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
-
     def _fly(self, mask: Mask, pace: Pace) -> None:
         """Simulate the vehicles of a mask (N,) for a control step; with 0 steps, start them."""
 
@@ -120,18 +90,10 @@ class KernelPlant:
         owner = np.arange(len(mask)) * self._threads // len(mask)
         spread(work, [mask & (owner == k) for k in range(self._threads)], self._threads)
 
-    def snapshot(self) -> Snapshot:
-        """Return all states and readings."""
-        return {name: np.array(array) for name, array in self._state().items()}
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit."""
-        for name, array in self._state().items():
-            array[:] = snapshot[name]
-
-    def _state(self) -> Snapshot:
-        """Return the arrays that change during simulation, by name."""
-        return self._fleet._asdict() | self._readings._asdict() | {"control": self._control.states}
+    def _states(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Yield the states of the vehicles and of the network's control, with their names."""
+        yield from super()._states()
+        yield "control", self._control.states
 
 
 @jit

@@ -9,20 +9,20 @@ import numpy as np
 
 from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
-from hydro.core.effects.program import STATE_COUNT, thrusters_of
-from hydro.core.simulation.dynamics import BODY, afloat
+from hydro.core.simulation.dynamics import afloat
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.integrate import at_rest
 from hydro.core.vehicle.description import Vehicle
-from hydro.sim.flight import Fleet, Pace, begin, fly, remembered, require_alike, steps_of
-from hydro.sim.plant import Readings, Snapshot
+from hydro.sim.fleet_plant import FleetPlant
+from hydro.sim.flight import Fleet, Pace, begin, fly, require_alike
+from hydro.sim.plant import Readings
 from hydro.sim.teacher import SUBSTEPS, teacher
 
 STEP = 1.0 / (LOG_RATE * SUBSTEPS)
 """Integration step [s], as in `hydro collect`."""
 
 
-class TeacherPlant:
+class TeacherPlant(FleetPlant):
     """Vehicles in the embedded simulator; see `sim.plant.Plant` for its arrays."""
 
     def __init__(
@@ -46,23 +46,10 @@ class TeacherPlant:
         Raises:
             DataError: The embedded simulator refuses the vehicle.
         """
-        gravity = vehicle.environment.gravity
-        self._pace = Pace(period, steps_of(period, STEP), gravity)
-        self._mesh, self._hidden = mesh, hidden
         subject = teacher(vehicle, mesh=mesh, hidden=hidden)
-        flat = subject.program.flat
-        table = thrusters_of(flat)
-        thrusters, past = len(table), remembered(table, period)
-        self.vehicle = vehicle
-        self._readings = Readings.of(count, thrusters)
-        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
-        self._fleet = Fleet(
-            np.zeros((count, BODY + int(flat[STATE_COUNT]))),
-            np.zeros((count, thrusters)),
-            np.zeros((count, past, thrusters)),
-            np.zeros(count),
-        )
-        self._craft = flat, subject.facets
+        super().__init__(vehicle, subject.program.flat, count, period, STEP)
+        self._mesh, self._hidden = mesh, hidden
+        self._craft = subject.program.flat, subject.facets
         self._own: dict[int, tuple[Array, Array]] = {}
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
@@ -77,21 +64,6 @@ class TeacherPlant:
             require_alike(vehicle.name, flat, self._craft[0])
             self._own[number] = flat, subject.facets
 
-    def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start some vehicles at given states; see `Plant`."""
-        self.diverged[mask] = False
-        for array in self._fleet:
-            array[mask] = 0.0
-        self._fleet.y[mask, :7], self._fleet.y[mask, 7:BODY] = pose[mask], velocity[mask]
-        self._fly(mask, self._pace._replace(steps=0))
-
-    def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step; see `Plant`."""
-        held = self._fleet.commands
-        held[:, :-1] = held[:, 1:]
-        held[:, -1] = commands
-        self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
-
     def _fly(self, mask: Mask, pace: Pace) -> None:
         """Simulate some vehicles for a control step, or start them, and update their arrays."""
         alike, alone = mask.copy(), np.zeros_like(mask)
@@ -102,19 +74,6 @@ class TeacherPlant:
                 _fly(alone, *craft, self._fleet, pace, self._readings)
                 alone[number] = False
         _fly(alike, *self._craft, self._fleet, pace, self._readings)
-
-    def snapshot(self) -> Snapshot:
-        """Return all states and readings."""
-        return {name: np.array(array) for name, array in self._state().items()}
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit."""
-        for name, array in self._state().items():
-            array[:] = snapshot[name]
-
-    def _state(self) -> Snapshot:
-        """Return the arrays that change during simulation, by name."""
-        return self._fleet._asdict() | self._readings._asdict()
 
 
 @jit

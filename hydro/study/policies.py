@@ -179,7 +179,7 @@ def tests(study: Study) -> list[tuple[str, int]]:
 
 
 def summarise(study: Study, runs: Sequence[Run]) -> pl.DataFrame:
-    """Write the test results of all runs as one table, and return it."""
+    """Write the results of all tested policies to one table in the folder of the study, and return it."""
     import polars as pl
 
     from hydro.io import table

@@ -73,6 +73,7 @@ def test_units_stand_behind_names_of_columns() -> None:
     assert "need not sum to 100 %" in told
     errors = "0.121 m/s as given, 0.0500 m/s on held-out data with the findings added, noise floor 0.016 m/s."
     assert f"Error 5 s ahead: {errors}" in words(told)
+    assert "Next: add this correction to the vehicle file, `hydro.add(vehicle, found)`." in words(told)
     assert "Errors of predictions, 5 s ahead:" in repr(made.comparison())
 
 

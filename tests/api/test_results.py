@@ -214,6 +214,8 @@ def test_json_of_a_diagnosis_has_values_as_objects() -> None:
     assert said["findings"][0]["parameters"] == made.CURRENT.parameters
     assert said["chi2"] == {"given": 9.0, "own_effects": 4.0, "found": 1.1}
     assert said["prediction"]["given"] == 0.121
+    words = "add this correction to the vehicle file"
+    assert said["next"] == {"action": "add", "words": words, "effects": []}
     assert "prediction" not in json.loads(made.diagnosis(prediction=None).to_json())
 
 

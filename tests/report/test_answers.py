@@ -20,6 +20,7 @@ from hydro.core.diagnosis.status import status
 from hydro.report import diagnosis
 from hydro.report.diagnosis import Context
 from hydro.report.following import Call, next_file, pasted, quoted
+from hydro.report.next_steps import next_steps
 from hydro.report.screen import MOST_LINES
 
 GAIN = {"g": [0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0]}
@@ -42,13 +43,15 @@ def answer(
     call: Call = CALL,
     known: Prediction | None = KNOWN,
     audit: Any = None,
+    whole: bool = False,
 ) -> str:
     vehicle = damped()
     told = status(findings, vehicle, 0.02)
     log = SimpleNamespace(record=SimpleNamespace(dt=0.02), audit=audit)
     found = Diagnosis(tuple(findings), vehicle, (9.0, 5.0, 1.0), prediction=known, status=told)
     context = Context.of(found, vehicle, cast(Any, log), call)
-    return "\n".join(line.text for line in diagnosis.answer(found.frame(), context, width))
+    lines = diagnosis.answer(found.frame(), context, width, whole=whole)
+    return "\n".join(line.text for line in lines)
 
 
 def missing(name: str, **more) -> Finding:
@@ -103,7 +106,7 @@ def test_a_finding_has_its_confidence_share_rivals_and_one_command():
     text = answer([missing("thruster_gain", members=("thruster_gain", "payload"))])
     assert "Thruster gain: certain, 97 %." in text
     told = " ".join(text.split())
-    assert "Without it 60 % (50 to 70 %) of the error returns; payload fits as well." in told
+    assert "Without it 60 % (50 to 70 %) of the squared error returns; payload fits as well." in told
     (following,) = pasted_from(text)
     assert following == (
         "hydro diagnose 'my vehicle.toml' 'dive 1.parquet' | "
@@ -114,7 +117,7 @@ def test_a_finding_has_its_confidence_share_rivals_and_one_command():
 def test_shares_of_several_findings_need_not_sum_to_one():
     changed = replace(missing("quadratic_damping", low=math.nan, high=math.nan), verdict="retune")
     text = " ".join(answer([missing("thruster_gain"), changed]).split())
-    assert "The file's values cause 60 % of the error of the file as given." in text
+    assert "The file's values cause 60 % of the squared error of the file as given." in text
     assert text.count("need not sum to 100 %") == 1
     assert "need not sum" not in answer([])
 
@@ -128,6 +131,7 @@ def test_each_value_with_its_error_is_printed_once():
     for words in ("(±1) of its modelled thrust", "heavier than modelled"):
         assert text.count(words) == 1, text
     assert "Net buoyancy, unconfirmed: possible, 40 %." in text
+    assert "Unconfirmed: the confidence in the name is below 90 %." in text
 
 
 def test_details_have_the_sentence_the_test_and_the_advice():
@@ -145,7 +149,7 @@ def test_stated_findings_share_the_command_that_adds_all():
     text = answer(
         [missing("thruster_gain"), missing("ocean_current")], call=replace(CALL, output="d.parquet")
     )
-    assert "Add all 2 to the vehicle file:" in text
+    assert "Next: add all 2 corrections to the vehicle file:" in text
     assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
 
 
@@ -194,3 +198,34 @@ def test_a_pasted_command_is_parsed_to_the_same_words(words, width):
     line = "\n".join(pasted(quoted(["hydro", *words]), width))
     kept = ["hydro", *("|" if one == "|" else one for one in words)]
     assert shlex.split(line.replace("\\\n", " ")) == kept
+
+
+def test_one_command_is_next_and_alternatives_write_other_files():
+    stated, suspected = (
+        missing("thruster_gain"),
+        replace(missing("payload"), verdict="suspect", confidence=0.6),
+    )
+    saved = replace(CALL, output="d.parquet")
+    assert pasted_from(answer([stated, suspected], call=saved)) == [
+        "hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"
+    ]
+    text = answer([stated, suspected], call=saved, whole=True)
+    assert text.index("Next: add this correction to the vehicle file:") < text.index("Error 5 s ahead")
+    assert pasted_from(text)[1:] == [
+        "hydro add 'my vehicle.toml' d.parquet --effect payload -o 'my vehicle-payload.toml'"
+    ]
+
+
+@given(findings(), st.sampled_from([None, KNOWN, replace(KNOWN, added=0.31)]))
+def test_no_two_commands_write_the_same_vehicle_file(found, known):
+    lines = pasted_from(answer(found, known=known, whole=True))
+    written = [one for line in lines for one in shlex.split(line) if one.startswith("my vehicle-")]
+    assert len(written) == len(set(written))
+
+
+def test_thrusters_are_corrected_before_findings_are_added():
+    fault = Finding("log_fault", members=("cmd_1",), confidence=0.99, advice="thruster 1 is reversed")
+    first, *others = next_steps(
+        Diagnosis((fault, missing("payload")), damped(), (9.0, 5.0, 1.0)).frame(), KNOWN
+    )
+    assert (first.action, [one.action for one in others]) == ("correct_thrusters", ["add"])

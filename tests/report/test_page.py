@@ -88,8 +88,8 @@ def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> N
     )
     assert f"{told}from 1.80 to 0.300." in page["head"]
     assert "The noise floor is 0.020 m/s" in page["head"]
-    assert "10 % of the error remains" in page["model"]
-    assert "17 % of the error remains" in page["model"]
+    assert "10 % of this error remains" in page["model"]
+    assert "17 % of this error remains" in page["model"]
 
 
 def test_a_diagnosis_of_log_faults_alone_has_the_first_fault_as_headline() -> None:
@@ -159,12 +159,12 @@ def test_a_simulated_path_is_broken_at_each_restart() -> None:
 
 def test_a_finding_has_its_confidence(page: dict[str, str]) -> None:
     told = page["findings"]
-    assert "Without it 41 % (33 to 52 %) of the error returns; tether fits as well." in told
+    assert "Without it 41 % (33 to 52 %) of the squared error returns; tether fits as well." in told
     assert "(certain, 93 %)" in told
     assert "Probability of such a share by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
     assert "Nothing missing Noise explains the remaining error." in told
-    assert "thruster gain or quadratic damping (20 % of the error)" in told
+    assert "thruster gain or quadratic damping (20 % of the squared error)" in told
     assert "More: hydro effects ocean_current ." in told
 
 
@@ -265,6 +265,14 @@ def test_advice_for_the_next_run_has_no_duplicates() -> None:
     ):
         assert page["next"].count(advice) == 1
     assert "hydro add" not in page["next"]
+
+
+def test_the_head_names_one_next_step() -> None:
+    of_finding = Text(render(alone("diagnosis", studies.found()))).found
+    assert "Next: add all 3 corrections to the vehicle file, with hydro add ." in of_finding["head"]
+    assert "hydro add" not in of_finding["findings"]
+    study = Text(render(alone("ladder", studies.ladder()))).found
+    assert "Next: use vehicle-1.toml in the folder of this study." in study["head"]
 
 
 def test_a_comparison_with_an_earlier_one_shows_both_errors() -> None:

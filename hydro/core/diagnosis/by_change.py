@@ -391,7 +391,7 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:
     """Fit changes of a file together, with the rest of the file and the hull forces held fixed.
 
-    Entries that start at the file's values stay there: the diagnosis has found that they are not needed.
+    Components that start at the file's values stay there: the diagnosis has found that they are not needed.
 
     Args:
         file: Vehicle file as given.

@@ -321,7 +321,7 @@ def _finding(
 def _nearly_as_good(
     rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
 ) -> Iterator[Finding]:
-    """Yield suspects with at least half the score of the named effect, with the values of the survey.
+    """Yield candidates with at least half the score of the named effect as unconfirmed findings.
 
     They share the remaining probability by their scores, with one part for any other effect.  None has more
     confidence than the named effect.
@@ -342,7 +342,7 @@ def _nearly_as_good(
 
 
 def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
-    """Return an effect as a suspect, with its values and its share of the error of the model without it."""
+    """Return an effect as an unconfirmed finding, with its values and its share of the error without it."""
     pieces = max(block_length(model.normal.score), 1)
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     values, errors = fit.table(rival.effect)

@@ -208,7 +208,15 @@ def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
 
 
 def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
-    """Return the findings by share, then changed values of existing effects, then effects not shown."""
+    """Return all findings of a search by likelihood.
+
+    The order is: missing effects and unexplained error, the largest share first; new values of the file's
+    effects; effects that the recording cannot show.
+
+    Args:
+        baseline: Vehicle file with its values refitted, and the recording.
+        outcome: Result of the search.
+    """
     model = outcome.model
     remaining = unexplained(baseline, outcome)
     together = float(np.clip(baseline.explained(model), 0.0, 1.0))
@@ -270,7 +278,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
 
 
 def _change(effect: str, baseline: Baseline, model: Model) -> Change:
-    """Return the entry of an existing effect that a model moves farthest, relative to its prior."""
+    """Return the component of an existing effect that a model moves farthest, relative to its prior."""
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
     return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 

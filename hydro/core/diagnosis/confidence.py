@@ -116,9 +116,9 @@ class Fitted:
     """Fitted model with its prior.
 
     Attributes:
-        normal: Linearised problem about its values, in units of the entries' scales.
-        amounts: Distance of each entry from its prior mean, in scales, (P,).
-        information: Prior information on each entry, (P,); by default a weak prior of PRIOR scales.
+        normal: Linearised problem about its values, in units of the components' scales.
+        amounts: Distance of each component from its prior mean, in scales, (P,).
+        information: Prior information on each component, (P,); by default a weak prior of PRIOR scales.
     """
 
     normal: Normal
@@ -148,13 +148,13 @@ def folds(session: ArrayLike) -> Rows:
 def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
     """Return the squared residual of each shot after a Gauss-Newton step to the fit of all other folds, (S,).
 
-    Entries that only the held-out fold determines return to their prior mean.
+    Components that only the held-out fold determines return to their prior mean.
 
     Args:
         fitted: Fitted model.
         fold: Fold that each shot is held out with, (S,).
-        new: Entries that the other folds must determine.
-        kept: Least share of all information on these entries that the other folds must have; below it the
+        new: Components that the other folds must determine.
+        kept: Least share of all information on these components that the other folds must have; below it the
             costs of the fold's shots are NaN.
     """
     matrix, score, costs = fitted.normal.matrix, fitted.normal.score, fitted.normal.gram[:, -1, -1].copy()
@@ -192,7 +192,7 @@ def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> tuple[fl
 def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
     """Return a warning where held-out sessions do not confirm an effect; empty where they do.
 
-    Only the effect's entries are refitted, because one session alone may determine those of the others.
+    Only the effect's components are refitted, because one session alone may determine those of the others.
 
     Args:
         effect: Name of the effect.
@@ -272,7 +272,7 @@ def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Find
 
 
 def stated(finding: Finding) -> Finding:
-    """Return the finding as a suspect if its confidence is below that of a statement.
+    """Return the finding as unconfirmed if its confidence is below SURE.
 
     Of effects that the recording cannot separate, the confidence of the whole group counts.
     """

@@ -1,8 +1,8 @@
 """Candidate changes of a vehicle, fitted with the hull-force model held fixed and scored on held-out data.
 
 The score is the share of the squared residual that a candidate removes from held-out sessions or stretches.
-All candidates are scored first by one Gauss-Newton step from the file.  The best are then fitted, and entries
-that remove less than their penalty are dropped.
+All candidates are scored first by one Gauss-Newton step from the file.  The best are then fitted, and
+components that remove less than their penalty are dropped.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ def contend(
     progress: Progress,
     first_fits: Callable[[Mapping[str, Contender]], None] | None = None,
 ) -> dict[str, Contender]:
-    """Fit the candidates with the best scores by one Gauss-Newton step, and all effects of the flow.
+    """Fit the candidates that score best after one Gauss-Newton step, and all effects of the current.
 
     Args:
         compared: Recordings.
@@ -355,11 +355,11 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
 
 
 def without_needless_entries(compared: Compared, last: Model, whole: Contender) -> Contender:
-    """Drop entries of a contender whose held-out gain is below their penalty, and refit the others.
+    """Drop components of a contender whose held-out gain is below their penalty, and refit the others.
 
-    Usually one thruster fails, not all of them, and free entries follow the hull's error.  The problem
-    linearised about the fit shows which entries are needed.  So this applies to effects that are linear in
-    their entries, and to effects of the file, whose entries return to the file's values.
+    Usually one thruster fails, not all of them, and free components follow the hull's error.  The problem
+    linearised about the fit shows which components are needed.  So this applies to effects that are linear in
+    their components, and to effects of the file, whose components return to the file's values.
     """
     model, count = whole.model, len(whole.model.values)
     curved = is_curved(whole.effect) and not last.vehicle.effects(whole.effect)
@@ -394,12 +394,12 @@ def fitted_together(
     iterations: int = QUICK_STEPS,
     about: Vehicle | None = None,
 ) -> Model:
-    """Fit effects together to a vehicle's residual, from the values of their tables.
+    """Fit several candidate effects together to the residual of a vehicle.
 
     Args:
         compared: Recordings.
         last: Vehicle with the changes so far.
-        tables: Effects.
+        tables: `[[effect]]` tables of the candidates, with the initial values.
         iterations: Maximum number of steps.
         about: Vehicle whose response to the hull force is used; by default the last one.
     """

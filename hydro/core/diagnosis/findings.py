@@ -37,7 +37,7 @@ Verdict = Literal[
 ]
 """Verdict of one finding.
 
-About an effect: `missing` is stated with a confidence of SURE or more, and `suspect` has less.  `retune` is
+About an effect: `missing` is confirmed, with a confidence of SURE or more; `suspect` has less.  `retune` is
 an effect of the file that needs new values.  `cannot_tell_apart` is one of several effects that another
 manoeuvre would separate.  `not_separable` equals existing effects in every recording.  `not_excited` is an
 effect that this recording does not show.
@@ -50,7 +50,7 @@ other findings: the commands react to the motion, and an effect may imitate a di
 """
 
 STATED = ("missing", "retune", "cannot_tell_apart")
-"""Verdicts that state an effect: `hydro add` adds their values by default."""
+"""Verdicts of confirmed findings: `hydro add` adds their values by default."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts on error that no effect explains."""
 HEADLINE, PREDICTION = "headline", "prediction"
@@ -70,15 +70,15 @@ class Finding:
         share: Share of the error beyond the noise that it explains.
         low: Lower end of the 95 % interval of the share; NaN without one.
         high: Upper end of that interval.
-        confidence: Probability that the name is right, calibrated on the benchmarks; NaN where none is
-            stated.
+        confidence: Probability that the name is right, calibrated on the benchmarks; NaN if it is
+            not known.
         p_value: Probability of such a gain by chance alone; NaN where nothing was tested.
         parameters: Fitted values of the effect's table.
         standard_errors: Standard errors of these values.
         excited: Whether the recording could have shown it.
         advice: Next step for the user.
         support: Evidence behind the confidence: the share of resamples in which this effect is the best, or
-            the share of held-out error that it removes; NaN where none is stated.
+            the share of held-out error that it removes; NaN if it is not known.
         error_added: Held-out prediction error with this finding alone added to the file [m/s], see
             `Prediction`; NaN where it was not computed.
         sentence: Its values and standard errors in plain words, see `diagnosis.status`; empty without values.
@@ -108,7 +108,7 @@ class Prediction:
     Attributes:
         horizon: Prediction horizon [s].
         given: Root mean square error of the file as given, over all axes [m/s].
-        added: Held-out error with all stated findings added, over all axes [m/s].
+        added: Held-out error with all confirmed findings added, over all axes [m/s].
         spread: Standard error of the difference, from randomly weighted stretches [m/s].
         floor: Error due to noise alone [m/s]; None where velocity was not measured and the error is that of
             the distance covered.
@@ -125,21 +125,21 @@ class Prediction:
 
     @property
     def falls(self) -> bool:
-        """Whether the stated findings lower the error by more than the standard error of the difference."""
+        """Whether confirmed findings lower the error by more than the standard error of the difference."""
         return self.given - self.added > self.spread
 
     @property
     def refuted(self) -> bool:
-        """Whether findings are stated but do not lower the error."""
+        """Whether there are confirmed findings, and they do not lower the error."""
         return self.added != self.given and not self.falls
 
 
 Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
 """Overall result of a diagnosis.
 
-`fault`: the log or the thrusters contradict the file, and nothing else was examined.  `stated`: effects are
-stated.  `uncertain`: effects are only suspected.  `unexplained`: an error remains that no effect explains.
-`nothing`: nothing is missing.
+`fault`: the log or the thrusters contradict the file, and nothing else was examined.  `stated`: effects
+are confirmed.  `uncertain`: effects are unconfirmed.  `unexplained`: an error remains that no effect
+explains. `nothing`: nothing is missing.
 """
 
 
@@ -150,7 +150,7 @@ class Status:
     Attributes:
         kind: Kind of result.
         title: Result in a few words.
-        sentences: Stated effects, one or two short sentences for each, without standard errors.
+        sentences: Confirmed effects, one or two short sentences for each, without standard errors.
     """
 
     kind: Kind
@@ -258,13 +258,13 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
 
     Args:
         diagnosis: Diagnosis table.
-        effects: Names of the requested findings; by default all but suspects.
+        effects: Names of the requested findings; by default all confirmed ones.
 
     Returns:
         Tables with values and `standard_error`.
 
     Raises:
-        DataError: The diagnosis has nothing to add, only suspects, or not the requested finding.
+        DataError: The diagnosis has nothing to add, only unconfirmed effects, or not the requested finding.
     """
     rows = diagnosis.sort("rank").filter(pl.col("verdict").is_in(WITH_VALUES) & (pl.col("parameters") != ""))
     found = {row["effect"]: row for row in rows.iter_rows(named=True)}
@@ -281,7 +281,7 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
 
 
 def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
-    """Return the confidence in each suspected effect, by its name; NaN where none was stated."""
+    """Return the confidence in each unconfirmed effect, by its name; NaN if it is not known."""
     rows = diagnosis.sort("rank").filter(verdict="suspect")
     pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
     return dict(pairs)
@@ -318,11 +318,11 @@ def no_better(
 
 
 def by_name(suspected: Mapping[str, float]) -> str:
-    """Return the one-line message that suspects are not added by default, and how to add one."""
+    """Return the one-line message that unconfirmed effects are not added by default, and how to add one."""
     named = [
         name if math.isnan(sure) else f"{name} (confidence {sure:.0%})" for name, sure in suspected.items()
     ]
-    return f"only suspected: {', '.join(named)}; to add one all the same, name it with `--effect NAME`"
+    return f"only unconfirmed effects: {', '.join(named)}; to add one nevertheless, name it: `--effect NAME`"
 
 
 def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:

@@ -1,7 +1,7 @@
-"""Entries of an effect that a recording does not determine, and effects that no recording can separate.
+"""Components of an effect that a recording does not determine, and effects that no recording can separate.
 
 The data do not determine a thruster that never ran or an axis that never moved.  They may determine the
-effect's other entries.  If thrusters always ran together, only the sum of their gains is known.
+effect's other components.  If thrusters always ran together, only the sum of their gains is known.
 
 A payload without mass equals a net buoyancy and a shifted centre of buoyancy in any recording.  Such exact
 aliases are found by comparing forces at many random states, of every attitude, velocity and command.
@@ -54,16 +54,16 @@ VECTORS: Mapping[str, tuple[str, str, str]] = {
     "drag": ("surge", "sway", "heave"),
     "position": ("position forward", "position to starboard", "position down"),
 }
-"""Names of a vector's entries, where they are not the body's axes."""
+"""Names of a vector's components, where they are not the body's axes."""
 BODY = ("forward", "to starboard", "down")
-"""Names of a vector's entries along the body axes."""
+"""Names of a vector's components along the body axes."""
 
 
 def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple[str, ...]]:
-    """Return the entries that the recording leaves undetermined, of effects that it determines in part.
+    """Return the components that the recording leaves undetermined, of effects that it determines in part.
 
     Args:
-        entries: Free entries.
+        entries: Free components.
         covariance: Covariance of their estimates, (P, P), each in units of its scale: `Evidence.covariance`,
             or `Fit.covariance` over the product of scales.
 
@@ -86,12 +86,12 @@ def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple
 
 
 def _together(covariance: Array) -> float:
-    """Return the standard error of the mean of some entries."""
+    """Return the standard error of the mean of some components."""
     return float(np.sqrt(max(covariance.mean(), 0.0)))
 
 
 def _words(entries: Sequence[Entry]) -> list[str]:
-    """Return entries of one effect in words, with consecutive thrusters as a range."""
+    """Return components of one effect in words, with consecutive thrusters as a range."""
     thrusters = [entry.index[0] + 1 for entry in entries if _per_thruster(entry)]
     words = [_range(thrusters)] if thrusters else []
     return words + [_word(entry) for entry in entries if not _per_thruster(entry)]
@@ -130,7 +130,7 @@ def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> d
     An effect that also changes inertia is not an alias, because inertia shows in accelerations.
 
     Args:
-        model: Vehicle and its free entries.
+        model: Vehicle and its free components.
         known: Names of effects that are in it, which are not tested.
         reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
 
@@ -198,7 +198,7 @@ def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding])
 
 
 def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Rival, ...]:
-    """Return the effects of a tie; for a suspect the closest contenders, or else the model without it."""
+    """Return the effects of a tie; else the closest contenders, or the model without the effect."""
     order = sorted(found.rivals, key=lambda name: float(found.rivals[name].penalised.sum()))
     names = [name for name in members if name in found.rivals]
     if len(names) < 2:
@@ -214,7 +214,7 @@ def _rival(name: str, model: Model) -> Rival:
 
 
 def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Yield effects, or entries of them, that no recording can separate or that this one does not show."""
+    """Yield effects, or components of them, that no recording can separate or that this one does not show."""
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
     known = [*baseline.effects, *outcome.effects]

@@ -56,7 +56,7 @@ class Preprocessed:
 
     @property
     def observed(self) -> Recording:
-        """Recording without rows that a model filled in."""
+        """Recording without values that a motion model estimated between samples of a slow sensor."""
         return self.record if self.sampled is None else self.sampled
 
     @property

@@ -54,10 +54,10 @@ class Model:
     """Vehicle during the search.
 
     Attributes:
-        unknown: Free entries.
+        unknown: Free components.
         values: Fitted values, (P,).
         problem: Shots, with initial states that follow the fit.
-        normal: Linearised problem about the values, in units of the entries' scales.
+        normal: Linearised problem about the values, in units of the components' scales.
     """
 
     unknown: Free
@@ -139,7 +139,7 @@ def fit_model(
         reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
         iterations: Maximum number of steps; with 0 the values stay as they are.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
-        known: Prior of the entries; by default a weak one.
+        known: Prior of the components; by default a weak one.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -154,7 +154,7 @@ def fit_model(
 
 
 def _settled(model: Model, iterations: int, share: float) -> Model:
-    """Return a converged model, with entries that have thresholds moved past local minima.
+    """Return a converged model, with components that have thresholds moved past local minima.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -189,12 +189,12 @@ def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Mo
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
-    """Refit a model with some of its entries held.
+    """Refit a model with some of its components held.
 
     Args:
         model: Model.
         values: Held values, and starting values of the others, (P,).
-        held: Mask of the held entries, (P,).
+        held: Mask of the held components, (P,).
         iterations: Maximum number of steps.
 
     Raises:
@@ -227,7 +227,7 @@ def _descended(
 
 
 def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
-    """Return the vehicle without free entries; its cost is infinite where its predictions diverge."""
+    """Return the vehicle without free components; its cost is infinite where its predictions diverge."""
     unfree = Free(vehicle, (), (np.zeros(0),), frozenset())
     return Model(unfree, np.zeros(0), problem, problem.linearise(vehicle, [], []))
 
@@ -247,7 +247,7 @@ def fitted_or_kept(
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
-    """Return the model, or a better one found by a line search along each entry with thresholds."""
+    """Return the model, or a better one found by a line search along each component with thresholds."""
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
@@ -287,7 +287,7 @@ class Screening:
         shapes: Columns of every shape of each effect.
         normal: Linearised problem, in the units of the columns' steps.
         evidence: Linearised problem with columns of unit size.
-        own: Columns of the model's entries.
+        own: Columns of the model's components.
         gains: Squared residual of all shots that each effect would explain.
     """
 
@@ -314,7 +314,7 @@ class Screening:
 
         Args:
             name: Effect.
-            information: Prior information on the entries of the model and of the effect, (P,).
+            information: Prior information on the components of the model and of the effect, (P,).
         """
         suspect, columns = self.ranked[name]
         normal = self.normal.of([*self.own, *columns])

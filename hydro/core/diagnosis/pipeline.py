@@ -227,7 +227,7 @@ def answered(
     hull: Hull | None,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Return a diagnosis with its status, and with the held-out errors before and after stated findings.
+    """Return a diagnosis with its status, and with the held-out errors before and after confirmed findings.
 
     Args:
         diagnosis: Diagnosis.

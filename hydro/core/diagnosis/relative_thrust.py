@@ -22,7 +22,7 @@ WORDS = (
 
 
 def doubted_gain(finding: Finding, record: Recording) -> Finding:
-    """Reduce a finding of thruster gains to a suspect where a wrong inertia predicts the same motion."""
+    """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion."""
     if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
         return finding
     sure = min(finding.confidence, DOUBTFUL)

@@ -44,7 +44,7 @@ SMALL_STEP = 0.01
 """Small change: a trial force as a share of the weight, the resolution of thresholds in scales, and the size
 in scales at or below which an effect counts as absent."""
 SUSPECT_SPREAD = 2.0
-"""Prior standard deviation of the parameters of a suspect, in their natural scales about 0."""
+"""Prior standard deviation of the parameters of a candidate effect, in their natural scales about 0."""
 CORRELATED = 10.0
 """Number of correlated residuals of a shot that count as one where a model is wrong."""
 FAR_FROM_PRIOR = 2.0
@@ -84,13 +84,14 @@ NEGLIGIBLE = 0.02
 gain, a term that explains less is not kept, and a rival that wins less often is not listed."""
 FURTHER = 0.2
 """Minimum share of the present error that a further finding explains, and that findings explain on average
-for a search to continue: 0.15 adds two wrong suspects in the frozen table."""
+for a search to continue: 0.15 adds two wrong, unconfirmed names in the frozen table."""
 VISIBLE = 0.005
-"""Minimum share of the whole squared error, noise included, of an effect or of an entry.  A smaller gain is
-invisible in a replay.  With 0.012 a thruster at 60 % in a Stonefish log is estimated at 68 %."""
+"""Minimum share of the whole squared error, noise included, of an effect or of a component.  A smaller gain
+is invisible in a replay.  With 0.012 a thruster at 60 % in a Stonefish log is estimated at 68 %."""
 CHANGED = 0.10
 """Minimum share of the held-out squared residual that a change removes, and mean relative lead by chance of a
-name by held-out data: 0.05 adds two wrong suspects in the frozen table, 0.15 loses a right name."""
+name by held-out data: 0.05 adds two wrong, unconfirmed names in the frozen table, 0.15 loses a right
+one."""
 ALMOST_ALL = 0.9
 """Share that counts as almost all: of the error, for names by likelihood above RIGHT; of the shots that stay
 finite; of the cost that a refit to the hull forces leaves when it has converged."""
@@ -100,8 +101,9 @@ candidate on few shots from the best, and an effect from steady wrenches under f
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
 ENTRY_PENALTY = 0.012
-"""Penalty of each entry when effects are compared, as a share of the residual.  The hull's error is alike on
-all stretches, so held-out data alone do not penalise entries that follow it; 0.004 adds a wrong statement."""
+"""Penalty of each component when effects are compared, as a share of the residual.  The hull's error is alike
+on all stretches, so held-out data alone do not penalise components that follow it; 0.004 adds a wrong
+statement."""
 ABSORPTION_PENALTY = 0.2
 """Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors: without it the frozen
 table has a second wrong statement."""
@@ -118,7 +120,7 @@ that of a hull law counts only beyond it, and leads are compared with it."""
 # Confidence
 
 SURE = 0.9
-"""Minimum confidence of a stated name: one statement in ten may be wrong."""
+"""Minimum confidence of a confirmed name: one in ten may be wrong."""
 LIKELY = 0.6
 """Minimum confidence of a name that answers call likely; below it, it is possible."""
 MOST_STATED = 0.98
@@ -152,4 +154,5 @@ MOST_STEPS = 6
 AXIS_LEVEL = 0.05
 """Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
 LIKELY_STEP = 0.2
-"""Confidence from which suspects are tried where nothing is stated: held-out data decide which stay."""
+"""Confidence from which unconfirmed effects are tried where none is confirmed: held-out data decide which
+stay."""

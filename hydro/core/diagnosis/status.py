@@ -29,7 +29,7 @@ def status(
         dt: Sample time of the recording [s].
         left: Squared residual with all changes since an earlier recording, in floors of the hull model; None
             without one.
-        prediction: Held-out errors before and after the stated findings are added; None if not known.
+        prediction: Held-out errors before and after the confirmed findings are added; None if not known.
     """
     changed = left is not None
     named = [one for one in findings if one.verdict in (*STATED, "suspect")]
@@ -65,12 +65,12 @@ def status(
 
 
 def _is_unsure(one: Finding) -> bool:
-    """Return whether a finding is a suspect, or an existing effect with uncertain new values."""
+    """Return whether a finding is unconfirmed, or an existing effect with uncertain new values."""
     return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
 def _likely(one: Finding) -> float:
-    """Return the confidence of a suspect; 1 for a formula, which has none and explains the most."""
+    """Return the confidence of a finding; 1 for a formula, which has none and explains the most."""
     return 1.0 if np.isnan(one.confidence) else one.confidence
 
 
@@ -119,7 +119,7 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
 
 
 def _counted(count: int, changed: bool) -> str:
-    """Return the number of stated findings in words."""
+    """Return the number of confirmed findings in words."""
     if changed:
         return f"{count} {'effect has' if count == 1 else 'effects have'} changed"
     return f"The model needs {count} correction{'s' * (count > 1)}"

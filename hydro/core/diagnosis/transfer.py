@@ -79,7 +79,7 @@ class Rival:
         evidence: Log evidence with the hull force free, beyond that of the file alone, times `beyond`; 0
             where it was not computed.
         allowed: Posterior of its values and those fitted with it, with the hull force free, in the order of
-            the model's entries.
+            the model's components.
     """
 
     effect: str
@@ -103,7 +103,7 @@ class Rival:
 
     @property
     def values(self) -> Array:
-        """Values of all fitted entries, with the hull force free if that was computed."""
+        """Values of all fitted components, with the hull force free if that was computed."""
         return self.model.values if self.allowed is None else self.allowed.best
 
     def estimated(self) -> Fit:
@@ -131,7 +131,7 @@ class Survey:
 
     Attributes:
         refitted: Existing effects, fitted within their priors.
-        rivals: Every effect that could be fitted, the best first: by score less a penalty for its entries,
+        rivals: Every effect that could be fitted, the best first: by score less a penalty for its components,
             or by evidence.
         by_evidence: Whether they are ranked by evidence.
     """
@@ -147,7 +147,7 @@ class Survey:
 
 @dataclass(frozen=True)
 class Known:
-    """Priors of the entries of a fit, for a file and a mean squared residual.
+    """Priors of the components of a fit, for a file and a mean squared residual.
 
     Attributes:
         file: The vehicle file.
@@ -244,7 +244,7 @@ def weighed(rival: Rival) -> Rival:
 
 
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
-    """Rank rivals by score less a penalty for each entry.
+    """Rank rivals by score less a penalty for each component.
 
     The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
     """
@@ -287,10 +287,10 @@ def regimes_of(shots: Shots) -> Rows:
 
 
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
-    """Return the held-out squared residual of each shot, with entries held to their priors, (S,).
+    """Return the held-out squared residual of each shot, with components held to their priors, (S,).
 
     See `confidence.left_out_costs`.  It is NaN where the other folds keep less than LEAST_INFORMATION on the
-    entries `new`.
+    components `new`.
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre

@@ -54,7 +54,7 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     Args:
         baseline: Vehicle file and shots.
         outcome: Result of the search.
-        stated: Whether an effect is stated that no search found, as by transfer.
+        stated: Whether an effect is confirmed that no search found, as by transfer.
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT

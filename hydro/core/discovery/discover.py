@@ -95,7 +95,7 @@ class Discovery:
 
     Attributes:
         baseline: The vehicle file and the shots.
-        known: Prior of the file's entries.
+        known: Prior of the file's components.
         folds: Sessions and regimes of the shots, (S,) each.
         first: Effects of the file, fitted without a new term; None before that fit.
     """
@@ -223,8 +223,8 @@ def discovered(
         progress: Called with a few words and the share of the work done.
 
     Returns:
-        The diagnosis, unchanged if nothing is unexplained or no term transfers.  Named forces become suspects
-            if the formula has a smaller residual: they may imitate the same law.
+        The diagnosis, unchanged if nothing is unexplained or no term transfers.  Named forces become
+        unconfirmed if the formula has a smaller residual: they may imitate the same law.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:
@@ -251,9 +251,9 @@ def _force(finding: Finding) -> bool:
 
 
 def _doubted(one: Finding, left: float, leaves: float) -> Finding:
-    """Turn a named force into a suspect where a formula has the smaller residual.
+    """Make a named force unconfirmed where a formula has the smaller residual.
 
-    The confidence in a force that was already a suspect is lowered only where the formula reaches the noise
+    The confidence in a force that was already unconfirmed is lowered only where the formula reaches the noise
     floor.
     """
     named = one.verdict == "missing" or (one.verdict == "suspect" and left <= RIGHT)
@@ -268,7 +268,16 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 
 
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
-    """Return the formula that the file lacks; None where no term transfers."""
+    """Search a formula of sparse terms for the force that a vehicle file lacks.
+
+    Args:
+        vehicle: Vehicle file.
+        log: Recording.
+        progress: Called with a short text and the share of the work done.
+
+    Returns:
+        The formula; None if no term reduces the error on sessions and regimes that it was not fitted to.
+    """
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
         return None

@@ -22,7 +22,7 @@ def memory_size(window: int) -> int:
 
 
 def names(window: int) -> tuple[str, ...]:
-    """Return the names of the past velocities in order, such as u-1 for surge one period ago."""
+    """Return the feature names of a window of past velocities, such as u-1 for surge one period ago."""
     return tuple(f"{axis}-{back}" for back in range(1, window) for axis in VELOCITY)
 
 

@@ -61,28 +61,42 @@ def thruster_gain(p: Array, table: Array) -> None:
     """Thrust f_i (1 + g_i): a worn or fouled propeller (g < 0), or another supply voltage for all thrusters.
 
     A common factor does not affect servos, whose rows exert no wrench.
+
+    Changes `table`; arguments as in `layout`.
     """
     pushes = np.abs(table[:, UNIT_WRENCH]).max(axis=1) > 0.0
     table[:, GAIN] += p if len(p) == len(table) else p[0] * pushes
 
 
 def thruster_asymmetry(p: Array, table: Array) -> None:
-    """Thrust (1 - a) f where f < 0: blades and ducts are shaped for one direction."""
+    """Thrust (1 - a) f where f < 0: blades and ducts are shaped for one direction.
+
+    Changes `table`; arguments as in `layout`.
+    """
     table[:, ASYMMETRY] += p[0]
 
 
 def thruster_lag(p: Array, table: Array) -> None:
-    """Time constant T + dT of the first-order lag."""
+    """Time constant T + dT of the first-order lag.
+
+    Changes `table`; arguments as in `layout`.
+    """
     table[:, TIME_CONSTANT] += p[0]
 
 
 def command_delay(p: Array, table: Array) -> None:
-    """Command u(t - d): transport and computing time before a thruster responds."""
+    """Command u(t - d): transport and computing time before a thruster responds.
+
+    Changes `table`; arguments as in `layout`.
+    """
     table[:, DELAY] += p[0]
 
 
 def thruster_deadband(p: Array, table: Array) -> None:
-    """Dead band wider by d, in units of command or normalised speed; for a table, in units of full thrust."""
+    """Dead band wider by d, in units of command or normalised speed; for a table, in units of full thrust.
+
+    Changes `table`; arguments as in `layout`.
+    """
     table[:, DEADBAND] += p[0]
 
 
@@ -92,6 +106,8 @@ def thruster_curve(p: Array, table: Array) -> None:
     A propeller's thrust is proportional to the square of its speed.  A command may be a share of voltage,
     speed or thrust, which depends on the driver.  So a wrong curve is the most common error of a thruster
     table.
+
+    Changes `table`; arguments as in `layout`.
     """
     table[:, POWER] += p[0]
 
@@ -101,6 +117,8 @@ def thruster_inflow(p: Array, table: Array) -> None:
 
     This is the linear part of the open-water curve K_T(J) = a_0 - a_1 J.  With T ~ n^2 the loss is
     proportional to n u_a, thus to sqrt(|T|) u_a.
+
+    Changes `table`; arguments as in `layout`.
     """
     table[:, INFLOW] += p[0]
 
@@ -111,6 +129,8 @@ def propeller_torque(p: Array, table: Array) -> None:
     k = D K_Q/K_T of the open-water diagram, about a tenth of the diameter D.  It is positive for a propeller
     whose reaction turns the hull like a right-handed screw, and negative for the opposite direction.  The
     axis of a thruster given by its wrench is that of its force.
+
+    Changes `table`; arguments as in `layout`.
     """
     table[:, REACTION] += p
     table[:, UNIT_MOMENT] += p[:, None] * table[:, UNIT_FORCE]
@@ -124,7 +144,7 @@ def common_gain(table: Mapping[str, Any], vehicle: Vehicle) -> list[dict[str, An
 
 
 def thrusters(vehicle: Vehicle) -> list[Thruster]:
-    """Return the commands of a vehicle that drive thrusters."""
+    """Return the thrusters of a vehicle, without the servos in its list, which exert no wrench."""
     return [thruster for thruster in vehicle.thruster if thruster.pushes]
 
 

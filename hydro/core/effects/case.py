@@ -79,7 +79,7 @@ class Case:
         errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
         dt: Sample time of the log [s].
         before: The file's table of the effect; None if it has none.
-        brief: Whether the sentence is for a headline: only the most significant of several entries.
+        brief: Whether the sentence is for a headline: only the most significant of several components.
     """
 
     vehicle: Vehicle

@@ -263,7 +263,7 @@ def implausible(
 def _beyond(
     table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle, doubt: Array, least: float
 ) -> str:
-    """Return a sentence if an entry of a parameter is clearly beyond its plausible range; else empty."""
+    """Return a sentence if a component of a parameter is clearly beyond its plausible range; else empty."""
     if parameter.plausible is None:
         return ""
     values, farthest, words = np.asarray(table[parameter.name], float), least + ROUNDING, ""

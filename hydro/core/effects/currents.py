@@ -41,6 +41,8 @@ def ocean_current(p: Array, flow: Array) -> None:
     Every force of the water then depends on nu_r = nu - [R^T v_c; 0] and nu_r_dot = nu_dot + [omega x R^T
     v_c; 0] (the current is constant in the world and thus rotates in the body frame). A vehicle without
     thrust drifts with it.
+
+    Adds to `flow`; arguments as in `layout`.
     """
     flow[:3] += p
 
@@ -48,9 +50,11 @@ def ocean_current(p: Array, flow: Array) -> None:
 def current_shear(p: Array, flow: Array) -> None:
     """Velocity v_c + (g_N, g_E) (z - z_0) of the water [m/s], NED: it grows with depth z and is steady.
 
-    z_0 is a depth stated in the file that no fit changes.  About z_0 the shear is independent of the mean
+    z_0 is a depth given in the file that no fit changes.  About z_0 the shear is independent of the mean
     current, which `ocean_current` represents.  With z_0 at the surface, the shear would act as a mean current
     in a recording at one depth.
+
+    Adds to `flow`; arguments as in `layout`.
     """
     flow[:2] -= p[:2] * p[2]
     flow[3:5] += p[:2]
@@ -84,6 +88,8 @@ def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: A
 
     The lift of a body in a flow with vorticity and the gradient over the hull are neglected.  The pressure of
     accelerating water, rho V (v_c grad) v_c, is zero for a horizontal current.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     down = ROTATION + 6
     sinking = s[down] * s[VELOCITY] + s[down + 1] * s[VELOCITY + 1] + s[down + 2] * s[VELOCITY + 2]
@@ -93,8 +99,10 @@ def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: A
 def current_trend(p: Array, flow: Array) -> None:
     """Velocity v_c + (a_N, a_E) (t - t_0) of the water [m/s], NED: it changes with the time t of the session.
 
-    It represents a tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time stated
+    It represents a tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time given
     in the file that no fit changes, like the depth z_0 of `current_shear`.
+
+    Adds to `flow`; arguments as in `layout`.
     """
     flow[:2] -= p[:2] * p[2]
     flow[5:] += p[:2]
@@ -108,6 +116,8 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
     accelerates the water acts on the hull as on the displaced water (Newman 1977, chapter 4; the inertia
     coefficient 1 + C_A of Morison et al. 1950).  So a neutral vehicle at rest in the water stays at rest in
     it.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
     fx, fy, fz = quickened(p[0], p[1], 0.0, c, s, tau)

@@ -74,6 +74,8 @@ def linear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 
     D_L is given by its diagonal or as a full matrix.  It does no positive work if its symmetric part is
     positive semi-definite.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     if p.size == 6:
         for i in range(6):
@@ -89,6 +91,8 @@ def quadratic(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
     """Wrench -D_Q |nu_r| nu_r, axis by axis: form drag of the separated flow.
 
     In surge D_Q[0] = 1/2 rho C_d A with the frontal area A.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     for i in range(6):
         n = s[RELATIVE_VELOCITY + i]
@@ -101,6 +105,8 @@ def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 
     A centre of lateral resistance aft of CO (x_c < 0) gives D[1,5] = D[5,1] = x_c D[1,1] < 0: a turn to
     starboard then drags to port at the stern.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     v, w = s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
     roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
@@ -118,6 +124,8 @@ def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     The flow separates from a blunt hull or an open frame at the total speed, so that a vehicle in heave has
     more drag in surge.  A cylinder across the flow has Y = -1/2 rho C_d A sqrt(v^2 + w^2) v, and these
     products approximate it.  With every D[i,j] >= 0, as here, it never does positive work.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     k = 0
     for i in range(6):
@@ -133,6 +141,8 @@ def power(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
 
     Friction of a laminar boundary layer has an exponent of 1.5, of a turbulent one 1.8.  Flutter and wave
     making have 2.5 and more.  D is the drag at 1 m/s and 1 rad/s, so that its unit does not depend on n.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     n = p[6]
     for i in range(6):
@@ -147,6 +157,8 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 
     The drag of a frame, a skid or a sonar causes pitch and yaw moments in straight motion: N per |v| v is -x
     d_y, M per |u| u is -z d_x and per |w| w is x d_z.  It does no positive work, as f . v_p <= 0.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     rx, ry, rz = p[3], p[4], p[5]
     u, v, w = moved_at(s, rx, ry, rz)

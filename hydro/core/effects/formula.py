@@ -63,6 +63,8 @@ def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
     """Wrench c_k prod |x|^a sgn(x)^s for every term k, on its axis.
 
     A coefficient is the force or moment with every factor equal to 1: at 1 m/s or 1 rad/s, 1 m deep.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     terms = int(p[0])
     amounts = 1 + ROW * terms

@@ -91,6 +91,8 @@ def crossflow_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
     are Y = -1/2 rho Cd_y int H |s_H| s_H dx and Z = -1/2 rho Cd_z int W |s_W| s_W dx.  The moments are N =
     int x dY and M = -int x dZ.  The integrals use the midpoint rule over 32 stations of a box of the hull's
     length L, width W and height H about its centre.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     length, width, height = c[HULL], c[HULL + 1], c[HULL + 2]
     step = length / SECTIONS
@@ -120,6 +122,8 @@ def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
     A fin of lift slope c_L and area A at the station x has the drift angle (v_r + x r)/|u_r|, ahead or
     astern.  Its force is Y = -1/2 rho c_L A |u_r| (v_r + x r), its moment N = x Y: L = 1/2 rho c_L A [1, x;
     x, x^2].  In heave and pitch the sign of x changes: L = 1/2 rho c_L A [1, -x; -x, x^2].
+
+    Adds to `tau`; arguments as in `layout`.
     """
     speed = abs(s[RELATIVE_VELOCITY])
     v, w = s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
@@ -163,6 +167,8 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     toward -n in motion ahead.  Flow along the span has no effect.  The area assumes a lift slope of pi: a fin
     of another slope a appears a/pi times as large.  A fixed fin does no positive work, since its lift does
     none.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     driven = int(p[0])
     at = 1 + driven

@@ -43,6 +43,8 @@ def symmetric_or_diagonal(p: Array, matrix: Array) -> None:
 
     A body with three planes of symmetry has a diagonal M_A; a full one must be symmetric, as it is in
     potential flow (Newman 1977, section 4.14).
+
+    Adds to `matrix`; arguments as in `layout`.
     """
     matrix += np.diag(p) if p.size == 6 else p.reshape(6, 6)
 
@@ -52,6 +54,8 @@ def couplings(p: Array, matrix: Array) -> None:
 
     Sway-yaw (1,5) and heave-pitch (2,4) occur for a hull without fore-aft symmetry.  Surge-pitch (0,4) and
     sway-roll (1,3) occur without top-bottom symmetry, surge-heave (0,2) without both.
+
+    Adds to `matrix`; arguments as in `layout`.
     """
     for value, (i, j) in zip(p, COUPLED, strict=True):
         matrix[i, j] += value
@@ -66,6 +70,8 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     C_A nu_r = [omega x a; v_r x a + omega x b].  For a diagonal M_A the yaw moment -C_A nu_r is
     (M_A[0,0] - M_A[1,1]) u_r v_r: negative, thus destabilising, for u_r, v_r > 0 and M_A[1,1] > M_A[0,0].
     It does no work for any kappa.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     u, v, w = s[RELATIVE_VELOCITY], s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
     q0, q1, q2 = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]

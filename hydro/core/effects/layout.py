@@ -1,12 +1,22 @@
-"""Layout of the flat vectors of every wrench kernel.
+"""Calling convention of the functions of effects, and the layout of their vectors.
 
-A kernel is called as `kernel(p, c, s, x, dx, tau)` with contiguous float64 vectors:
+All of them work in place: they return nothing and write to their last argument, so that a time step allocates
+no memory and several effects add up.  Arguments are contiguous float64 arrays in SI units.
 
-* `p`: the effect's own parameters, packed in the order of its record, matrices row by row;
-* `c`: constants of the vehicle (below);
-* `s`: the state of motion (below);
-* `x`, `dx`: the effect's internal states and, as output, their time derivatives;
-* `tau`: the wrench X Y Z K M N on the vehicle about CO, body frame; a kernel adds to it.
+* wrench kernel `f(p, c, s, x, dx, tau)`: adds the effect's wrench to `tau`, and sets `dx`;
+* start `f(p, c, s, x)`: sets `x` to its value in steady motion;
+* inertia `f(p, matrix)`: adds to the mass matrix (6, 6) about CO;
+* flow `f(p, flow)`: adds to the velocity of the water (7,), see `catalogue.current`;
+* actuator `f(p, table)`: changes the thruster table (thrusters, columns), see `vehicle.thrusters`;
+* sensor `f(p, log)`: changes the row of DVL errors, see `core.effects.sensor`.
+
+The arguments are:
+
+* `p`: the effect's parameters in the order of its record, matrices row by row;
+* `c`: constants of the vehicle (CONSTANTS,), with the indices below;
+* `s`: the state of motion (MOTION,), with the indices below;
+* `x`, `dx`: the effect's internal states and their time derivatives (states,);
+* `tau`: wrench on the vehicle about CO, body frame FRD: X Y Z [N], K M N [N m] (6,).
 """
 
 from __future__ import annotations

@@ -40,6 +40,8 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
     It equals -int_{-inf}^t K exp(-a (t - t')) nu_r_dot(t') dt': the convolution of Cummins' equation with a
     sum of exponentials, in state-space form.  Steady motion has a x = nu_r and no force, so that damping
     contains the steady part.  For K >= 0 it is passive, with the storage 1/2 a K x^2.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     rates = p.size // 7
     for k in range(rates):
@@ -52,7 +54,7 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
 
 @kernel
 def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
-    """Set x(0) = nu_r/a, the steady state of the present motion."""
+    """Set `x` to nu_r/a, its value in steady motion; arguments as in `layout`."""
     rates = p.size // 7
     for k in range(rates):
         for i in range(6):

@@ -1,4 +1,4 @@
-"""Sentences shared by similar effects: missing entries, changed entries, and displacements."""
+"""Sentences shared by similar effects: missing components, changed components, and displacements."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from hydro.core.effects.wording import (
 LONGEST = 220
 """Maximum length of a sentence in characters: three lines of a terminal."""
 MOST_ENTRIES = 3
-"""Maximum number of entries with a standard error in a sentence."""
+"""Maximum number of components with a standard error in a sentence."""
 MOST_OTHERS = 5
-"""Maximum number of further entries in a sentence: with the first one, all six axes."""
+"""Maximum number of further components in a sentence: with the first one, all six axes."""
 CLOSE_RATIO = 0.1
 """Relative change below which a value is written with CLOSE_DIGITS digits."""
 PLAIN_RATIO = 100.0
@@ -75,12 +75,12 @@ def undetermined(case: Case, subject: str, value: str) -> str:
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
-    """Sort entries by their difference from the file: in standard errors, then in size."""
+    """Sort components by their difference from the file: in standard errors, then in size."""
     return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
 
 
 def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
-    """Return a sentence with as many entries as fit into `LONGEST` characters, at least one."""
+    """Return a sentence with as many components as fit into `LONGEST` characters, at least one."""
     return first_that_fits(render(count) for count in range(most, 0, -1))
 
 
@@ -94,12 +94,12 @@ def first_that_fits(sentences: Iterable[str]) -> str:
 
 
 def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], str]) -> str:
-    """Return a sentence that lists entries, the most significant ones with their standard errors.
+    """Return a sentence that lists components, the most significant ones with their standard errors.
 
     Args:
-        clear: Entries, the most significant first.
-        brief: Whether only the first entry is written, and the others are counted.
-        render: Returns the sentence from the number of entries with standard errors, and from whether the
+        clear: Components, the most significant first.
+        brief: Whether only the first component is written, and the others are counted.
+        render: Returns the sentence from the number of components with standard errors, and from whether the
             others are written or counted.
     """
     if brief:
@@ -111,18 +111,18 @@ def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], s
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the entries of an effect: missing ones, or changes from the file.
+    """State the components of an effect: missing ones, or changes from the file.
 
     Args:
         case: The values.
         noun: Name of the force or inertia, as in `quadratic damping`.
-        entries: All entries.
+        entries: All components.
     """
     return changed(noun, entries, case.brief) if case.in_file else missing(case, noun, entries)
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the entries that the file lacks: "Quadratic damping of 284 N s²/m² (±6) in heave is missing"."""
+    """State the components that the file lacks: "Drag of 284 N s²/m² (±6) in heave is missing"."""
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
@@ -140,22 +140,22 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def valued(entry: Entry) -> str:
-    """Write the value of an entry with its unit, error and place."""
+    """Write the value of a component with its unit, error and place."""
     return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
 
 
 def without_error(entry: Entry) -> str:
-    """Write the value of an entry with its unit and place, but without its standard error."""
+    """Write the value of a component with its unit and place, but without its standard error."""
     return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
 
 
 def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
-    """State entries that differ from the file, as in "Heave drag is 1.3 times the file's value (…)".
+    """State components that differ from the file, as in "Heave drag is 1.3 times the file's value (…)".
 
     Args:
         noun: Name of the force or inertia.
-        entries: All entries.
-        brief: Whether only the most significant entry is written.
+        entries: All components.
+        brief: Whether only the most significant component is written.
     """
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
@@ -179,15 +179,15 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
 
 def more(left: int, noun: str = "") -> list[str]:
-    """Count the omitted entries, as the last item of a list: `3 more values`."""
+    """Count the omitted components, as the last item of a list: `3 more values`."""
     return [f"{left} more {noun}{'s' * (left > 1 and bool(noun))}".strip()] if left > 0 else []
 
 
 def against_file(entry: Entry, first: bool) -> str:
-    """Compare an entry with the file's value: by their ratio if it is simple, else by both values.
+    """Compare a component with the file's value: by their ratio if it is simple, else by both values.
 
     Args:
-        entry: The entry.
+        entry: The component.
         first: Whether it is the first of its sentence, which names the comparison.
     """
     value, error, before = entry.quantity
@@ -208,7 +208,7 @@ def against_file(entry: Entry, first: bool) -> str:
 
 
 def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
-    """Return the entries of a point of the body [m], FRD, for a comparison with the file."""
+    """Return the components of a point of the body [m], FRD, for a comparison with the file."""
     ways = ("forward", "starboard", "downward")
     return [Entry(f"{whose} {side} position", "", one, "m") for side, one in zip(ways, point, strict=True)]
 
@@ -222,7 +222,7 @@ def diagonal(
         noun: Name of the force or inertia, as in `quadratic damping`.
         label: Its name after that of an axis, as in `drag`.
         units: Of the force, mixed and moment blocks.
-        symmetric: Whether entries below the diagonal repeat those above.
+        symmetric: Whether components below the diagonal repeat those above.
         key: The parameter of the diagonal.
     """
 
@@ -347,7 +347,7 @@ def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]
 
 
 def horizontal(north: Quantity, east: Quantity) -> Quantity:
-    """Return the length of a horizontal vector, with that of the file."""
+    """Return the length of a horizontal vector with its standard error, and the length in the file."""
     length, before = math.hypot(north.value, east.value), math.hypot(north.before, east.before)
     if not length:
         return estimate(0.0, max(north.error, east.error), before)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -25,6 +26,8 @@ Harmonics = Callable[[Array, float, Array], Array]
 Index = tuple[int, ...]
 Table = dict[str, Any]
 
+CALLED = re.compile(r"\n\n(Adds to|Changes) `\w+`; arguments as in `layout`\.$")
+"""Last line of the docstring of an effect's function, which is for readers of the code alone."""
 BOOKKEEPING = frozenset({"name", "label", "standard_error", "fit", "known"})
 """Keys of an `[[effect]]` table that are not parameters: notes of a fit, and known values."""
 
@@ -57,8 +60,8 @@ class Parameter:
 
     Attributes:
         name: Key in the `[[effect]]` table.
-        unit: One unit for all entries; or two, for the three forces and the three moments of a 6-vector; or
-            three, for the force-velocity, mixed and moment-rate blocks of a 6x6 matrix.
+        unit: One unit for all components; or two, for the three forces and the three moments of a 6-vector;
+            or three, for the force-velocity, mixed and moment-rate blocks of a 6x6 matrix.
         meaning: Meaning in a few words.
         shape: Lengths; `"thrusters"` and `"rates"` are numbers set by the vehicle file.
         low: Minimum admissible value (inclusive).
@@ -66,7 +69,7 @@ class Parameter:
         required: False if a missing value means 0.
         scale: Significant size for each unit, a number or a rule; None and missing ones follow from the unit
             (`core.effects.units`).
-        limits: Bounds of an entry in a fit that depend on the vehicle; by default `low` and `high`.
+        limits: Bounds of a component in a fit that depend on the vehicle; by default `low` and `high`.
         symmetric: Whether only the entries on and above the diagonal of a matrix are free.
         plausible: Physically plausible range; a value beyond is reported.
         held: Whether a fit keeps it fixed: it is the reference of another parameter.
@@ -93,11 +96,11 @@ class Parameter:
             dimension(unit)
 
     def unit_at(self, index: Index) -> str:
-        """Return the unit of one entry."""
+        """Return the unit of one component."""
         return self.unit[self._part(index)]
 
     def scale_at(self, index: Index, vehicle: Vehicle) -> float:
-        """Return the significant size of one entry on this vehicle."""
+        """Return the significant size of one component on this vehicle."""
         part = self._part(index)
         size = self.scale[part] if self.scale else None
         if size is None:
@@ -105,7 +108,7 @@ class Parameter:
         return size(vehicle) if callable(size) else size
 
     def _part(self, index: Index) -> int:
-        """Return the index of the unit of an entry."""
+        """Return the index of the unit of a component."""
         if len(self.unit) == 3:
             return sum(i >= 3 for i in index)
         return int(index[-1] >= 3) if len(self.unit) == 2 else 0
@@ -147,7 +150,7 @@ Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
 ABSORBED = 0.3
 """Share of the error of a hull of panels that formulas of drag and lift absorb: the median of ten bases."""
 SLIGHTLY_ABSORBED = 0.1
-"""Absorbed share of effects with many entries, or slow ones, that are not formulas of drag or lift."""
+"""Absorbed share of effects with many components, or slow ones, that are not formulas of drag or lift."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +260,8 @@ class Effect:
         lookalikes: Effects that it is easily mistaken for.
         parameters: In packing order.
         one_of: Names of alternative parameters, of which exactly one is given; the others are not packed.
-        kernel: Scalar compiled wrench, see `core.effects.layout`.
+        kernel: Scalar compiled wrench. `core.effects.layout` has the arguments of this function and of all
+            others.
         inertia: `inertia(p, M)` adds to a 6x6 matrix.
         flow: `flow(p, flow)` adds to the current, (7,) of `catalogue.current`.
         actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
@@ -333,10 +337,10 @@ class Effect:
 
     @property
     def description(self) -> str:
-        """Docstring of its defining function: the facts that a naval engineer would check."""
+        """Docstring of its defining function, without its last line on the calling convention."""
         for function in (self.kernel, self.inertia, self.flow, self.actuator, self.sensor):
             if function is not None:
-                return inspect.getdoc(function) or ""
+                return CALLED.sub("", inspect.getdoc(function) or "")
         raise TypeError(f"effect {self.name} has no defining function")
 
     def pack(self, table: Mapping[str, Any], *, thrusters: int, where: str = "effect") -> Array:

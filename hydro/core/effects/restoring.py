@@ -76,7 +76,10 @@ def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) 
 
 @kernel
 def net_buoyancy(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Force dB upward in the world at the centre of buoyancy: wrong ballast, or water of another density."""
+    """Force dB upward in the world at the centre of buoyancy: wrong ballast, or water of another density.
+
+    Adds to `tau`; arguments as in `layout`.
+    """
     at = CENTER_OF_BUOYANCY
     push_down(s, -p[0], c[at], c[at + 1], c[at + 2], tau)
 
@@ -87,6 +90,8 @@ def buoyancy_offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
     Lowering the centre of buoyancy (dz > 0) reduces stability: the righting moment at a roll phi changes by
     +B dz sin(phi).
+
+    Adds to `tau`; arguments as in `layout`.
     """
     push_down(s, -c[BUOYANCY], p[0], p[1], p[2], tau)
     push_down(s, c[BUOYANCY], 0.0, 0.0, 0.0, tau)
@@ -97,12 +102,17 @@ def payload(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
     """Weight in water w, downward in the world, at a point of the body; its dry mass m adds only inertia.
 
     w is weight minus buoyancy, so m enters only M (about CO, with its Coriolis terms), not the force.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     push_down(s, p[0], p[1], p[2], p[3], tau)
 
 
 def point_mass(p: Array, matrix: Array) -> None:
-    """Inertia of the payload: m [I, -S(r); S(r), -S(r)^2], Fossen (2011) eq. 3.44 for a point mass."""
+    """Inertia of the payload: m [I, -S(r); S(r), -S(r)^2], Fossen (2011) eq. 3.44 for a point mass.
+
+    Adds to `matrix`; arguments as in `layout`.
+    """
     x, y, z, mass = p[1:5]
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     arm = np.hstack([np.eye(3), -lever])
@@ -118,6 +128,8 @@ def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arr
     inertia of its sliding is neglected.  At small tilts and low rates it is the free-surface effect of a
     liquid: it reduces the slope of the righting moment by g S/tilt, and damps.  Its stored energy is g (tilt
     int artanh(x/S) dx - x d).
+
+    Adds to `tau`; arguments as in `layout`.
     """
     for i in range(2):
         dx[i] = (p[i] * math.tanh(s[ROTATION + 6 + i] / p[2]) - x[i]) / p[3]
@@ -133,7 +145,7 @@ def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> Non
 
 @kernel
 def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
-    """Set x(0) = S tanh(d/tilt), the steady state of the present tilt."""
+    """Set `x` to S tanh(d/tilt), its value at a steady tilt; arguments as in `layout`."""
     for i in range(2):
         x[i] = p[i] * math.tanh(s[ROTATION + 6 + i] / p[2])
 

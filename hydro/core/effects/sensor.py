@@ -52,32 +52,50 @@ DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s
 
 
 def sensor_scale(p: Array, log: Array) -> None:
-    """Reading (1 + s) v, one s for all axes or three: an error of the speed of sound."""
+    """Reading (1 + s) v, one s for all axes or three: an error of the speed of sound.
+
+    Changes `log`; arguments as in `layout`.
+    """
     log[SCALE] += p
 
 
 def sensor_misalignment(p: Array, log: Array) -> None:
-    """Reading R(alpha)^T v: the DVL is rotated by roll, pitch, yaw alpha (ZYX) against the body."""
+    """Reading R(alpha)^T v: the DVL is rotated by roll, pitch, yaw alpha (ZYX) against the body.
+
+    Changes `log`; arguments as in `layout`.
+    """
     log[ANGLES] += p
 
 
 def sensor_delay(p: Array, log: Array) -> None:
-    """Reading of the time t - d, stamped t: averaging and transmission."""
+    """Reading of the time t - d, stamped t: averaging and transmission.
+
+    Changes `log`; arguments as in `layout`.
+    """
     log[DELAY] += p[0]
 
 
 def sensor_lever_arm(p: Array, log: Array) -> None:
-    """Reading v + omega x r: the DVL is at r from its assumed place."""
+    """Reading v + omega x r: the DVL is at r from its assumed place.
+
+    Changes `log`; arguments as in `layout`.
+    """
     log[LEVER] += p
 
 
 def reference_point(p: Array, log: Array) -> None:
-    """Reading v + omega x r and position + R r: both are those of a point r of the body, not of CO."""
+    """Reading v + omega x r and position + R r: both are those of a point r of the body, not of CO.
+
+    Changes `log`; arguments as in `layout`.
+    """
     log[POINT] += p
 
 
 def sensor_bias(p: Array, log: Array) -> None:
-    """Reading v + b, constant in the DVL's axes."""
+    """Reading v + b, constant in the DVL's axes.
+
+    Changes `log`; arguments as in `layout`.
+    """
     log[BIAS] += p
 
 

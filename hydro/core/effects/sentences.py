@@ -34,7 +34,8 @@ def sentence(
         values: The effect's table, in the units of the catalogue.
         errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
         dt: Sample time of the log [s].
-        brief: Whether to leave out standard errors, the file's values and all but the most significant entry.
+        brief: Whether to leave out standard errors, the file's values and all but the most significant
+            component.
 
     Returns:
         The sentence, with its full stop.
@@ -60,7 +61,7 @@ def generic(effect: Effect, case: Case) -> str:
 
 
 def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
-    """Return the entries of a parameter with its meaning, or with a noun for each axis if there is one."""
+    """Return the components of a parameter with its meaning, or with a noun for each axis if there is one."""
     given = case.values.get(parameter.name, (case.before or {}).get(parameter.name))
     shape = np.shape(given) if given is not None else tuple(n for n in parameter.shape if isinstance(n, int))
     if len(shape) != len(parameter.shape):
@@ -76,8 +77,8 @@ def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
 
 
 def place_of(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Name an entry: by its axes if there are six, else by its number from 1."""
+    """Name a component: by its axes if there are six, else by its number from 1."""
     if not index:
         return ""
     names = [AXES[i] if n == 6 else str(i + 1) for i, n in zip(index, shape, strict=True)]
-    return f" in {'-'.join(names)}" if set(shape) == {6} else f", entry {', '.join(names)}"
+    return f" in {'-'.join(names)}" if set(shape) == {6} else f", component {', '.join(names)}"

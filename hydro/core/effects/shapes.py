@@ -24,7 +24,7 @@ LEAST, MOST = 0.5, 1.5
 
 
 def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) -> Shape:
-    """Return one column per entry of a parameter, with the others held.
+    """Return one column per component of a parameter, with the others held.
 
     Args:
         effect: The effect.

@@ -12,7 +12,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 
 EIGENVALUE_TOLERANCE = 1e-9
-"""Tolerance of asymmetry and negative eigenvalues relative to the largest entry: rounding errors."""
+"""Tolerance of asymmetry and negative eigenvalues relative to the largest component: rounding errors."""
 
 
 def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:

@@ -47,6 +47,8 @@ def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     """Pull k max(0, distance - slack) at the attachment toward the anchor, straight, massless, undamped.
 
     It is the negative gradient of 1/2 k max(0, distance - slack)^2, so it conserves energy.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     stiffness, slack = p[0], p[1]
     ax, ay, az = p[2], p[3], p[4]
@@ -69,6 +71,8 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
     A hull that moves close below a free surface is drawn toward it, more strongly at smaller depth (an
     empirical law).
+
+    Adds to `tau`; arguments as in `layout`.
     """
     force = p[0] * math.exp(-max(s[POSITION + 2], 0.0) / p[1])
     at = CENTER_OF_BUOYANCY
@@ -137,7 +141,7 @@ def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def steady_pull(force: float, way: Array, attachment: Array) -> Table:
-    """Return a cable with an anchor so far away that its pull is the same everywhere.
+    """Return the table of a tether whose anchor is so far away that its pull is the same everywhere.
 
     Args:
         force: Pull [N].

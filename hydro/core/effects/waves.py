@@ -166,6 +166,8 @@ def swung(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
     moves with the water stays with it; drag depends on nu_r.  In every prediction the sea is calm and this
     wrench is zero.  Changes of the water's motion along the wave are neglected: over the hull, and in
     second-order pressure.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
     sinking = through = 0.0

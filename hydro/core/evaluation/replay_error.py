@@ -109,7 +109,7 @@ class Ahead:
         self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Return the root mean square error of the velocity [m/s].
+        """Return the root mean square error of a vehicle's velocity AHEAD seconds ahead, over all axes [m/s].
 
         Raises:
             DataError: No session lasts that long.

@@ -14,7 +14,7 @@ from hydro.core.identification.prior import ABSURD, Change
 
 ADD = "add it with `hydro add`"
 STATED_CHANGE = 1.0
-"""Least change of an existing value whose size is stated, in standard deviations of its prior."""
+"""Least change of an existing value whose size is given, in standard deviations of its prior."""
 CLEAR = 10.0
 """Separation of two effects from which one run of a manoeuvre suffices, in units of the sensor noise."""
 
@@ -81,7 +81,7 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
 
 
 def suspecting(effect: str, words: str) -> str:
-    """Return the advice `words` for a missing effect whose name is too uncertain to be stated."""
+    """Return the advice `words` for a missing effect whose name is not confirmed."""
     by_name = f"add it by name only if you can confirm it on the vehicle (`hydro add --effect {effect}`)"
     return words.replace(ADD, by_name) if ADD in words else f"{words}; {by_name}"
 
@@ -91,7 +91,7 @@ def retuning(effect: str, change: Change | None = None) -> str:
 
     Args:
         effect: Name of the effect.
-        change: Entry with the largest change relative to its prior.
+        change: Component with the largest change relative to its prior.
     """
     words = f"{effect} needs new values"
     if change is None or change.deviations <= STATED_CHANGE:
@@ -113,7 +113,7 @@ def having_changed(effect: str, change: Change) -> str:
 
     Args:
         effect: Name of the effect.
-        change: Entry with the largest change relative to its prior.
+        change: Component with the largest change relative to its prior.
     """
     return (
         f"{effect} has changed: {change.entry.name} from {change.given:.3g} to {change.value:.3g}; "
@@ -148,7 +148,7 @@ def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) 
 
     Args:
         effect: Name of the effect.
-        entries: Undetermined entries, in words; empty for the whole effect.
+        entries: Undetermined components, in words; empty for the whole effect.
         flight: Prediction of `manoeuvres.showing` for the effect at its usual size.
     """
     hidden = ", ".join(entries) or CATALOGUE[effect].name.replace("_", " ")

@@ -32,9 +32,9 @@ Parted = Mapping[tuple[str, str], float]
 
 
 SHOWN = 0.05
-"""Standard error, relative to the scale of an entry, at which the entry counts half."""
+"""Standard error, relative to the scale of a component, at which the component counts half."""
 LOG_WEIGHT = 1e-3
-"""Weight of the log standard error, which ranks manoeuvres that show equally many entries."""
+"""Weight of the log standard error, which ranks manoeuvres that show equally many components."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Rival:
 
     Attributes:
         name: Effect that distinguishes the model.
-        unknown: Its free entries.
+        unknown: Its free components.
         values: Fitted values, (P,).
         information: Information matrix of the values from the recording, in units of their scales, (P, P).
     """
@@ -67,12 +67,12 @@ class Rival:
 
 @dataclass(frozen=True)
 class Expected:
-    """Standard errors of an entry before and after a flight.
+    """Standard errors of a component before and after a flight.
 
     Attributes:
-        name: Name of the entry.
+        name: Name of the component.
         unit: Its unit.
-        before: Standard error from the recording; infinite if the recording does not determine the entry.
+        before: Standard error from the recording; infinite if the recording does not determine the component.
         after: Standard error from the recording and the flight.
     """
 
@@ -157,8 +157,8 @@ class Unseen:
 
     Attributes:
         name: The effect.
-        columns: Vehicle with a small value of each entry, and the size of that value in scales.
-        labels: Name, unit and scale of each entry.
+        columns: Vehicle with a small value of each component, and the size of that value in scales.
+        labels: Name, unit and scale of each component.
     """
 
     name: str
@@ -213,8 +213,8 @@ def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list
 def worth(asked: Sequence[Unseen], errors: Mapping[str, Sequence[Expected]]) -> float:
     """Return the utility of a flight from its expected standard errors: the share of each effect it shows.
 
-    The weight of an entry falls once its standard error exceeds SHOWN times its scale.  A small term in the
-    log of the standard errors (D-optimality) ranks flights that show equally many entries.
+    The weight of a component falls once its standard error exceeds SHOWN times its scale.  A small term in
+    the log of the standard errors (D-optimality) ranks flights that show equally many components.
     """
     whole = 0.0
     for effect in asked:

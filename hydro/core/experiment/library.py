@@ -77,7 +77,7 @@ class Manoeuvre:
         return replace(self, commands=commands.astype(np.float32).astype(np.float64))
 
     def table(self) -> pl.DataFrame:
-        """Return the real commands as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
+        """Return the commands as a table for `hydro simulate`: session, t [s], cmd_1 ... cmd_n in [-1, 1]."""
         commands = self.commands if self.vehicle is None else given_commands(self.vehicle, self.commands)
         given = dict(zip(command_columns(self.commands.shape[1]), commands.T, strict=True))
         session = [self.name.replace(" ", "_")] * len(self.commands)

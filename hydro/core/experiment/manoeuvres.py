@@ -94,12 +94,12 @@ def showing(
 
 
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
-    """Return the vehicle with clearly larger values of an effect: one scale more for each entry.
+    """Return the vehicle with clearly larger values of an effect: one scale more for each component.
 
     Args:
         vehicle: The vehicle.
         effect: Name in the catalogue.
-        entries: Indices of the entries that change, in the order of `parameters.free`; by default all.
+        entries: Indices of the components that change, in the order of `parameters.free`; by default all.
 
     Raises:
         DataError: The name is not in the catalogue, or the file has several of the effect.

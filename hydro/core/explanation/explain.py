@@ -1,9 +1,9 @@
 """Stepwise completion of a vehicle file: add the best finding, refit everything together, and diagnose again.
 
-Step 0 is the vehicle file as given.  Each later step adds the finding that explains most, or without a stated
-finding the candidate with the best held-out prediction.  All existing and added effects are then refitted.
-The step is compared with the recording, and with a held-out one that no fit used.  The errors of all steps
-form the ladder (`explanation.ladder`).  A step that raises the held-out error is the last.
+Step 0 is the vehicle file as given.  Each later step adds the finding that explains most, or without a
+confirmed finding the candidate with the best held-out prediction.  All existing and added effects are then
+refitted. The step is compared with the recording, and with a held-out one that no fit used.  The errors of
+all steps form the ladder (`explanation.ladder`).  A step that raises the held-out error is the last.
 """
 
 from __future__ import annotations
@@ -153,10 +153,10 @@ def over(steps: Sequence[Step]) -> str:
 
 
 def _with_suspects(words: str, last: Step) -> str:
-    """Return the words with a list of the suspects that were not added."""
+    """Return the words with a list of the unconfirmed effects that were not added."""
     fitted = {table["name"] for table in last.tables}
     suspected = ", ".join(name for name in suspects(last.diagnosis) if name not in fitted)
-    return f"{words}; only suspected, and not added: {suspected}" if suspected else words
+    return f"{words}; unconfirmed, and not added: {suspected}" if suspected else words
 
 
 def next_step(

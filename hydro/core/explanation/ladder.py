@@ -117,7 +117,7 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
 
 
 def left_out_rung(rungs: pl.DataFrame, error: float) -> pl.DataFrame:
-    """Return the row of the ladder for held-out stretches.
+    """Return the row of the table of errors for the stretches of the recording that the fits left out.
 
     Args:
         rungs: Rows of the step; the noise floor is that of all velocities together.

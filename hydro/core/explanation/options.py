@@ -1,8 +1,8 @@
 """Candidates for the next step, from the diagnosis of a step.
 
-The stated finding that explains most makes one step.  Where nothing is stated, or a suspect explains more,
-trials decide (`explanation.trials`).  With a hull-force model from an earlier recording, a step adds the
-largest change.
+The confirmed finding that explains most makes one step.  Where nothing is confirmed, or an unconfirmed effect
+explains more, trials decide (`explanation.trials`).  With a hull-force model from an earlier recording, a
+step adds the largest change.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ SUSPECTED, FAR = "suspect", "far_from_noise"
 def options(step: Step) -> list[dict[str, Table]]:
     """Return the effects that the next step may fit, the best missing one first.
 
-    A stated finding that explains most makes one step alone.  Suspects that explain more are options too, and
-    all suspects are where nothing is stated.  New values alone make a step only if these effects were not
-    fitted in the last one.
+    A confirmed finding that explains most makes one step alone.  Unconfirmed ones that explain more are
+    options too, and all of them are where nothing is confirmed.  New values alone make a step only if these
+    effects were not fitted in the last one.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "").sort("rank")
     if of_change(step):
@@ -65,7 +65,8 @@ def finding_option(step: Step, effect: str) -> dict[str, Table]:
 def is_open(step: Step) -> bool:
     """Return whether trials decide the next step, with further candidates of the catalogue.
 
-    They do where no statement comes first, and a suspect is likely or no model is near the noise.
+    They do where no confirmed finding comes first, and an unconfirmed one is likely or no model is near the
+    noise.
     """
     if of_change(step):
         return False
@@ -75,12 +76,12 @@ def is_open(step: Step) -> bool:
 
 
 def is_stated(last: Step, step: Step) -> bool:
-    """Return whether the diagnosis of the last step states the effects that the next one adds or refits."""
+    """Return whether the diagnosis of the last step confirms the effects that the next one adds or refits."""
     return all(states(last, name) for name in step.added)
 
 
 def states(step: Step, effect: str) -> bool:
-    """Return whether the diagnosis of a step states that an effect is missing or has changed."""
+    """Return whether the diagnosis of a step confirms that an effect is missing or has changed."""
     return not step.diagnosis.filter(pl.col("verdict").is_in(STATED), effect=effect).is_empty()
 
 
@@ -90,7 +91,7 @@ def of_change(step: Step) -> bool:
 
 
 def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
-    """Return the best change that is stated, or else likely, and has not been fitted in the step."""
+    """Return the best change that is confirmed, or else likely, and has not been fitted in the step."""
     fitted = {table["name"] for table in step.tables}
     stated = findings.filter(pl.col("verdict").is_in(STATED))["effect"]
     names = [name for name in stated if name not in fitted] or _likely(step)
@@ -98,7 +99,7 @@ def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
 
 
 def _missing(step: Step) -> pl.DataFrame:
-    """Return findings with values that state a missing effect, the best first."""
+    """Return confirmed findings of missing effects, with values, the best first."""
     stated = pl.col("verdict").is_in(STEP_VERDICTS)
     return step.diagnosis.filter(pl.col("parameters") != "", stated).sort("rank")
 
@@ -111,13 +112,13 @@ def _retuned(step: Step) -> list[str]:
 
 
 def _suspected(step: Step) -> pl.DataFrame:
-    """Return suspects with values that have not been fitted in the step, the best first."""
+    """Return unconfirmed findings with values that have not been fitted in the step, the best first."""
     new = ~pl.col("effect").is_in([table["name"] for table in step.tables])
     return step.diagnosis.filter(pl.col("parameters") != "", new, verdict=SUSPECTED).sort("rank")
 
 
 def _likely(step: Step) -> list[str]:
-    """Return the names of these suspects, if at least one of them is likely."""
+    """Return the names of these findings, if at least one of them is likely."""
     suspected = _suspected(step)
     likely = suspected.filter(pl.col("confidence") >= LIKELY_STEP)
     return [] if likely.is_empty() else suspected["effect"].to_list()

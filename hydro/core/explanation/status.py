@@ -1,4 +1,4 @@
-"""Headline of a study: the effects that its steps added, and which of them a test confirmed."""
+"""Headline of a study: the effects that its steps added, and which of them are confirmed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.options import of_change, states
 
 UNCONFIRMED = "unconfirmed"
-"""Word for a step that no significance test confirmed."""
+"""Word for a step whose effect has a confidence below SURE."""
 
 
 def added(steps: Sequence[Step]) -> dict[str, bool]:
@@ -27,7 +27,7 @@ def added(steps: Sequence[Step]) -> dict[str, bool]:
 
 
 def retuned(first: Step) -> list[str]:
-    """Return the effects of the file for which the first diagnosis states new values; none of a change.
+    """Return effects of the file with confirmed new values in the first diagnosis; none of a change.
 
     Each step adds these values with its effect, and refits them.
     """
@@ -108,7 +108,7 @@ def findings(diagnosis: pl.DataFrame) -> list[Finding]:
 
 
 def _unproven(one: Finding) -> Finding:
-    """Return a finding that did not lower the error as a suspect."""
+    """Return a finding that did not lower the error as unconfirmed."""
     return replace(one, verdict="suspect") if one.verdict in STATED else one
 
 

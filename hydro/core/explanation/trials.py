@@ -1,6 +1,6 @@
 """Trials of the candidates for a step: the best prediction of held-out stretches wins.
 
-Suspects of a diagnosis are tried together with the effects of the catalogue that promise most
+Unconfirmed effects of a diagnosis are tried together with those of the catalogue that promise most
 (`explanation.screening`).  Each is fitted together with all existing effects.  It then predicts stretches
 that its fit does not use, over the horizon of the ladder.  With a hull-force model from an earlier recording,
 a change is fitted with the changes of earlier steps only.
@@ -92,10 +92,14 @@ class Recordings:
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
-        """Return at most so many shots of HORIZON length; None if there are too few or they diverge.
+        """Return predictions over HORIZON for a fit; None if there are too few or they diverge.
 
         Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
         from the noise.
+
+        Args:
+            vehicle: Vehicle that predicts.
+            most: Maximum number of predictions.
         """
         enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
@@ -181,8 +185,8 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 
     Only the candidates whose quick fits predict the recording best are tested.  Values that physics excludes
     show that an effect stands for another.  Among quick fits such a candidate counts only if no other has
-    plausible values; in the final fit the next best comes first.  The result is None where no candidate that
-    is not stated predicts these stretches better than the last step, or than the refitted file.
+    plausible values; in the final fit the next best comes first.  The result is None where no
+    unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -327,7 +331,7 @@ def quick_fits(
     problem: OutputError,
     progress: Progress,
 ) -> Iterator[Quick]:
-    """Yield quick fits of candidates and of their simpler special cases, without those that diverge."""
+    """Yield fits with few steps of the candidates, and of their simpler special cases, if they converge."""
 
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)

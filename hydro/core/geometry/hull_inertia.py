@@ -57,7 +57,7 @@ def added_mass_errors(form: Form, values: Array, body: Array, relative: tuple[fl
     """Return standard errors of the added mass, (6,) [kg, kg m^2].
 
     Args:
-        form: The form.
+        form: Shape and size of the hull.
         values: Diagonal of the added mass, (6,).
         body: Standard errors of the dry moments of inertia (3,) [kg m^2]: a vehicle file has no standard
             error of `inertia`, and motion shows only the sum of both, so they are added here.

@@ -110,8 +110,8 @@ def _corrected(vehicle: Vehicle, transitions: Transitions, dive: Rows, laws: lis
 def drag_of(vehicle: Vehicle, shots: Shots, law: Regression) -> Drag:
     """Return the drag of file and hull-force model together, on each axis against its own velocity.
 
-    It is fitted along the measured motion by least squares with coefficients of at least 0, beside inertia,
-    attitude and a constant.
+    It is fitted along the measured motion by least squares with coefficients of at least 0, together
+    with inertia, attitude and a constant.
     """
     record = shots.record
     flow = Flow.of(candidate(vehicle), shots)

@@ -3,7 +3,7 @@
 Whenever a dive is added, every parameter is tested at every possible date of a shift (a generalised
 likelihood ratio test; Basseville and Nikiforov, Detection of Abrupt Changes, 1993).  The scatter between
 dives comes from the history itself: the dives before and after a date scatter about their means by a factor
-times the stated standard errors.  The factors of all parameters are shrunk towards each other (the
+times their standard errors.  The factors of all parameters are shrunk towards each other (the
 moderated t-statistic; G. K. Smyth, Linear models and empirical Bayes methods, Statistical Applications in
 Genetics and Molecular Biology 3, 3, 2004), and a factor is at least 1.  So standard errors that are too
 small do not cause alarms.
@@ -11,7 +11,7 @@ small do not cause alarms.
 The shift is that of the means or of the inner middle values on both sides, whichever is smaller, so that
 one outlier among few dives makes no shift.
 
-A part of the level is spent by Bonferroni's inequality over all parameters and dates, anew for each dive.
+A part of the level is spent by Bonferroni's inequality over all parameters and dates, again for each dive.
 Hence the expected number of false alarms in a history of N unchanged dives is at most N times LEVEL,
 however long it grows.
 """
@@ -127,10 +127,10 @@ def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
 
 
 def variances(errors: Array, there: Mask) -> Array:
-    """Return the variance of each estimate up to the common factor of its parameter, (P, N).
+    """Return the relative variance of the estimate of each of P parameters in each of N dives, (P, N).
 
-    It is the mean of the stated variance and of its median over the dives, so that a dive with a standard
-    error that is far too small does not outweigh all others.
+    It is the mean of the squared standard error and of the median of these squares over the dives.  So a dive
+    with a far too small standard error does not outweigh all others.
     """
     stated = np.where(there, errors, np.nan) ** 2
     with np.errstate(all="ignore"):
@@ -150,7 +150,7 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
         tested: Which of them count, (P, K).
 
     Returns:
-        Mean squared deviations in units of the stated variances, (P, K), and degrees of freedom, (P, K).
+        Mean squared deviations in units of the squared standard errors, and degrees of freedom, (P, K) each.
     """
     d = np.maximum(freedom, 1.0)
     own = np.maximum(squares / d, 1e-12)

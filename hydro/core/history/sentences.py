@@ -67,7 +67,7 @@ def _when(change: Change, dives: Sequence[str]) -> str:
 
 
 def _verb(change: Change, up: str, down: str) -> str:
-    """Return the verb of a change; a trend goes on, so that it has the present perfect."""
+    """Return the verb of a change, in the present perfect for a trend, which continues."""
     verb = up if change.size > 0.0 else down
     if change.kind == "shift":
         return verb

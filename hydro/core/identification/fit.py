@@ -77,7 +77,7 @@ def fit(
 
     Args:
         vehicle: The vehicle; its effects start from their values, new ones from zero.  Standard errors in the
-            file count as an independent estimate; entries held as known are not fitted.
+            file count as an independent estimate; components held as known are not fitted.
         raw: Raw table of the measured motion and commands.
         effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
             choice), or tables with initial values.
@@ -123,7 +123,7 @@ def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
 
 
 def _beside(found: Fit, joint: Fit, lacking: Sequence[str]) -> Fit:
-    """Return a joint fit with the requested entries only; a warning names the others."""
+    """Return a joint fit with the requested components only; a warning names the others."""
     kept = [i for i, entry in enumerate(joint.free.entries) if entry.effect not in lacking]
     names = ", ".join(lacking)
     told = f"the file lacks {names}: fitted along and not written; run hydro diagnose to find missing effects"
@@ -179,10 +179,10 @@ def _fitted(
 
 
 def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], reach: Array) -> Free:
-    """Return the free entries of effects.
+    """Return the free components of effects.
 
     Raises:
-        DataError: No entry is free.
+        DataError: No component is free.
     """
     unknown = free(vehicle, effects, reach=reach)
     if not unknown.entries:
@@ -252,7 +252,7 @@ def _begun_anew(
 
 
 def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:
-    """Iterate; alternate with a search where entries act in steps."""
+    """Iterate; alternate with a search where components act in steps."""
     stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
     if not stepped.any():
         return descend(unknown, values, problem, ITERATIONS)
@@ -269,7 +269,7 @@ def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Norma
 
 
 def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal, Problem]:
-    """Move active values to the best passive ones, and refit the other entries."""
+    """Move active values to the best passive ones, and refit the other components."""
     kept = possible(unknown, values, information(normal))
     if np.array_equal(kept, values):
         return values, normal, problem

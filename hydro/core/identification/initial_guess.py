@@ -2,7 +2,7 @@
 
 Most such parameters have no influence at zero: a payload without weight may be anywhere.  The columns of
 `identification.suspects` are linear, such as a payload's weight and its three moments.  The linear problem
-with all other free entries gives their sizes, and so the position of the weight.
+with all other free components gives their sizes, and so the position of the weight.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
     """Return initial values (P,), best first; those of `unknown` where all effects are linear.
 
     Args:
-        unknown: The free entries.
+        unknown: The free components.
         problem: What is fitted.
         reach: Positions and times of the recording, (N, 4).
     """
@@ -54,7 +54,7 @@ def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost
     length or with a delay that does not exist.  All shapes in the record of such an effect are tried instead.
 
     Args:
-        unknown: The free entries.
+        unknown: The free components.
         values: Their fitted values, (P,).
         problem: What is fitted.
         reach: Positions and times of the recording, (N, 4).
@@ -86,7 +86,7 @@ def _open(unknown: Free, name: str) -> bool:
 
 
 def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tuple[float, Array]]:
-    """Return the best shapes of one effect: squared residual and values (P,) of all entries for each."""
+    """Return the best shapes of one effect: squared residual and values (P,) of all components for each."""
     start, mine, record = unknown.starts[0], _own(unknown, name), CATALOGUE[name]
     written = record.written(unknown.vehicle.effects(name)[0])
     rest = unknown.holding(start, mine)
@@ -112,6 +112,6 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
 
 
 def _values(unknown: Free, mine: NDArray[np.bool_], table: Mapping[str, Any]) -> Array:
-    """Return the entries of one effect from its table."""
+    """Return the components of one effect from its table."""
     own = [entry for entry, chosen in zip(unknown.entries, mine, strict=True) if chosen]
     return np.array([float(np.asarray(table[entry.parameter])[entry.index]) for entry in own])

@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt iteration within bounds, with a line search for entries that act in steps.
+"""Levenberg-Marquardt iteration within bounds, with a line search for components that act in steps.
 
 The half-width of a dead band acts on a row of commands or it does not.  The cost has a corner at the best
 value, rises in steps away from it, and has false minima farther away.  Derivatives are useless there, so such
-an entry is searched along its own line, from wide to narrow (`searched`).
+a component is searched along its own line, from wide to narrow (`searched`).
 
 Its standard error cannot come from a curvature either, since that depends on the step of the difference.
 Near a corner of slope a, the cost is a |x| plus a Brownian motion of variance 4 a |x|.  Its minimum scatters
@@ -43,7 +43,7 @@ FINER = 2.0**0.5  # ratio of consecutive distances in the search for a standard 
 
 @dataclass(frozen=True)
 class Prior:
-    """Normal prior distribution of parameters, in units of the entries' scales.
+    """Normal prior distribution of parameters, in units of the components' scales.
 
     Attributes:
         centre: Its mean, (P,).
@@ -90,7 +90,7 @@ def descend(
     prior: Prior | None = None,
     normal: Normal | None = None,
 ) -> tuple[Array, Normal, Problem]:
-    """Minimise by Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
+    """Minimise by Levenberg-Marquardt within bounds, in units of the components' scales, from `start`.
 
     `prior` is the prior of the values, by default a weak one.  `normal` is the problem linearised at the
     start, if available.  The iteration ends at a step with too small a gain in cost.  The limit is `enough`
@@ -146,7 +146,7 @@ def linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
 
 
 def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
-    """Return the vehicle with each entry of `here` (P,) moved a little within bounds, and the steps."""
+    """Return the vehicle with each component of `here` (P,) moved a little within bounds, and the steps."""
     vehicles, steps, (_, high) = [], [], unknown.bounds
     for i, entry in enumerate(unknown.entries):
         values = here.copy()
@@ -172,9 +172,9 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
 
 
 def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 0.0) -> Array:
-    """Return values (P,) with each stepped entry at its best place along its own line.
+    """Return values (P,) with each stepped component at its best place along its own line.
 
-    All other entries follow the linearised problem at every place.  The search ends at the entry's
+    All other components follow the linearised problem at every place.  The search ends at the component's
     resolution, or at the `narrowest` spacing in scales.
     """
     low, high = unknown.bounds
@@ -189,7 +189,7 @@ def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 
 
 
 def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
-    """Return the sum of squares of each of `trials` (K, P), with the smooth entries at their best values."""
+    """Return the sum of squares of each of `trials` (K, P), with smooth components at their best values."""
     smooth = unknown.holding(trials[0], np.array([entry.resolution > 0.0 for entry in unknown.entries]))
     nudged, steps = moved(smooth, smooth.starts[0])
     others = [unknown.at(trial) for trial in trials[1:]]
@@ -208,7 +208,7 @@ def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
 
 
 def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Normal:
-    """Linearise at the best values with derivatives over sqrt(26) standard errors for stepped entries.
+    """Linearise at the best values with derivatives over sqrt(26) standard errors for stepped components.
 
     Steps shrink from wide to narrow.  The loop ends at a step so narrow that it contains no row of commands.
     """
@@ -238,20 +238,20 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Return standard errors of all values, marginalised over the profile of each of some entries, (P,).
+    """Return standard errors of all values, marginalised over the profile of each of some components, (P,).
 
     An undetermined exponent makes its coefficient far more uncertain than the local curvature shows: a drag
-    with another exponent may imitate a quadratic one.  The entry is set to each offset of PROFILE and the
+    with another exponent may imitate a quadratic one.  The component is set to each offset of PROFILE and the
     others are refitted.  Each place has the weight of its likelihood.  The variance is the mean variance at
     the places plus the variance between them.
 
     Args:
-        unknown: The entries.
+        unknown: The components.
         values: Their best values, (P,).
         normal: The problem about them.
         problem: The fitted problem.
         errors: Standard errors of the values, (P,).
-        entries: Indices of the profiled entries.
+        entries: Indices of the profiled components.
     """
     found = errors.copy()
     for i in entries:

@@ -24,7 +24,7 @@ from hydro.core.vehicle.description import Vehicle
 UNDETERMINED = 0.5  # standard error in scales above which a value is undetermined, unless it is significant
 PLAIN_ERRORS = 3.0
 CONTRADICTED = 0.95
-"""Chi-square probability above which undetermined entries may not return to their initial values."""
+"""Chi-square probability above which undetermined components may not return to their initial values."""
 ALIKE = 0.995  # correlation above which the data cannot separate two estimates
 IMPASSIVE = (
     "the best-fit damping or added mass would add energy to the vehicle; the values given are the best "
@@ -38,11 +38,11 @@ class Fit:
 
     Attributes:
         vehicle: The vehicle with the fitted values.
-        free: The entries that were fitted.
-        values: (P,) in the units of the entries.
+        free: The components that were fitted.
+        values: (P,) in the units of the components.
         standard_errors: (P,).
         covariance: (P, P).
-        determined: Which entries the data determine, (P,).
+        determined: Which components the data determine, (P,).
         chi2: Reduced chi-square: mean square of the residuals in units of the noise; about 1 for a true
             model.
         method: `output` or `equation`.
@@ -118,7 +118,7 @@ class Fit:
         return np.array([round(value, digits) for value, digits in pairs])
 
     def frame(self) -> pl.DataFrame:
-        """Return one row per entry: parameter, value, standard_error, unit, determined."""
+        """Return one row per component: parameter, value, standard_error, unit, determined."""
         entries = self.free.entries
         return pl.DataFrame(
             {
@@ -132,7 +132,7 @@ class Fit:
 
 
 def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
-    """Return the standard errors of one effect in the shape of its table; 0 for held entries."""
+    """Return the standard errors of one effect in the shape of its table; 0 for held components."""
     found = effect_table(free_, name, errors)
     fitted = effect_table(free_, name, np.full(len(errors), np.nan))
     return {key: np.where(np.isnan(fitted[key]), found[key], 0.0).tolist() for key in found}
@@ -157,7 +157,7 @@ def with_uncertainty(
     """Add covariance and warnings to fitted values, and make the vehicle physically possible.
 
     Args:
-        unknown: The entries.
+        unknown: The components.
         values: Their best values, (P,).
         normal: The problem about them.
         chi2: Reduced chi-square.
@@ -214,10 +214,10 @@ def with_uncertainty(
 
 
 def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[np.bool_]) -> Array:
-    """Return the values with undetermined entries at their initial values, as in the file.
+    """Return the values with undetermined components at their initial values, as in the file.
 
-    The other entries move to their conditional mean.  The values stay unchanged where the data contradict the
-    initial values, for example where they determine the sum of two entries alone.
+    The other components move to their conditional mean.  The values stay unchanged where the data contradict
+    the initial values, for example where they determine the sum of two components alone.
     """
     left, start = np.flatnonzero(~determined), unknown.starts[0]
     change = start[left] - values[left]
@@ -233,7 +233,7 @@ def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[n
 
 
 def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
-    """Return one line for each effect with undetermined entries."""
+    """Return one line for each effect with undetermined components."""
     lines = []
     for name in dict.fromkeys(entry.effect for entry in unknown.entries):
         pairs = zip(unknown.entries, determined, strict=True)
@@ -245,7 +245,7 @@ def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
 
 
 def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:
-    """Return a warning for each pair of entries that the data can hardly separate."""
+    """Return a warning for each pair of components that the data can hardly separate."""
     correlation = spread / np.outer(errors, errors)
     return [
         f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be separated by these data "

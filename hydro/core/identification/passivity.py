@@ -1,7 +1,7 @@
 """Projection of fitted values onto those of a passive hull.
 
 Total added mass and the symmetric part of total linear damping must be positive semi-definite.  Both are
-linear in the fitted entries, so each direction e with e^T D e < 0 gives a half-space constraint on the
+linear in the fitted components, so each direction e with e^T D e < 0 gives a half-space constraint on the
 values.  The best feasible values minimise the linearised sum of squares: a least-distance problem (Lawson and
 Hanson, Solving Least Squares Problems, 1974, chapter 23).  Constraints for the worst directions are added
 until none is violated (Kelley, The cutting-plane method for solving convex programs, 1960).
@@ -35,9 +35,9 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
     those are not accepted either.  Values stay unchanged if zero is not accepted.
 
     Args:
-        unknown: The entries.
+        unknown: The components.
         values: The fitted values, (P,).
-        information: X^T X of the problem about them, in the entries' scales, positive definite, (P, P).
+        information: X^T X of the problem about them, in the components' scales, positive definite, (P, P).
     """
     if accepted(unknown, values):
         return values
@@ -46,12 +46,12 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
 
 
 def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
-    """Return which entries belong to a sum that must be positive semi-definite, (P,)."""
+    """Return which components belong to a sum that must be positive semi-definite, (P,)."""
     return np.asarray(_answers(unknown, unknown.starts[0]).any(axis=(1, 2, 3)))
 
 
 def accepted(unknown: Free, values: Array) -> bool:
-    """Return whether `validate` accepts the vehicle with these values (P,)."""
+    """Return whether added mass and damping with these values (P,) pass `effects.validate`."""
     try:
         validate(unknown.at(values))
     except DataError:
@@ -66,7 +66,7 @@ def _sums(vehicle: Vehicle) -> Array:
 
 
 def _answers(unknown: Free, values: Array) -> Array:
-    """Return the derivatives of the sums by each entry, in its scale, (P, 2, 6, 6)."""
+    """Return the derivatives of the sums by each component, in its scale, (P, 2, 6, 6)."""
     here = _sums(unknown.at(values))
     return np.stack([_sums(unknown.at(values + move)) - here for move in np.diag(unknown.scales)])
 

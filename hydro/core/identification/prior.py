@@ -1,10 +1,10 @@
-"""Prior from the values of a vehicle file, for entries that a recording determines poorly.
+"""Prior from the values of a vehicle file, for components that a recording determines poorly.
 
-Without a prior, a fit moves undetermined entries arbitrarily.  A slow survey may leave the quadratic damping
-of roll anywhere, and a vehicle with a correct value would become worse.  A value of a file is assumed to be
-known within its own size, or within that of the fitted value if that is larger.  So values that are wrong by
-a factor of ten are still corrected.  A standard error stated in the file is used instead.  A recording with
-more information than the prior is not affected.
+Without a prior, a fit moves undetermined components arbitrarily.  A slow survey may leave the quadratic
+damping of roll anywhere, and a vehicle with a correct value would become worse.  A value of a file is assumed
+to be known within its own size, or within that of the fitted value if that is larger.  So values that are
+wrong by a factor of ten are still corrected.  A standard error of the file is used instead.  A
+recording with more information than the prior is not affected.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Change:
     """Change of a file's value by a fit.
 
     Attributes:
-        entry: The entry.
+        entry: The component.
         given: Its value in the file.
         value: The fitted value.
         deviations: Their distance, in prior standard deviations of the file's value.
@@ -48,16 +48,16 @@ class Change:
 
 
 def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return prior standard deviations of entries of a file, (P,), in their units.
+    """Return prior standard deviations of components of a file, (P,), in their units.
 
-    They are the stated `standard_error`, EXACTLY for entries held as known, and KNOWN otherwise.
+    They are the file's `standard_error`, EXACTLY for components held as known, and KNOWN otherwise.
     """
     said = stated(file, entries)
     return np.where(np.isfinite(said), said, KNOWN * _sizes(file, entries))
 
 
 def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return standard deviations that a file states for entries, (P,); infinite where none is stated."""
+    """Return the standard deviations that a file has for components, (P,); infinite where it has none."""
     found, sizes = np.full(len(entries), np.inf), _sizes(file, entries)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})
@@ -73,16 +73,16 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
 def combined(
     values: Array, spread: Array, file: Vehicle, entries: Sequence[Entry]
 ) -> tuple[Array, Array, list[str]]:
-    """Combine an estimate with the values and standard errors stated in a file (a Kalman update).
+    """Combine an estimate with the values and standard errors of a file (a Kalman update).
 
     Args:
         values: Estimates from a recording, (P,).
         spread: Their covariance, (P, P).
         file: The vehicle with independent values and their standard errors.
-        entries: The entries.
+        entries: The components.
 
     Returns:
-        Combined values and covariance, and a sentence for each entry with contradictory estimates.
+        Combined values and covariance, and a sentence for each component with contradictory estimates.
     """
     said, given = stated(file, entries), in_file(file, entries)
     own = np.flatnonzero(np.isfinite(said))
@@ -100,12 +100,12 @@ def combined(
 
 
 def _sizes(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return the size of each entry: the larger of its absolute value in the file and its scale, (P,)."""
+    """Return the size of each component: the larger of its absolute value in the file and its scale, (P,)."""
     return np.maximum(np.abs(in_file(file, entries)), [entry.scale for entry in entries])
 
 
 def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> Change:
-    """Return the entry whose fitted value (P,) deviates most from its prior."""
+    """Return the component whose fitted value (P,) deviates most from its prior."""
     given = in_file(file, entries)
     away = np.abs(values - given) / deviations(file, entries)
     most = int(away.argmax())
@@ -116,10 +116,10 @@ def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle)
     """Shrink fitted values toward those of the file, each by its prior (a Kalman update).
 
     Args:
-        unknown: The free entries.
+        unknown: The free components.
         values: Their fitted values, (P,).
-        normal: The problem linearised at them, in units of the entries' scales.
-        file: The vehicle of the file; entries of new effects change only by their correlation with the
+        normal: The problem linearised at them, in units of the components' scales.
+        file: The vehicle of the file; components of new effects change only by their correlation with the
             others.
 
     Returns:
@@ -139,7 +139,7 @@ def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle)
 
 
 def in_file(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return values of entries in the tables of a file, (P,); missing entries are 0."""
+    """Return values of components in the tables of a file, (P,); missing components are 0."""
     tables = (next(iter(file.effects(entry.effect)), {}) for entry in entries)
     return np.array(
         [_number(table.get(e.parameter, 0.0), e) for table, e in zip(tables, entries, strict=True)]
@@ -147,7 +147,7 @@ def in_file(file: Vehicle, entries: Sequence[Entry]) -> Array:
 
 
 def _number(value: object, entry: Entry) -> float:
-    """Return the number of an entry in a parameter of a table; 0 beyond its end."""
+    """Return the number of a component in a parameter of a table; 0 beyond its end."""
     values = np.asarray(value, float)
     if values.ndim and any(i >= size for i, size in zip(entry.index, values.shape, strict=True)):
         return 0.0

@@ -1,10 +1,10 @@
 """Candidate effects of the whole catalogue, as columns of a linear problem.
 
 An effect that is linear in its parameters gives one column per parameter.  A nonlinear effect (the rate of a
-memory, the place of an anchor) gives several suspects, each with that parameter fixed at a grid value.  A fit
-of the effect starts from the best of them.  An effect with a threshold or delay also gives several suspects,
-each a finite change, not a derivative.  A coarse grid shows whether an effect deserves a closer look; a fine
-grid (`shapes`) supplies initial values.  The record of an effect defines its shapes.
+memory, the place of an anchor) gives several candidates, each with that parameter fixed at a grid value.  A
+fit of the effect starts from the best of them.  An effect with a threshold or delay also gives several
+candidates, each a finite change, not a derivative.  A coarse grid shows whether an effect deserves a closer
+look; a fine grid (`shapes`) supplies initial values.  The record of an effect defines its shapes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Suspect:
-    """Candidate effect, or one shape of it, as columns.
+    """Candidate effect, or one shape of it, as columns of a linear problem.
 
     Attributes:
         effect: Name in the catalogue.
@@ -98,13 +98,13 @@ def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list
 
 
 def every_shape(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """Return all shapes, coarse and fine, of a nonlinear effect that the vehicle lacks."""
+    """Return all candidates for a nonlinear effect that the vehicle lacks: the coarse and the fine grid."""
     coarse = _shaped(vehicle, effect, CATALOGUE[effect].identification.coarse, reach)
     return [*coarse, *shapes(vehicle, effect, reach=reach)]
 
 
 def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | None) -> list[Suspect]:
-    """Return one suspect per shape of an effect that the vehicle lacks."""
+    """Return one candidate per shape of an effect that the vehicle lacks."""
 
     def equipped(table: dict[str, Any]) -> Vehicle:
         return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, table))
@@ -116,7 +116,7 @@ def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | N
 
 
 def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> Suspect:
-    """Return one column per entry of a linear or nearly linear effect, about zero or its present values."""
+    """Return one column per component of a (nearly) linear effect, about zero or its present values."""
     unknown = free(vehicle, [choice(vehicle, effect)], reach=reach)
     name = unknown.entries[0].effect
     start, (low, high) = unknown.starts[0], unknown.bounds

@@ -201,5 +201,5 @@ def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
 
 
 def cost(declared: LogMap, found: LogMap) -> float:
-    """Return the distance of two maps, in settings."""
+    """Return the number of settings in which two maps differ, weighted by how unlikely each mistake is."""
     return sum(change.cost for change in difference(declared, found))

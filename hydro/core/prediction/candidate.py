@@ -145,7 +145,15 @@ def commands_before(record: Recording) -> Array:
 
 @jit
 def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
-    """Write the state of motion `s` at one row of a recording."""
+    """Write the state of motion to `s`, in the layout of `core.effects.layout`.
+
+    Args:
+        flat: Compiled effects of a vehicle, see `effects.program`.
+        eta: Pose at the row of a recording, (6,).
+        nu: Velocity, (6,).
+        t: Time of the session [s].
+        s: Output.
+    """
     s[TIME] = t
     s[POSITION : POSITION + 3] = eta[:3]
     s[VELOCITY : VELOCITY + 6] = nu

@@ -70,13 +70,13 @@ class Normal:
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:
-        """Return the expected squared residual of each piece after a step (P,) of its parameters, (S,)."""
+        """Return the squared residual of each piece that linearity predicts after a step (P,), (S,)."""
         across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
         left: Array = self.gram[:, -1, -1] - across
         return left
 
     def after(self, step: Array) -> Normal:
-        """Return the problem after a step (P,) of its parameters, by linearity."""
+        """Return the linearised problem about the parameters plus a step (P,), without new derivatives."""
         gram = self.gram.copy()
         gram[:, -1, -1] = self.expected(step)
         gram[:, :-1, -1] -= self.matrix @ step

@@ -1,7 +1,7 @@
-"""Free entries of named effects as one vector, and back.
+"""Free components of named effects as one vector, and back.
 
-An entry has a natural scale, the size of a significant value: from its record, or from dimensional analysis
-(`core.effects.units`).  It makes entries comparable and is the reference of standard errors.
+A component has a natural scale, the size of a significant value: from its record, or from dimensional
+analysis (`core.effects.units`).  It makes components comparable and is the reference of standard errors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
 
 @dataclass(frozen=True)
 class Entry:
-    """Free entry of a vehicle file.
+    """Free component: one number of a parameter in a vehicle file.
 
     Attributes:
         effect: Name of the effect.
@@ -42,7 +42,7 @@ class Entry:
         low: Least value.
         high: Greatest value.
         step: Step for derivatives.
-        resolution: Resolution of the search relative to the scale, if the entry acts in steps; else 0.
+        resolution: Resolution of the search relative to the scale, if the component acts in steps; else 0.
     """
 
     effect: str
@@ -63,11 +63,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class Free:
-    """Free entries of a vehicle.
+    """Free components of a vehicle.
 
     Attributes:
         vehicle: The vehicle with every fitted effect, new ones with zero values.
-        entries: The free entries.
+        entries: The free components.
         starts: Initial values, (P,) each; several if the problem may have several local minima.
         known: Names of the effects that the vehicle already had.
     """
@@ -82,7 +82,7 @@ class Free:
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """Return the entries with initial values (P,), without those that are held there."""
+        """Return the components with initial values (P,), without those that are held there."""
         rest = tuple(entry for entry, stays in zip(self.entries, held, strict=True) if not stays)
         return replace(self, vehicle=self.at(values), entries=rest, starts=(values[~held],))
 
@@ -92,7 +92,7 @@ class Free:
 
     @property
     def scales(self) -> Array:
-        """Scale of each entry, (P,)."""
+        """Scale of each component, (P,)."""
         return np.array([entry.scale for entry in self.entries])
 
     @property
@@ -103,7 +103,7 @@ class Free:
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
-    """Return the free entries of named effects, without those that the vehicle file holds as known.
+    """Return the free components of named effects, without those that the vehicle file holds as known.
 
     Args:
         vehicle: The vehicle.
@@ -260,7 +260,7 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
-    """Return the free entries of a complete table, symmetric ones once; known ones and servos are skipped."""
+    """Return the free components of a complete table, symmetric ones once, without known ones and servos."""
     name, found = str(table["name"]), list[Entry]()
     record = CATALOGUE[name]
     known = record.known(next(iter(vehicle.effects(name)), {}))
@@ -300,5 +300,5 @@ def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
 
 
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
-    """Return the unit of one entry of a parameter."""
+    """Return the unit of one component of a parameter."""
     return parameter.unit_at(index)

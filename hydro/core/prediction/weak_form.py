@@ -131,7 +131,7 @@ class Windows:
         )
 
     def residuals(self, vehicle: Vehicle) -> Array:
-        """Return the whitened residuals of a vehicle, (W, 9)."""
+        """Return the residuals of a vehicle's equations over each window, in units of their noise, (W, 9)."""
         model = candidate(vehicle)
         return self._residuals(model, self._rotors(model))
 
@@ -156,7 +156,7 @@ class Windows:
         return np.asarray(np.diff(first, prepend=-1 - step) == step)
 
     def sums(self, values: Array) -> Array:
-        """Return the integrals of signals times the test function, (W, k).
+        """Return the integrals over W windows of k signals times the test function, (W, k).
 
         Args:
             values: Signals at the rows of the windows, (K, k).
@@ -168,7 +168,9 @@ class Windows:
         return found
 
     def changes(self, values: Array) -> Array:
-        """Return the integrals of the derivative of signals times the test function, (W, k).
+        """Return integrals over W windows of the time derivative of signals times the test function, (W, k).
+
+        Integration by parts moves the derivative to the test function.
 
         Args:
             values: Signals at the rows of the windows, (K, k).

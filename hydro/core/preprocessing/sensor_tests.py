@@ -58,7 +58,7 @@ RARE = 3.0  # ratio to the row-to-row noise above which a position was interpola
 ROUGH = 10.0  # factor on the negligible size of an error for such a position
 OTHERWISE = 1.1  # ratio of residual to noise above which the noise of the position is updated
 SETTLED = 0.01  # standard errors, convergence limit of a step
-HELD = 1e15  # prior information of a held entry
+HELD = 1e15  # prior information of a held component
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class KinematicTest:
         estimate: Its parameters, (p,), in packing order.
         covariance: Their covariance, (p, p), robust against correlated residuals.
         blocks: Number of independent blocks of data.
-        negligible: Size of an entry below which it does not matter.
+        negligible: Size of a component below which it does not matter.
         missed: Increase of the squared residual without the effect, with all other errors refitted, in units
             of the reduced chi-square; computed only where the estimate is shown.
     """
@@ -84,12 +84,12 @@ class KinematicTest:
 
     @property
     def standard_error(self) -> Array:
-        """Standard error of each entry, (p,)."""
+        """Standard error of each component, (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def visible(self) -> Array:
-        """Size at which each entry alone would be shown with a probability of 0.9, (p,)."""
+        """Size at which each component alone would be shown with a probability of 0.9, (p,)."""
         size: Array = (ndtri(SEEN) - ndtri(0.5 * SHOWN)) * self.standard_error
         return np.maximum(size, self.negligible)
 
@@ -221,7 +221,7 @@ def _fitted(
         record: The recording.
         log: Initial values.
         sigma: Noise of all channels (12,).
-        without: Entries that are held at 0.
+        without: Components that are held at 0.
     """
     prior = np.full(LOG, PLAIN_SIZE**-2)
     if without is not None:

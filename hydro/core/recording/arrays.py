@@ -86,7 +86,7 @@ class Recording:
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
 
     def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
-        """Return whether every channel of one of the alternatives has samples."""
+        """Return whether all channels of at least one of some groups of channels have samples."""
         return any(self.sampled.issuperset(channels) for channels in alternatives)
 
     @property
@@ -199,7 +199,10 @@ def drawn(record: Recording, of: slice = slice(None)) -> bool:
 
 
 def channels(record: Recording) -> Iterator[list[Array]]:
-    """Yield each channel by segments, pose then velocity, with unwrapped angles."""
+    """Yield each of the 12 channels, pose then velocity, as a list with one array (n,) per segment.
+
+    Angles are unwrapped.
+    """
     channels = np.hstack([record.eta, record.nu])
     for start, stop in record.segments:
         channels[start:stop, 3:6] = np.unwrap(channels[start:stop, 3:6], axis=0)

@@ -258,7 +258,16 @@ def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> Non
 
 @jit
 def sensor_rows(state: Array, z: Array, seen: Mask, model: Model, e: Array, H: Array) -> None:
-    """Write residuals `e` (12,) and rows `H` (12, 30) of a row's samples `z` (12,); 0 without a sample."""
+    """Write the residuals of the samples in one row, and their derivatives by the errors of the state.
+
+    Args:
+        state: State of the smoother.
+        z: Samples of pose and velocity (12,).
+        seen: Which of them exist (12,).
+        model: Motion model.
+        e: Output: residuals (12,), 0 without a sample.
+        H: Output: derivatives (12, 30), 0 without a sample.
+    """
     e[:] = 0.0
     H[:] = 0.0
     for i in range(3):

@@ -111,7 +111,13 @@ def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | N
 
 
 def given_commands(vehicle: Vehicle, effective: Array) -> Array:
-    """Return the commands for effective ones (N, n), at the nominal voltage: in [-1, 1].
+    """Return the commands (N, n) in [-1, 1] that have given effective commands at the nominal voltage.
+
+    It is the inverse of `effective_commands`, which has the definition.
+
+    Args:
+        vehicle: Vehicle with n thrusters.
+        effective: Effective commands (N, n).
 
     Raises:
         DataError: As for `effective_commands`.

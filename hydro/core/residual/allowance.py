@@ -53,7 +53,7 @@ class Held:
     """Fit of an effect together with the unmodelled hull force.
 
     Attributes:
-        values: Values of all fitted entries at the linearisation point, (P,).
+        values: Values of all fitted components at the linearisation point, (P,).
         evidence: Logarithm of the evidence; minus infinity where a prediction diverges.
         best: Most probable values, (P,).
         covariance: Posterior covariance, (P, P).
@@ -69,7 +69,9 @@ class Held:
 
 @dataclass(frozen=True)
 class Allowance:
-    """Responses of the shots to the library, rotated so that their normal equations are diagonal.
+    """Allowance for unmodelled hull forces in fits: responses of short predictions to the hull-force library.
+
+    A rotation of the library's coefficients makes their normal equations diagonal.
 
     Attributes:
         shots: The recording.
@@ -89,11 +91,12 @@ class Allowance:
 
     @classmethod
     def of(cls, vehicle: Vehicle, shots: Shots) -> Allowance:
-        """Build the allowance along the measured motion.
+        """Compute the responses along the measured motion.
 
         Args:
-            vehicle: The file.
-            shots: Shots of the recording; with samples rarer than rows, only the samples count.
+            vehicle: The vehicle file.
+            shots: Short predictions of the recording; where sensors are slower than rows, only rows with a
+                sample count.
         """
         transitions = Transitions.of(candidate(vehicle), shots)
         library = terms(Flow.of(transitions.model, shots))[:, :-RESTING]
@@ -126,9 +129,9 @@ class Allowance:
         """Evaluate values of the effect with the hull force integrated out.
 
         Args:
-            unknown: The fitted entries.
+            unknown: The fitted components.
             values: Their values, (P,).
-            prior: Their prior, in scales of the entries.
+            prior: Their prior, in scales of the components.
         """
         vehicle, count = unknown.at(values), len(values)
         error = _error(vehicle, self.shots)
@@ -190,7 +193,7 @@ class Allowance:
     def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
         """Repeat the linearisation at the most probable values while the evidence grows.
 
-        An effect that is linear in its entries needs no step.
+        An effect that is linear in its components needs no step.
         """
         for _ in range(STEPS):
             tried = self.held(unknown, held.best, prior)

@@ -25,17 +25,17 @@ def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Arr
     Args:
         unchanged: Shots of the recording before the change, corrected by the hull model.
         file: The vehicle without the change.
-        unknown: Entries fitted to the recording after the change.
+        unknown: Components fitted to the recording after the change.
         values: Their fitted values, (P,).
         fold: Number of the stretch of each shot, (S,).
 
     Returns:
-        Deviations from no change, in the scales of the entries, (stretches, P).
+        Deviations from no change, in the scales of the components, (stretches, P).
     """
     changed, steps = moved(unknown, values)
     normal = unchanged.linearise(file, [unknown.at(values), *changed], [1.0] * (1 + len(changed)))
     numbers = np.unique(fold)
-    # Columns are responses of the file's motion to the whole change, and to a small step of each entry.
+    # Columns are responses of the file's motion to the whole change, and to a small step of each component.
     little = np.vstack([-np.ones(len(changed)), np.eye(len(changed))]) / np.array(steps)
     kept = normal.some(~normal.lost)
     matrix = little.T @ kept.matrix.sum(axis=0) @ little + np.eye(len(changed)) * PRIOR**-2

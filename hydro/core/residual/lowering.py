@@ -40,7 +40,7 @@ class TrainedModel(Protocol):
 
     @property
     def scalers(self) -> Mapping[str, NDArray[Any]]:
-        """Means and scales of features and outputs."""
+        """Means and standard deviations by which features and outputs are normalised, by name."""
 
     @property
     def subtract(self) -> str:

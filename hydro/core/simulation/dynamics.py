@@ -92,20 +92,26 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 @kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
-    """Write the state of motion `s` of a state y."""
+    """Write the state of motion to `s` (`effects.layout`) from an integrated state `y`."""
     observe(flat, y[:3], y[3:7], y[7:BODY], s)
 
 
 @kernel
 def settle(motion: Motion) -> None:
-    """Initialise the effects' internal states at the time in `s`, in steady state with the present motion."""
+    """Set the internal states of effects to their values in steady motion, at the time in `motion.s`."""
     observe_state(motion.flat, motion.y, motion.s)
     start(motion.flat, motion.s, motion.y[BODY:])
 
 
 @kernel
 def thrust_of(row: Array, rotor: float, s: Array) -> float:
-    """Return the thrust [N] of a thruster (a row of the thruster table) from its lag state and inflow."""
+    """Return the thrust of a thruster [N].
+
+    Args:
+        row: Row of the thruster table.
+        rotor: Its lag state: thrust [N] before losses, or normalised rotor speed.
+        s: State of motion, see `effects.layout`, for the inflow.
+    """
     inflow = inflow_speed(row, s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]) if row[INFLOW] != 0.0 else 0.0
     return state_to_thrust(row, rotor, inflow)
 
@@ -173,7 +179,7 @@ def rates_kernel(
         s: State of motion, overwritten.
         rotors: (n,) lag states.
         tau: (6,) overwritten.
-        rates: Output: (y.size,); entries 7 to 12 are nu_dot of CO.
+        rates: Output: (y.size,); components 7 to 12 are nu_dot of CO.
     """
     observe(flat, y[0:3], y[3:7], y[7:BODY], s)
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]

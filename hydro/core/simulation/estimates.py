@@ -1,7 +1,7 @@
 """Estimated parameters of a vehicle file with their covariance: tables, subsets and random draws.
 
-A draw is one vehicle that agrees with the recording.  Its entries are normally distributed about their values
-with their covariance.  Values beyond the plausible range of a parameter are clipped to it.
+A draw is one vehicle that agrees with the recording.  Its components are normally distributed about their
+values with their covariance.  Values beyond the plausible range of a parameter are clipped to it.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Estimates:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def frame(self) -> pl.DataFrame:
-        """Return the covariance table: a row per entry, with its correlation with every entry."""
+        """Return the covariance table: a row per component, with its correlation with every component."""
         errors = np.maximum(self.errors, np.finfo(float).tiny)
         correlation = np.clip(self.covariance / np.outer(errors, errors), -1.0, 1.0)
         return pl.DataFrame(

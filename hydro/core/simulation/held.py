@@ -1,7 +1,7 @@
 """Wrench of a residual network, held over a control step.
 
 The state of motion `s` of a vehicle with a network is longer than `effects.layout.MOTION`.  The additional
-entries add to the right-hand side of the equation of motion
+components add to the right-hand side of the equation of motion
 
     C_K(nu) nu - D nu - h
 

@@ -36,7 +36,7 @@ class Plausible:
     """Plausible range of a parameter.
 
     Attributes:
-        at: Minimum and maximum plausible value of an entry on a vehicle, in the parameter's unit.
+        at: Minimum and maximum plausible value of a component on a vehicle, in the parameter's unit.
         words: The range in words, with its unit if it has one.
         source: Source of the range.
     """

@@ -50,7 +50,7 @@ class Stamps:
 
 
 class OneClock(NamedTuple):
-    """Topics on one clock.
+    """Time stamps of several topics, converted to one clock.
 
     Attributes:
         times: Times of each topic's messages [s].

@@ -30,7 +30,7 @@ class Selection:
     columns: frozenset[str] | None = None
 
     def paths(self, topic: str) -> list[str] | None:
-        """Return the wanted fields of a topic; None means all."""
+        """Return the paths of the fields to read from messages of a topic; None for all fields."""
         if self.columns is None:
             return None
         begin = f"{topic}."
@@ -98,7 +98,7 @@ def number(value: Any) -> float | None:
 
 
 def leaves(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, float | None]]:
-    """Yield every field of a message with its number, None for a field of another kind."""
+    """Yield the path of every field in a message with its value as a number; None for text and the like."""
     if (found := number(value)) is not None:
         yield path, found
     elif depth > DEEPEST or value is None or isinstance(value, str | bytes):
@@ -128,7 +128,10 @@ def fields(message: Any) -> Sequence[str]:
 def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]:
     """Return a function that extracts the values at some paths from messages of one type.
 
-    Plain attributes are fetched in one call; other paths are followed step by step.
+    Args:
+        paths: Paths within a message, such as `pose.position.x` or `channels[3]`.
+        example: A message of this type, which decides whether all paths are attributes; these are fetched in
+            one call, others step by step.
     """
     plain = not isinstance(example, Mapping) and not any("[" in path for path in paths)
     if plain and all(follow(example, tokens(path)) is not None for path in paths):

@@ -110,7 +110,7 @@ class Definitions:
         return partial(_decode, read, kind)
 
     def stamp(self, kind: str) -> Callable[[Any], float | None]:
-        """Return a function that reads a message's stamp, from its header or a field `stamp`."""
+        """Return a function from a message of a type to its time stamp [s], or to None without a stamp."""
         if kind in BUILT_IN and kind not in self._described:
             text = BUILT_IN[kind][0]
             names = [line.split()[-1] for line in text.splitlines()]

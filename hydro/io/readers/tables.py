@@ -185,7 +185,7 @@ class Tables:
 
     @property
     def columns(self) -> list[str]:
-        """All columns, as in `wide`."""
+        """Names of all columns: clocks first, then the fields of all message types, each once."""
         return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
 
     def values(self, name: str) -> Array:

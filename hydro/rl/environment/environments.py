@@ -360,7 +360,7 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
         self.observation_space = encoded_space(env.observation_space, self._encoding)
 
     def observation(self, observation: Array32) -> Array32:
-        """Return the encoded observation."""
+        """Return an observation (O,) in SI units as the scaled and encoded input of a policy."""
         return self._encoding(observation)
 
 

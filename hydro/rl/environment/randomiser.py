@@ -72,7 +72,7 @@ class Randomiser:
 
     @property
     def latest(self) -> tuple[int, int]:
-        """Return the greatest delays of sensors and commands [control steps]."""
+        """Return the greatest delays that can be drawn, of sensors and of commands [control steps]."""
         return self._steps(self.given.delay), self._steps(self.given.late)
 
     def draw(self, seed: int, number: int, episode: int, current: Array) -> Draw:

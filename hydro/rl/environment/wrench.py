@@ -54,7 +54,12 @@ class WrenchSettings:
         return Design(period, (self.ratio,) * 6, (0.0,) * 6)
 
     def conditioning(self, name: str, vehicle: Vehicle) -> Conditioning:
-        """Return the conditioning of a preset with the changes of these settings."""
+        """Return the filter and limits of a network's wrench: a preset, changed by these settings.
+
+        Args:
+            name: Name of the preset.
+            vehicle: Vehicle whose thrust scales the limits.
+        """
         made = preset(name, vehicle)
         if self.beta is not None:
             made = replace(made, beta=self.beta or None, weighs="old")

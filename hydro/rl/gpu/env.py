@@ -15,7 +15,7 @@ FLAGS = {**dict(zip(OUTCOMES, (ARRIVED, TOUCHED, DIVERGED), strict=True)),
 
 
 class GpuEnv(Batch):
-    """Environment of a GPU fleet; a vehicle whose episode has ended waits for a reset, see `Batch`."""
+    """TorchRL environment on the GPU; after its episode a vehicle waits for a reset, see `Batch`."""
 
     def __init__(self, fleet: GpuFleet) -> None:
         """Wrap a fleet."""

@@ -30,7 +30,7 @@ class CurriculumProgress:
 
     @property
     def level(self) -> tuple[str, int]:
-        """Return task and level of the current level; the last one if all are passed."""
+        """Return the level that is trained now, with its task; the last one if all are passed."""
         return (self._ahead or self.config.levels[-1:])[0]
 
     @property

@@ -180,13 +180,14 @@ def _episode_row(step: Step, k: int, period: float) -> dict[str, Any]:
 
 
 def summary(episodes: pl.DataFrame) -> dict[str, Any]:
-    """Summarise a set of episodes.
+    """Summarise the test flights of a policy.
 
     Args:
-        episodes: Table from `fly`.
+        episodes: Table of `fly`, one row per episode.
 
     Returns:
-        `episodes`; `success` with `success_low`, `success_high` (Wilson, 95 %); shares of `collision` and
+        `episodes`, their number; `success`, the share that reached the goal, with the ends `success_low` and
+        `success_high` of its 95 % interval (Wilson); shares of `collision` and
         `diverged`; means of `reward`, `energy` and `overspeed`.  `time_to_goal`: median of the successful
         episodes, or None.  `tracking_error`: root mean square over episodes.  `alternating`: mean, or None
         without obstacles.

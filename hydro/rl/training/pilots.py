@@ -21,7 +21,7 @@ Actor = Callable[[Array32], Array32]
 
 
 def pilot_of(task: Task, manner: Manner = PLAIN) -> Actor:
-    """Return the hand-written pilot of a task, without a map."""
+    """Return the hand-written controller that serves as baseline of a task; it sees only the observation."""
     return partial(docking_pilot if task.name == Docking.name else helmsman, manner=manner)
 
 

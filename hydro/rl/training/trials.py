@@ -65,7 +65,7 @@ TRIALS = {
 
 
 def trials_of(names: list[str], task: Task, *, estimates: bool) -> dict[str, Trial]:
-    """Return trials by their names; for `all`, those that suit a task.
+    """Return test settings of policies by their names; for `all`, every one that suits a task.
 
     Raises:
         UsageError: A name is unknown, or its trial does not suit the task.

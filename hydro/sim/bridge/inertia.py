@@ -45,9 +45,15 @@ def add_inertia(A: Array, P: Array, half: Array, M: Array) -> None:
 
 @within
 def factor(M: Array, L: Array, inverse: Array) -> bool:
-    """Factor a lower triangle M = L^T D L, all (21,), D on L's diagonal, and write 1/D to `inverse` (6,).
+    """Factor a mass matrix as M = L^T D L, with the operations of MuJoCo's `mj_factorM`.
 
-    The operations are those of `mj_factorM`.  Return False if M is not positive definite.
+    Args:
+        M: Lower triangle of the matrix, row by row, (21,).
+        L: Output: lower triangle of the factor, with D on its diagonal, (21,).
+        inverse: Output: 1/D, (6,).
+
+    Returns:
+        False if M is not positive definite.
     """
     for i in range(ENTRIES):
         L[i] = M[i]

@@ -86,7 +86,7 @@ def program_of(vehicle: Array) -> Array:
 
 @inlined
 def control_states(data: int, vehicle: Array) -> Array:
-    """Return the states of the network's control; empty without a network."""
+    """Return a view of the states in `mjData.act` that a residual network keeps; empty without a network."""
     at = int(vehicle[water.AT_CONTROL])
     count = int(vehicle[at + control.AT_STATES]) if at else 0
     states: Array = numbers(data, ACT, int(vehicle[water.AT_CONTROL_STATES]), count)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.sim.bridge.water import Water, wet
-from hydro.sim.craft import STEP, Craft, assigned, control_of, crafts_of, require_period
+from hydro.sim.craft import STEP, Craft, assigned, control_of, crafts_of, first_of
 from hydro.sim.flight import Fleet, Pace, remembered, require_alike, steps_of
 from hydro.sim.gpu import memory
 from hydro.sim.plant import Readings, Snapshot
@@ -52,16 +52,8 @@ class GpuPlant:
             DataError: The vehicle cannot be simulated, or has no thrusters.
         """
         memory.require()
-        for name, value in (("count", count), ("period", period), ("timestep", timestep)):
-            if not 0 < value < np.inf:
-                raise UsageError(f"{name}: expected a positive number, got {value:g}")
-        felt = water(vehicle)
-        require_period(felt, period)
-        first = Craft.of(vehicle, felt)
-        flat = first.program
-        table, states = thrusters_of(flat), int(flat[STATE_COUNT])
-        if not len(table):
-            raise DataError(f"{vehicle.name}: has no thrusters; add some to the vehicle file")
+        first, felt = first_of(vehicle, water, count=count, period=period, timestep=timestep)
+        table, states = thrusters_of(first.program), int(first.program[STATE_COUNT])
         from hydro.sim.gpu import kernels  # imports numba-cuda
 
         room = () if felt.control is None else (felt.control.network.room, felt.control.scratch)

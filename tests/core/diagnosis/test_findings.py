@@ -51,7 +51,7 @@ def test_a_suspect_is_added_only_by_its_name():
     )
     assert [one["name"] for one in tables(both)] == ["body_lift"]
     assert [one["name"] for one in tables(both, ["ocean_current"])] == ["ocean_current"]
-    with pytest.raises(DataError, match=r"only suspected: ocean_current \(confidence 62%\).*--effect"):
+    with pytest.raises(DataError, match=r"unconfirmed effects: ocean_current \(confidence 62%\).*--effect"):
         tables(alone)
 
 

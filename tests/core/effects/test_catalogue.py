@@ -65,6 +65,9 @@ def test_every_record_is_whole(effect):
     assert effect.source
     assert effect.excitation
     assert effect.description
+    for called in filter(None, (effect.kernel, effect.inertia, effect.actuator, effect.sensor)):
+        assert "arguments as in `layout`" in str(called.__doc__)
+    assert "arguments as in" not in effect.description
     assert effect.name not in effect.lookalikes
     assert set(effect.lookalikes) <= set(CATALOGUE)
     assert set(effect.one_of) <= {p.name for p in effect.parameters}

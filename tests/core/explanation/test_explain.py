@@ -383,7 +383,7 @@ def test_a_suspect_without_a_better_held_out_prediction_is_reported_but_not_adde
     better("", beside=[{"name": "command_delay", "d": 0.1}])
     steps, _ = staged([[finding("suspect", "ocean_current", v_N=0.2), finding("far_from_noise")]], [1.0])
     assert [step.added for step in steps] == [()]
-    assert ending(steps) == f"{module.NO_BETTER}; only suspected, and not added: ocean_current"
+    assert ending(steps) == f"{module.NO_BETTER}; unconfirmed, and not added: ocean_current"
 
 
 def test_a_suspect_is_not_added_if_refitted_file_values_predict_equally_well(staged, better):
@@ -419,8 +419,7 @@ def test_an_unlikely_suspect_is_reported_but_not_tried(staged):
     unlikely = replace(LIKELY, confidence=0.1)
     steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
-        "no effect of the catalogue explains the remaining error; only suspected, and not added: "
-        "ocean_current"
+        "no effect of the catalogue explains the remaining error; unconfirmed, and not added: ocean_current"
     )
 
 

@@ -1,0 +1,93 @@
+"""Next steps after a diagnosis: the one to take, then its alternatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Prediction
+
+ADD, EXPLAIN, CORRECT, RUN, COMPARE = "add", "explain", "correct_thrusters", "next_run", "compare"
+"""Actions of next steps: functions of `hydro.api`, an option of `diagnose`, or the design of a next run."""
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """Next step after a diagnosis.
+
+    Attributes:
+        action: `add`, `explain`, `correct_thrusters`, `next_run` or `compare`.
+        words: The step in words, without a capital letter and a full stop.
+        effects: Effects to add by name; empty if all confirmed findings are added, or none.
+    """
+
+    action: str
+    words: str
+    effects: tuple[str, ...] = ()
+
+
+def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tuple[NextStep, ...]:
+    """Return the steps that a diagnosis supports, the recommended one first.
+
+    Thrusters that contradict the file come first, then confirmed findings, then all others by rank.
+
+    Args:
+        frame: Diagnosis table.
+        prediction: Errors of predictions before and after; None if they are not known.
+    """
+    rows = frame.sort("rank").to_dicts()
+    stated = [row for row in rows if row["verdict"] in STATED]
+    steps = []
+    if any(is_of_thrusters(row) for row in rows):
+        steps.append(NextStep(CORRECT, "continue with the thrusters as this log shows them"))
+    if stated and prediction is not None and prediction.refuted:
+        steps.append(NextStep(EXPLAIN, "try single steps, and keep those that lower the error"))
+    elif stated:
+        count = "this correction" if len(stated) == 1 else f"all {len(stated)} corrections"
+        steps.append(NextStep(ADD, f"add {count} to the vehicle file"))
+    steps += [step for row in rows for step in _of_finding(row, prediction)]
+    if not steps:
+        steps.append(NextStep(COMPARE, "see the errors at other horizons and by regime"))
+    if any(row["verdict"] == "not_excited" for row in rows):
+        steps.append(NextStep(RUN, "design a run that shows the effects not visible in this log"))
+    first = {(one.action, one.effects): one for one in reversed(steps)}
+    return tuple(dict.fromkeys(first[one.action, one.effects] for one in steps))
+
+
+def is_of_thrusters(row: Mapping[str, Any]) -> bool:
+    """Return whether a fault of the log is in the directions or the order of the thrusters."""
+    return row["verdict"] == "log_fault" and row["confidence"] is not None
+
+
+def in_python(step: NextStep) -> str:
+    """Return a step as a Python expression with `vehicle`, `raw` and the diagnosis `found`; else empty."""
+    if step.action == ADD:
+        names = f", {list(step.effects)}" if step.effects else ""
+        return f"hydro.add(vehicle, found{names})"
+    if step.action == CORRECT:
+        return "hydro.diagnose(vehicle, raw, correct_thrusters=True)"
+    return f"hydro.{step.action}(vehicle, raw)" if step.action != RUN else ""
+
+
+def _of_finding(row: Mapping[str, Any], prediction: Prediction | None) -> Iterator[NextStep]:
+    """Yield the step for one finding; confirmed ones are added together by another step."""
+    if row["verdict"] == "suspect":
+        name, error = row["effect"], row["error_added"]
+        if prediction is None or _unknown(error) or error < prediction.given:
+            told = f"add {name.replace('_', ' ')}, if you can confirm it on the vehicle"
+            yield NextStep(ADD, told, (name,))
+        else:
+            yield NextStep(EXPLAIN, "try single steps, and keep those that lower the error")
+    if row["verdict"] == "cannot_tell_apart":
+        yield NextStep(RUN, "design a run that separates the effects that fit equally well")
+    if row["verdict"] in UNEXPLAINED:
+        yield NextStep(COMPARE, "find the regimes of motion with the largest errors")
+
+
+def _unknown(error: float | None) -> bool:
+    """Return whether an error was not measured."""
+    return error is None or math.isnan(error)

@@ -1,0 +1,83 @@
+"""Base of the plants that integrate their vehicles with `sim.flight` on the processor."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.columns import Array, Mask
+from hydro.core.effects.program import STATE_COUNT, thrusters_of
+from hydro.core.simulation.dynamics import BODY
+from hydro.core.vehicle.description import Vehicle
+from hydro.sim.flight import Fleet, Pace, remembered, steps_of
+from hydro.sim.plant import Readings, Snapshot
+
+
+class FleetPlant(ABC):
+    """Vehicles that start, fly and are restored alike; see `sim.plant.Plant` for the arrays.
+
+    A subclass sets the programs of its vehicles, and flies them in `_fly`.
+    """
+
+    def __init__(self, vehicle: Vehicle, program: Array, count: int, period: float, timestep: float) -> None:
+        """Allocate the vehicles; `reset` starts them.
+
+        Args:
+            vehicle: Vehicle file.
+            program: Its compiled effects and thrusters, which give the numbers of states.
+            count: Number of vehicles N.
+            period: Control step [s].
+            timestep: Maximum integration step [s].
+        """
+        table, states = thrusters_of(program), int(program[STATE_COUNT])
+        self.vehicle = vehicle
+        self._pace = Pace(period, steps_of(period, timestep), vehicle.environment.gravity)
+        self._readings = Readings.of(count, len(table))
+        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
+        self._fleet = Fleet(
+            np.zeros((count, BODY + states)),
+            np.zeros((count, len(table))),
+            np.zeros((count, remembered(table, period), len(table))),
+            np.zeros(count),
+        )
+
+    def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
+        """Start some vehicles at given states; see `Plant`."""
+        self.diverged[mask] = False
+        for _, array in self._states():
+            array[mask] = 0.0
+        self._fleet.y[mask, :7], self._fleet.y[mask, 7:BODY] = pose[mask], velocity[mask]
+        self._fly(mask, self._pace._replace(steps=0))
+
+    def step(self, commands: Array, flying: Mask | None = None) -> None:
+        """Simulate one control step; see `Plant`."""
+        held = self._fleet.commands
+        held[:, :-1] = held[:, 1:]
+        held[:, -1] = commands
+        self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
+
+    def snapshot(self) -> Snapshot:
+        """Return all states and readings."""
+        return {name: np.array(array) for name, array in self._arrays()}
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Restore a snapshot, bit for bit."""
+        for name, array in self._arrays():
+            array[:] = snapshot[name]
+
+    def _arrays(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Yield the arrays that change during simulation, with their names."""
+        yield from self._states()
+        yield from self._readings._asdict().items()
+
+    def _states(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Yield the states of the vehicles, which a reset sets to 0, with their names."""
+        yield from self._fleet._asdict().items()
+
+    @abstractmethod
+    def _fly(self, mask: Mask, pace: Pace) -> None:
+        """Simulate the vehicles of a mask (N,) for a control step; with 0 steps, start them."""
