@@ -21,7 +21,7 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
 
-from hydro.core import kernel_cache
+from hydro.core import kernel_cache, separate_code
 from hydro.core.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -107,7 +107,13 @@ def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within
     # Set explicitly for every function; otherwise it would inherit the setting of its first caller.
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
     dispatcher = numba.njit(
-        function, error_model="numpy", nogil=True, fastmath=fastmath, forceinline=within, **counts
+        function,
+        error_model="numpy",
+        nogil=True,
+        fastmath=fastmath,
+        forceinline=within,
+        no_cfunc_wrapper=True,  # an entry for C, which nothing calls
+        **counts,
     )
     if (cache := _cache(function)) is not None:
         dispatcher._cache = cache
@@ -130,16 +136,30 @@ def within(function: F) -> F:
     return kernel(function, within=True)
 
 
+def separate(function: F) -> F:
+    """Compile a `kernel` whose callers call its code instead of containing a copy, for long functions."""
+    compiled = kernel(function)
+    separate_code.separate(compiled)
+    return compiled
+
+
 def inlined_copy(function: F) -> F:
     """Return a copy of a `kernel` that is inlined into its callers, while the original is not.
 
     A call passes seven arguments per array, which takes longer than the arithmetic of a small effect.  The
-    copy has no cache of its own: the cached code of its callers contains it.
+    copy has no cache and no entry for Python: the cached code of its callers contains it.
     """
     counts = {"_nrt": False} if hasattr(CPUTargetOptions, "_nrt") else {}
     source = getattr(function, "py_func", function)
     return numba.njit(  # type: ignore[no-any-return]
-        source, error_model="numpy", nogil=True, fastmath=False, forceinline=True, **counts
+        source,
+        error_model="numpy",
+        nogil=True,
+        fastmath=False,
+        forceinline=True,
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        **counts,
     )
 
 

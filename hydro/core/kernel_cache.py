@@ -22,6 +22,7 @@ from typing import Any
 import numba
 from numba.core import caching
 
+from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
 
 COMPILING = "compiling kernels for this machine, about 40 s, only once"
@@ -229,9 +230,17 @@ class _Place(_Locator):  # type: ignore[misc]
 
 
 class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    """Numba's serialisation of compiled functions, restricted to the folder above."""
+    """Numba's serialisation of compiled functions with the separate code they refer to, in the folder above."""
 
     _locator_classes = (_Place,)
+
+    def reduce(self, cres: Any) -> Any:
+        return separate_code.referred(cres.library), super().reduce(cres)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the compiled function; None if separate code to which it refers was compiled again since."""
+        symbols, compiled = payload
+        return super().rebuild(target_context, compiled) if separate_code.are_loaded(symbols) else None
 
 
 class KernelCache(caching.FunctionCache):  # type: ignore[misc]
