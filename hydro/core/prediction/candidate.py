@@ -19,12 +19,12 @@ from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
 from hydro.core.effects.program import (
     heed,
     in_sea,
-    rates,
     relative_to_water,
     remembering,
     seas,
     start,
     thrusters_of,
+    wrench,
 )
 from hydro.core.effects.record import Role
 from hydro.core.recording.arrays import Recording
@@ -167,20 +167,20 @@ def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: 
             else:
                 for i in range(count):
                     ahead[i] = out[k - 1, i] + dt * here[i]
-                rates(flat, s, ahead, there, unused)
+                wrench(flat, s, ahead, there, unused)
                 for i in range(count):
                     out[k, i] = out[k - 1, i] + 0.5 * dt * (here[i] + there[i])
-            rates(flat, s, out[k], here, unused)
+            wrench(flat, s, out[k], here, unused)
 
 
 @jit
 def _accelerate_along(
     flat: Array, eta: Array, nu: Array, t: Array, commands: Array, rotors: Array, memory: Array, out: Array
 ) -> None:
-    s, tau, slopes = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
+    s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
     for k in range(out.shape[0]):
         move(flat, eta[k], nu[k], t[k], s)
         heed(commands[k], s)
         tau[:] = 0.0
         propel(flat, s, rotors[k], tau)
-        accelerate(flat, s, memory[k], slopes, tau, out[k])
+        accelerate(flat, s, memory[k], rates, tau, out[k])

@@ -234,7 +234,10 @@ def march(
         if deviations is not None:
             for i in range(DEVIATION):
                 copy_kernel(deviations.delta[i], deviations.out[k, i])
-        if not np.isfinite(y.sum()):
+        total = 0.0  # not finite if any value is not
+        for i in range(y.size):
+            total += y[i]
+        if not math.isfinite(total):
             out[k + 1 :] = np.nan
             if deviations is not None:
                 deviations.out[k:] = np.nan
