@@ -230,7 +230,7 @@ class _Place(_Locator):  # type: ignore[misc]
 
 
 class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    """Numba's serialisation of compiled functions with the separate code they refer to, in the folder above."""
+    """Numba's serialisation of compiled functions with the separate code they call, in the folder above."""
 
     _locator_classes = (_Place,)
 

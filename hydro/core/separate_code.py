@@ -1,8 +1,8 @@
 """Kernels whose callers call their machine code, instead of containing a copy of it.
 
 Numba links the code of a kernel into each of its callers, and LLVM optimises and emits every copy again.  The
-code of all effects would be compiled some twenty times that way.  The code of a separate kernel is compiled once.
-Its callers refer to it by the name of its symbol, which LLVM resolves when it loads them.
+code of all effects would be compiled some twenty times that way.  The code of a separate kernel is compiled
+once.  Its callers refer to it by the name of its symbol, which LLVM resolves when it loads them.
 """
 
 from __future__ import annotations
@@ -61,9 +61,8 @@ def _declare(result: Any, place: tuple[str, str], arguments: tuple[Any, ...]) ->
     library, name = result.library, result.fndesc.llvm_func_name
     if name in _SYMBOLS:
         return
-    returned, _, given = str(library._get_module_for_linking().get_function(name).global_value_type).partition(
-        " ("
-    )
+    kind = str(library._get_module_for_linking().get_function(name).global_value_type)
+    returned, _, given = kind.partition(" (")
     llvm.add_symbol(name, library.get_pointer_to_function(name))
     library._shared_module = llvm.parse_assembly(f'declare {returned} @"{name}"({given}')
     _SYMBOLS[name] = Symbol(name, *place, arguments)
@@ -82,8 +81,8 @@ def referred(library: Any) -> list[Symbol]:
 def are_loaded(symbols: Sequence[Symbol]) -> bool:
     """Load separate code from the cache; return whether all of it has the given symbols.
 
-    Code that was compiled again since has other symbols.  Code that refers to the old ones must not be loaded,
-    because LLVM ends the process if it does not find a symbol.
+    Code that was compiled again since has other symbols.  Code that refers to the old ones must not be
+    loaded, because LLVM ends the process if it does not find a symbol.
     """
     for symbol in symbols:
         if symbol.name not in _SYMBOLS and (symbol.module, symbol.kernel) in _DISPATCHERS:

@@ -1,4 +1,4 @@
-"""Callers of a separate kernel call its code: compiled anew, from the cache, and after it was compiled again."""
+"""Callers of a separate kernel call its code: compiled, from the cache, and after it was compiled again."""
 
 from __future__ import annotations
 
