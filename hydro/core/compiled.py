@@ -51,37 +51,41 @@ def _cache_folder(part: str) -> Path | None:
 
 def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
     """Return the sources of layers that compile something, with all hydro modules they import, sorted."""
-    text = _sources()
-    own = tuple(_PACKAGE / part for part in parts)
+    sources = _sources()
+    own = tuple(f"hydro.{part}." for part in parts)
     waiting = [
-        path
-        for path, source in text.items()
-        if b"hydro.core.compiled" in source and any(path.is_relative_to(folder) for folder in own)
+        name
+        for name, (_, text) in sources.items()
+        if b"hydro.core.compiled" in text and name.startswith(own)
     ]
-    found = set[Path]()
+    found = set[str]()
     while waiting:
-        path = waiting.pop()
-        if path not in found and path in text:
-            found.add(path)
-            waiting += _imported(text[path])
-    return sorted(found)
+        name = waiting.pop()
+        if name not in found and name in sources:
+            found.add(name)
+            waiting += _imported(sources[name][1])
+    return sorted(sources[name][0] for name in found)
 
 
 @functools.cache
-def _sources() -> dict[Path, bytes]:
-    """Return the text of every module in the layers with compiled functions."""
-    return {path: path.read_bytes() for part in PARTS for path in (_PACKAGE / part).rglob("*.py")}
+def _sources() -> dict[str, tuple[Path, bytes]]:
+    """Return file and text of every module in the layers with compiled functions, by the module's name."""
+    files = [path for part in PARTS for path in (_PACKAGE / part).rglob("*.py")]
+    names = [".".join(path.parts[len(_PACKAGE.parts) - 1 :])[: -len(".py")] for path in files]
+    return {
+        name.removesuffix(".__init__"): (path, path.read_bytes())
+        for name, path in zip(names, files, strict=True)
+    }
 
 
-def _imported(source: bytes) -> list[Path]:
-    """Return the files that a module's imports may refer to: a module, a package, or a module in one."""
-    files = []
+def _imported(source: bytes) -> list[str]:
+    """Return the names of modules that a module's imports may refer to: a module or one in a package."""
+    names = []
     for origin, listed, line, whole in _IMPORTS.findall(source):
-        module = _PACKAGE.parent.joinpath(*(origin or whole).decode().split("."))
-        names = re.findall(r"(\w+)(?:\s+as\s+\w+)?", (listed or line).decode())
-        for path in (module, *(module / name for name in names)):
-            files += [path.with_suffix(".py"), path / "__init__.py"]
-    return files
+        module = (origin or whole).decode()
+        within = re.findall(r"(\w+)(?:\s+as\s+\w+)?", (listed or line).decode())
+        names += [module, *(f"{module}.{name}" for name in within)]
+    return names
 
 
 def _cache(function: Callable[..., Any]) -> KernelCache | None:

@@ -25,7 +25,7 @@ from numba.core import caching
 from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
 
-COMPILING = "compiling kernels for this machine, about 40 s, only once"
+COMPILING = "compiling kernels for this machine, about 25 s, only once"
 """Notice before the first kernels are compiled."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
 _MARK = b"hydro-kernel/1 "  # first bytes of a cache file, with the version of its format
