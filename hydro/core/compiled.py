@@ -54,9 +54,7 @@ def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
     sources = _sources()
     own = tuple(f"hydro.{part}." for part in parts)
     waiting = [
-        name
-        for name, (_, text) in sources.items()
-        if b"hydro.core.compiled" in text and name.startswith(own)
+        name for name, (_, text) in sources.items() if b"hydro.core.compiled" in text and name.startswith(own)
     ]
     found = set[str]()
     while waiting:
