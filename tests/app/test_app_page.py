@@ -119,6 +119,7 @@ def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
 
     tab.press("2")
     says(tab, "Error over 6 predictions")
+    tab.wait("document.querySelector('.place') !== null")
     tab.run("document.querySelector('.place').click()")
     tab.wait("workbench.state().cursor > 0 || workbench.state().window[0] > 0")
     before = tab.run("workbench.state().cursor")
