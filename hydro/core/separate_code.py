@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 from numba.core import sigutils
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 
 
 class Symbol(NamedTuple):
@@ -39,8 +40,11 @@ def separate(dispatcher: Any) -> None:
     """Make the callers of a kernel refer to its code; only callers compiled from now on do.
 
     Args:
-        dispatcher: Numba's dispatcher of the kernel.  Its `compile` runs before a caller is linked.
+        dispatcher: Numba's dispatcher of the kernel.  Its `compile` runs before a caller is linked.  A plain
+            function stays as it is; with NUMBA_DISABLE_JIT kernels are plain functions.
     """
+    if not isinstance(dispatcher, Dispatcher):
+        return
     function = dispatcher.py_func
     place = function.__module__, function.__qualname__
     compile_alone = dispatcher.compile
