@@ -49,11 +49,13 @@ LEVELS = {
         ("effects",),
         ("vehicle",),
         ("thrust_curves",),
+        ("leaky_sum", "local_polynomials"),
         ("columns",),
         ("toml_text", "seeds"),
         ("threads",),
         ("compiled",),
         ("extras", "kernel_cache"),
+        ("separate_code",),
         ("errors", "nesting", "progress"),
     ),
     "hydro.sim": (

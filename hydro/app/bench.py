@@ -155,6 +155,7 @@ class Bench:
             return
         try:
             logs = [str(self._readable(one)) for one in choice.logs]
+            beside = [str(self._readable(one)) if one else "" for one in (choice.holdout, choice.before)]
             table = await asyncio.to_thread(opening.is_table, logs)
             map_ = "" if table else await self._map(logs)
             if not table and not map_:
@@ -163,7 +164,7 @@ class Bench:
         except (HydroError, OSError) as error:
             self.say(str(error))
             return
-        found = await self.work("opening", jobs.open_recording, logs, map_, craft, choice.correct)
+        found = await self.work("opening", jobs.open_recording, logs, map_, craft, choice.correct, *beside)
         if found is None:
             return
         try:

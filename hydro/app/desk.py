@@ -27,12 +27,16 @@ class Choice:
         logs: A raw table, or the logs of one dive.
         map: Map file; empty for a raw table, or to propose one.
         correct: Whether to accept the directions of the thrusters that the audit states.
+        holdout: Held-out recording; empty without one.
+        before: Recording before a change; empty without one.
     """
 
     vehicle: str = ""
     logs: tuple[str, ...] = ()
     map: str = ""
     correct: bool = False
+    holdout: str = ""
+    before: str = ""
 
 
 @dataclass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,12 @@ import numpy as np
 import polars as pl
 
 from hydro.app import opening
-from hydro.app.opening import Craft, Opened, Proposed
+from hydro.app.opening import Craft, Further, Opened, Proposed
 from hydro.app.worker import Report
 from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.pipeline import hull_of
 from hydro.core.diagnosis.provisional import Provisional
+from hydro.core.errors import DataError
 from hydro.core.evaluation.added_force import added_force
 from hydro.core.evaluation.compare import compare as measure
 from hydro.core.evaluation.place_times import place_times
@@ -25,6 +27,7 @@ from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.trials import Recordings
 from hydro.core.identification.fit import fit as estimate
 from hydro.core.progress import Progress
+from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -75,7 +78,7 @@ class Stepped:
 class _Kept:
     """Recordings of the present study: they are prepared once, and all its steps use them."""
 
-    key: tuple[str, str, bool] | None = None
+    key: tuple[Any, ...] | None = None
     recordings: Recordings | None = None
 
 
@@ -91,9 +94,19 @@ def correct(paths: Sequence[str], before: Proposed, blocks: Mapping[str, Any], r
     return opening.correct_map(paths, before, blocks, _progress(report))
 
 
-def open_recording(paths: Sequence[str], map_: str, craft: Craft, correct: bool, report: Report) -> Opened:
+def open_recording(
+    paths: Sequence[str],
+    map_: str,
+    craft: Craft,
+    correct: bool,
+    holdout: str,
+    before: str,
+    report: Report,
+) -> Opened:
     """Open a recording, see `opening.open_recording`."""
-    return opening.open_recording(paths, map_, craft, _progress(report), correct=correct)
+    return opening.open_recording(
+        paths, map_, craft, _progress(report), correct=correct, holdout=holdout, before=before
+    )
 
 
 def compare(opened: Opened, vehicle: Vehicle, report: Report) -> Compared:
@@ -113,7 +126,7 @@ def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, r
         wanted: Effect of the finding to add, or `explain.BEST`.
         report: Receives progress, and the provisional best candidate of the first diagnosis.
     """
-    recordings = _recordings(opened, craft)
+    recordings = _recordings(opened, craft, report)
 
     def provisional(best: Provisional) -> None:
         report("provisional", best)
@@ -175,10 +188,19 @@ def save_study(
     from hydro.io.study import Study
     from hydro.study.explained import save_bands, save_recorded
 
-    log = opened.log
+    log, holdout, before = opened.log, opened.holdout, opened.before
     told: dict[str, Any] = {"add": list(wanted)} if wanted else {}
     told |= {"cleaning": list(log.changes)} if log.changes else {}
-    study = Study(Path(folder), craft.text, opened.source, None, (), told)
+    if holdout is not None or before is not None:
+        told |= _told_beside(opened, _recordings(opened, craft, report))
+    study = Study(
+        Path(folder),
+        craft.text,
+        opened.source,
+        None if holdout is None else holdout.source,
+        () if before is None else (before.source,),
+        told,
+    )
     chosen = best(steps)
     headline = study_status(steps, chosen, log.record.dt).headline
     with alone(Path(folder)):
@@ -227,16 +249,49 @@ def holding(vehicle: Vehicle, held: Sequence[str], *, instead: Vehicle | None = 
     return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
 
-def _recordings(opened: Opened, craft: Craft) -> Recordings:
-    """Return the recordings of a study, prepared once for all its steps."""
-    key = (opened.source.provenance.content, craft.text, opened.log.misdirected)
+def _told_beside(opened: Opened, recordings: Recordings) -> dict[str, Any]:
+    """Return the parameters of a study on its further recordings, as `hydro explain` writes them."""
+    from hydro.report.change import parameters_of
+
+    told: dict[str, Any] = {}
+    if recordings.holdout is not None and recordings.holdout.changes:
+        told["cleaning_holdout"] = list(recordings.holdout.changes)
+    if opened.before is not None and recordings.hull is not None:
+        told |= parameters_of({"recording": Path(opened.before.path).stem}, recordings.hull)
+    return told
+
+
+def _recordings(opened: Opened, craft: Craft, report: Report) -> Recordings:
+    """Return the recordings of a study with the hull-force model, prepared once for all its steps."""
+    given = opened.source, *(None if one is None else one.source for one in (opened.holdout, opened.before))
+    key = (
+        *(None if one is None else one.provenance.content for one in given),
+        craft.text,
+        opened.log.misdirected,
+    )
     if _Kept.recordings is None or _Kept.key != key:
-        made = Recordings.of(craft.vehicle, opened.source.frame, None, None)
+        hull = None if opened.before is None else _hull(opened.before, craft, report)
+        holdout = None if opened.holdout is None else opened.holdout.source.frame
+        made = Recordings.of(craft.vehicle, opened.source.frame, holdout, hull)
         if not opened.log.misdirected and made.log.misdirected:  # the page accepted the audit's directions
-            made = Recordings(made.log.as_audited(), None, made.yardstick, None)
-        made.log.require_directions(Path(craft.path).name)
+            made = replace(made, log=made.log.as_audited())
+        if hull is None:
+            made.log.require_directions(Path(craft.path).name)
         _Kept.key, _Kept.recordings = key, made
     return _Kept.recordings
+
+
+def _hull(before: Further, craft: Craft, report: Report) -> Hull:
+    """Return the hull-force model of a recording before a change.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or is too short.
+    """
+    report("progress", ("hull force before the change", 0.0))
+    try:
+        return hull_of(craft.vehicle, before.source.frame)
+    except DataError as error:
+        raise DataError(f"{Path(before.path).name}: {error}") from error
 
 
 def _progress(report: Report) -> Progress:

@@ -18,6 +18,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.errors import DataError, listed
 from hydro.core.evaluation.replay_error import HORIZONS
 from hydro.core.evaluation.weights import Weights
+from hydro.core.explanation.explain import long_enough
 from hydro.core.guessing.aliases import Block
 from hydro.core.guessing.interview import lacking
 from hydro.core.guessing.map_lines import KINDS, block_of, text_of
@@ -33,6 +34,8 @@ from hydro.io.log import opened
 from hydro.io.map_proposal import corrected, proposed
 from hydro.io.table import Artefact
 
+HELD_OUT, BEFORE = "held-out recording", "recording before a change"
+"""Further recordings in the words of the page."""
 SAMPLE = "hidden effects"
 """Name of the sample: a bundled recording of a vehicle with more effects than its file."""
 
@@ -95,6 +98,19 @@ class Proposed:
 
 
 @dataclass(frozen=True)
+class Further:
+    """Further recording of a study: a held-out one, or one from before a change.
+
+    Attributes:
+        path: Its file.
+        source: Raw table with its provenance.
+    """
+
+    path: str
+    source: Artefact
+
+
+@dataclass(frozen=True)
 class Opened:
     """Recording that is open.
 
@@ -107,6 +123,8 @@ class Opened:
         weights: Weights of the velocity axes, by the inertia of the vehicle that it was opened with, (6,).
         lines: Result of the import, of the cleaning and of the thruster audit, a line each.
         audit: Contradiction between the thrusters and the file; empty without one.
+        holdout: Held-out recording; None without one.
+        before: Recording before a change; None without one.
     """
 
     name: str
@@ -117,6 +135,8 @@ class Opened:
     weights: Array
     lines: tuple[str, ...]
     audit: str = ""
+    holdout: Further | None = None
+    before: Further | None = None
 
 
 def sample() -> tuple[str, str]:
@@ -231,7 +251,14 @@ def write_map(found: Proposed, paths: Sequence[str], destination: Path) -> str:
 
 
 def open_recording(
-    paths: Sequence[str], map_: str, craft: Craft, progress: Progress, *, correct: bool = False
+    paths: Sequence[str],
+    map_: str,
+    craft: Craft,
+    progress: Progress,
+    *,
+    correct: bool = False,
+    holdout: str = "",
+    before: str = "",
 ) -> Opened:
     """Open a recording for a vehicle: import, clean and audit it.
 
@@ -241,21 +268,25 @@ def open_recording(
         craft: The vehicle file.
         progress: Called with a few words and the share of the work done.
         correct: Accept the directions and the order of the thrusters that the audit states.
+        holdout: Held-out recording: a raw table, or a log that the same map fits; empty without one.
+        before: Recording before a change, likewise.
 
     Raises:
-        DataError: A file, the map or the vehicle is invalid, or they do not fit each other.
+        DataError: A file, the map or the vehicle is invalid, or they do not fit each other; or a further
+            recording has the same rows.
     """
-    lines = list[str]()
     progress("reading", 0.05)
-    if map_:
-        with ExitStack() as stack:
-            files = [stack.enter_context(opened(path, None)) for path in paths]
-            source = recordings.imported(files, Path(map_), lines.append, vehicle_file=Path(craft.path))
-    else:
-        source = table.read(paths[0], "raw")
-        lines += _of_table(source)
+    source, lines = _read(paths, map_, craft)
+    beside = {
+        words: None if not path else _further(path, words, map_, craft, source)
+        for words, path in ((HELD_OUT, holdout), (BEFORE, before))
+    }
+    for words, found in beside.items():
+        lines += [] if found is None else [f"{words}: {line}" for line in _of_table(found.source)]
     progress("cleaning", 0.4)
     craft = craft.for_recording(source)
+    if (other := beside[HELD_OUT]) is not None:
+        _require_length(other, craft, beside=bool(before))
     log = preprocess(craft.vehicle, source.frame)
     require_ready(log.observed)
     lines += [line for line in log.changes if line not in lines]
@@ -272,7 +303,58 @@ def open_recording(
         except DataError:  # no session is that long; the page offers the shorter horizons
             continue
     weights = Weights.of(candidate(craft.vehicle)).velocity
-    return Opened(Path(paths[0]).name, tuple(paths), map_, source, log, weights, tuple(lines), wrong)
+    return Opened(
+        Path(paths[0]).name,
+        tuple(paths),
+        map_,
+        source,
+        log,
+        weights,
+        tuple(lines),
+        wrong,
+        beside[HELD_OUT],
+        beside[BEFORE],
+    )
+
+
+def _read(paths: Sequence[str], map_: str, craft: Craft) -> tuple[Artefact, list[str]]:
+    """Return a raw table, or logs imported by a map, and the lines on it."""
+    if not map_:
+        source = table.read(paths[0], "raw")
+        return source, _of_table(source)
+    lines = list[str]()
+    with ExitStack() as stack:
+        files = [stack.enter_context(opened(path, None)) for path in paths]
+        source = recordings.imported(files, Path(map_), lines.append, vehicle_file=Path(craft.path))
+    return source, lines
+
+
+def _further(path: str, words: str, map_: str, craft: Craft, measured: Artefact) -> Further:
+    """Return a further recording.
+
+    Raises:
+        DataError: It cannot be read, or has the same rows as the measured one.
+    """
+    name = Path(path).name
+    raw = is_table([path])
+    if not raw and not map_:
+        raise DataError(f"{name}: a log needs a map, and the recording has none: import this log first")
+    source, _ = _read([path], "" if raw else map_, craft)
+    if source.provenance.content == measured.provenance.content:
+        raise DataError(f"{name}: the same rows as the recording; choose another one as {words}")
+    return Further(path, source)
+
+
+def _require_length(other: Further, craft: Craft, *, beside: bool) -> None:
+    """Refuse a held-out recording that is too short, or is another vehicle's.
+
+    Raises:
+        DataError: It is.
+    """
+    try:
+        long_enough(craft.vehicle, other.source.frame, beside=beside)
+    except DataError as error:
+        raise DataError(f"{Path(other.path).name}: {error}") from error
 
 
 def _of_table(source: Artefact) -> list[str]:

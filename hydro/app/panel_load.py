@@ -33,7 +33,8 @@ def show(bench: Bench) -> None:
     ui.html("<p>Or drop a log, a map or a vehicle file anywhere.</p>", sanitize=False)
     logs = {str(one): _named(bench, one) for one in bench.desk.places.listed(LOGS)}
     logs |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if not one.endswith(".toml")}
-    logs |= {one: Path(one).name for one in choice.logs if one not in logs}
+    chosen_already = (*choice.logs, choice.holdout, choice.before)
+    logs |= {one: Path(one).name for one in chosen_already if one and one not in logs}
 
     def chosen(event: Any) -> None:
         picked = event.value or []
@@ -43,6 +44,7 @@ def show(bench: Bench) -> None:
     ui.select(logs, value=list(choice.logs), multiple=True, on_change=chosen, with_input=True).props(
         "dense outlined options-dense"
     ).mark("recording")
+    _further(bench, logs)
     craft = {"": IN_RECORDING, **{path: name for name, path in opening.presets().items()}}
     tomls = bench.desk.places.listed((".toml",))
     craft |= {str(one): _named(bench, one) for one in tomls if is_vehicle(one)}
@@ -72,6 +74,26 @@ def show(bench: Bench) -> None:
         ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False).mark("problem")
     _map(bench)
     _understood(bench)
+
+
+def _further(bench: Bench, logs: dict[str, str]) -> None:
+    """Make the menus for a held-out recording and one from before a change."""
+    choice = bench.tab.choice
+
+    def held_out(event: Any) -> None:
+        choice.holdout = event.value or ""
+
+    def earlier(event: Any) -> None:
+        choice.before = event.value or ""
+
+    for title, value, chosen, mark in (
+        ("Held-out recording (optional)", choice.holdout, held_out, "holdout"),
+        ("Recording before a change (optional)", choice.before, earlier, "before"),
+    ):
+        ui.html(f"<h3>{title}</h3>", sanitize=False)
+        ui.select({"": "none", **logs}, value=value, on_change=chosen).props(
+            "dense outlined options-dense"
+        ).mark(mark)
 
 
 def _map(bench: Bench) -> None:

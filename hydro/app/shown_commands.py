@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
+from hydro.app.opening import Further, Opened, is_table
 from hydro.app.session import Rung, Session
 from hydro.core.diagnosis.findings import inline
 from hydro.core.explanation.explain import BEST, over
 from hydro.core.vehicle.description import Vehicle
 
-RAW = "raw.parquet"
+RAW, HELD_OUT, BEFORE = "raw.parquet", "holdout.parquet", "before.parquet"
+"""Names of imported recordings."""
 
 
 def shell(session: Session) -> str:
@@ -23,6 +25,12 @@ def shell(session: Session) -> str:
 def python(session: Session) -> str:
     """Return the Python that leads to the present state."""
     return "\n".join(_statements(session))
+
+
+def _further(opened: Opened) -> list[tuple[str, Further, str]]:
+    """Return option, recording and name of the imported table of the further recordings."""
+    given = (("--holdout", opened.holdout, HELD_OUT), ("--before", opened.before, BEFORE))
+    return [(option, one, name) for option, one, name in given if one is not None]
 
 
 def _runs(session: Session) -> Iterator[tuple[str, list[Rung]]]:
@@ -40,15 +48,21 @@ def _lines(session: Session) -> Iterator[str]:
         return
     recording, file = _recording(session), session.history[0].base.path or base.path
     if opened.map:
-        logs = [*opened.paths, "--map", opened.map, "--vehicle", file]
-        yield _line("import", *logs, "-o", RAW)
+        yield _line("import", *opened.paths, "--map", opened.map, "--vehicle", file, "-o", RAW)
+    beside = list[str]()
+    for option, one, name in _further(opened):
+        if is_table([one.path]):
+            beside += [option, one.path]
+        else:
+            beside += [option, name]
+            yield _line("import", one.path, "--map", opened.map, "--vehicle", file, "-o", name)
     yield _line("compare", file, recording)
     for number, (kind, run) in enumerate(_runs(session), 1):
         last = run[-1]
         if kind == "added":
             folder = f"study-{number}"
             options = [] if _by_itself(last) else _added(last.wanted)
-            yield _line("explain", file, recording, *options, "-o", folder)
+            yield _line("explain", file, recording, *beside, *options, "-o", folder)
             file = f"{folder}/vehicle-{last.steps[-1].number}.toml"
             yield _line("report", folder, "-o", "report.html")
         elif kind == "fitted":
@@ -79,11 +93,19 @@ def _statements(session: Session) -> Iterator[str]:
         yield f"raw, _ = hydro.import_log({logs!r}, {opened.map!r})"
     else:
         yield f"raw = hydro.read({opened.paths[0]!r})"
+    beside = ""
+    for option, one, _ in _further(opened):
+        name = option.removeprefix("--")
+        beside += f", {name}={name}"
+        if is_table([one.path]):
+            yield f"{name} = hydro.read({one.path!r})"
+        else:
+            yield f"{name}, _ = hydro.import_log({one.path!r}, {opened.map!r})"
     for kind, run in _runs(session):
         last = run[-1]
         if kind == "added":
             wanted = "" if _by_itself(last) else f", add={list(last.wanted)!r}"
-            yield f"study = hydro.explain(vehicle, raw{wanted})"
+            yield f"study = hydro.explain(vehicle, raw{beside}{wanted})"
             yield "vehicle = study[-1].vehicle" if wanted else "vehicle = study.vehicle"
         elif kind == "fitted":
             names, held = last.fitted

@@ -89,6 +89,7 @@ def learnt(
     """
     from hydro.core.diagnosis.pipeline import hull_of
     from hydro.core.residual.learnt import Learnt
+    from hydro.report.change import parameters_of
 
     if not before:
         if model is not None:
@@ -111,8 +112,7 @@ def learnt(
         inputs.append(artefact)
     with about(name), progress("hull force before the change"):
         hull = hull_of(vehicle, earlier.frame, law)
-    figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
-    return Earlier(hull, tuple(inputs), {"before": told | figures})
+    return Earlier(hull, tuple(inputs), parameters_of(told, hull))
 
 
 def _learnt_from(trained: Artefact, recording: Artefact) -> bool:

@@ -181,13 +181,14 @@ def _train(given: _Given) -> None:
     config = _config(given)
     first = None if given.start is None else Folder(given.start).policy()[1]
     folder, run = Folder(given.output), run_artefact(config, text, residual, covariance, first)
-    builder = builder_of(config, text, residual, given.vehicle.parent, estimates)
     state = folder.state(run)
     clock = _Clock()
-    learnt = Folder(given.start).learnt() if given.start is not None and state is None else None
-    training = Training(config, builder, clock.part, learnt)
-    if state is None:
-        _require_ability(config, builder, given.vehicle)
+    with progress("prepare"):  # shows that it runs: the first fleet may compile, and a pilot makes flights
+        builder = builder_of(config, text, residual, given.vehicle.parent, estimates)
+        learnt = Folder(given.start).learnt() if given.start is not None and state is None else None
+        training = Training(config, builder, clock.part, learnt)
+        if state is None:
+            _require_ability(config, builder, given.vehicle)
     folder.begin(run, residual, covariance)
     if state is not None:
         training.restore(state)

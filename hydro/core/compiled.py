@@ -21,7 +21,7 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
 
-from hydro.core import kernel_cache
+from hydro.core import kernel_cache, separate_code
 from hydro.core.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -51,37 +51,39 @@ def _cache_folder(part: str) -> Path | None:
 
 def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
     """Return the sources of layers that compile something, with all hydro modules they import, sorted."""
-    text = _sources()
-    own = tuple(_PACKAGE / part for part in parts)
+    sources = _sources()
+    own = tuple(f"hydro.{part}." for part in parts)
     waiting = [
-        path
-        for path, source in text.items()
-        if b"hydro.core.compiled" in source and any(path.is_relative_to(folder) for folder in own)
+        name for name, (_, text) in sources.items() if b"hydro.core.compiled" in text and name.startswith(own)
     ]
-    found = set[Path]()
+    found = set[str]()
     while waiting:
-        path = waiting.pop()
-        if path not in found and path in text:
-            found.add(path)
-            waiting += _imported(text[path])
-    return sorted(found)
+        name = waiting.pop()
+        if name not in found and name in sources:
+            found.add(name)
+            waiting += _imported(sources[name][1])
+    return sorted(sources[name][0] for name in found)
 
 
 @functools.cache
-def _sources() -> dict[Path, bytes]:
-    """Return the text of every module in the layers with compiled functions."""
-    return {path: path.read_bytes() for part in PARTS for path in (_PACKAGE / part).rglob("*.py")}
+def _sources() -> dict[str, tuple[Path, bytes]]:
+    """Return file and text of every module in the layers with compiled functions, by the module's name."""
+    files = [path for part in PARTS for path in (_PACKAGE / part).rglob("*.py")]
+    names = [".".join(path.parts[len(_PACKAGE.parts) - 1 :])[: -len(".py")] for path in files]
+    return {
+        name.removesuffix(".__init__"): (path, path.read_bytes())
+        for name, path in zip(names, files, strict=True)
+    }
 
 
-def _imported(source: bytes) -> list[Path]:
-    """Return the files that a module's imports may refer to: a module, a package, or a module in one."""
-    files = []
+def _imported(source: bytes) -> list[str]:
+    """Return the names of modules that a module's imports may refer to: a module or one in a package."""
+    names = []
     for origin, listed, line, whole in _IMPORTS.findall(source):
-        module = _PACKAGE.parent.joinpath(*(origin or whole).decode().split("."))
-        names = re.findall(r"(\w+)(?:\s+as\s+\w+)?", (listed or line).decode())
-        for path in (module, *(module / name for name in names)):
-            files += [path.with_suffix(".py"), path / "__init__.py"]
-    return files
+        module = (origin or whole).decode()
+        within = re.findall(r"(\w+)(?:\s+as\s+\w+)?", (listed or line).decode())
+        names += [module, *(f"{module}.{name}" for name in within)]
+    return names
 
 
 def _cache(function: Callable[..., Any]) -> KernelCache | None:
@@ -107,7 +109,13 @@ def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within
     # Set explicitly for every function; otherwise it would inherit the setting of its first caller.
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
     dispatcher = numba.njit(
-        function, error_model="numpy", nogil=True, fastmath=fastmath, forceinline=within, **counts
+        function,
+        error_model="numpy",
+        nogil=True,
+        fastmath=fastmath,
+        forceinline=within,
+        no_cfunc_wrapper=True,  # an entry for C, which nothing calls
+        **counts,
     )
     if (cache := _cache(function)) is not None:
         dispatcher._cache = cache
@@ -130,16 +138,30 @@ def within(function: F) -> F:
     return kernel(function, within=True)
 
 
+def separate(function: F) -> F:
+    """Compile a `kernel` whose callers call its code instead of containing a copy, for long functions."""
+    compiled = kernel(function)
+    separate_code.separate(compiled)
+    return compiled
+
+
 def inlined_copy(function: F) -> F:
     """Return a copy of a `kernel` that is inlined into its callers, while the original is not.
 
     A call passes seven arguments per array, which takes longer than the arithmetic of a small effect.  The
-    copy has no cache of its own: the cached code of its callers contains it.
+    copy has no cache and no entry for Python: the cached code of its callers contains it.
     """
     counts = {"_nrt": False} if hasattr(CPUTargetOptions, "_nrt") else {}
     source = getattr(function, "py_func", function)
     return numba.njit(  # type: ignore[no-any-return]
-        source, error_model="numpy", nogil=True, fastmath=False, forceinline=True, **counts
+        source,
+        error_model="numpy",
+        nogil=True,
+        fastmath=False,
+        forceinline=True,
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        **counts,
     )
 
 

@@ -13,6 +13,7 @@ import os
 import pickle
 import stat
 import tempfile
+import time
 import warnings
 import zlib
 from collections.abc import Callable
@@ -22,10 +23,13 @@ from typing import Any
 import numba
 from numba.core import caching
 
+from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
 
-COMPILING = "compiling kernels for this machine, about 40 s, only once"
+COMPILING = "compiling kernels for this machine, about 25 s, only once"
 """Notice before the first kernels are compiled."""
+SILENCE = 3.0
+"""Longest time without a line during the first compilation [s]."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
 _MARK = b"hydro-kernel/1 "  # first bytes of a cache file, with the version of its format
 _HEAD = len(_MARK) + 4
@@ -163,11 +167,34 @@ def _warn_of_damage(place: str) -> None:
     _warn(f"{place}: damaged or foreign compiled kernels are compiled again; remove the folder if this stays")
 
 
+class _First:
+    """First compilation in this process, into an empty folder.
+
+    Attributes:
+        told: Time of the last line on it [s]; None if there is no such compilation.
+        count: Kernels compiled since it began.
+    """
+
+    told: float | None = None
+    count = 0
+
+
 @functools.cache
 def _announce_compilation(place: str) -> None:
     """Announce once per folder that it is empty, so that kernels are compiled."""
     if not any(Path(place).rglob("*.nbi")):
+        _First.told = time.monotonic()
         warnings.warn(COMPILING, HydroNotice, stacklevel=2)
+
+
+def _tell_compiled() -> None:
+    """Count a compiled kernel, and print the count if the last line is older than SILENCE."""
+    if _First.told is None:
+        return
+    _First.count += 1
+    if time.monotonic() - _First.told > SILENCE:
+        _First.told = time.monotonic()
+        warnings.warn(f"compiling kernels: {_First.count} compiled", HydroNotice, stacklevel=2)
 
 
 class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
@@ -229,9 +256,17 @@ class _Place(_Locator):  # type: ignore[misc]
 
 
 class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    """Numba's serialisation of compiled functions, restricted to the folder above."""
+    """Numba's serialisation of compiled functions with the separate code they call, in the folder above."""
 
     _locator_classes = (_Place,)
+
+    def reduce(self, cres: Any) -> Any:
+        return separate_code.referred(cres.library), super().reduce(cres)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the compiled function; None if separate code to which it refers was compiled again since."""
+        symbols, compiled = payload
+        return super().rebuild(target_context, compiled) if separate_code.are_loaded(symbols) else None
 
 
 class KernelCache(caching.FunctionCache):  # type: ignore[misc]
@@ -270,6 +305,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a compiled function, if the disk allows it."""
+        _tell_compiled()
         if not _Saving.works:
             return
         try:

@@ -9,12 +9,24 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.explanation.with_hull import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
+from hydro.core.residual.hull import Hull
 from hydro.report import words
 from hydro.report.screen import Text, table
 from hydro.report.sources import Named, Sources
 
 PARAMETER = "before"
 """Key of the parameters of a table for the recording before a change."""
+
+
+def parameters_of(told: Mapping[str, Any], hull: Hull) -> dict[str, Any]:
+    """Return the parameters of tables made with a recording from before a change.
+
+    Args:
+        told: Name of the recording, and the network if there is one.
+        hull: Hull-force model fitted to the recording.
+    """
+    figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
+    return {PARAMETER: {**told, **figures}}
 
 
 def of_change(one: Named) -> bool:

@@ -90,19 +90,36 @@ def warned(tab: Page, words: str) -> None:
     assert "\n" not in tab.run("document.querySelector('.said.warning').textContent")
 
 
+def choose(tab: Page, title: str, words: str) -> None:
+    """Choose an item of the menu below a title of the panel."""
+    heading = (
+        f"[...document.querySelectorAll('.panel h3')].find(one => one.textContent.startsWith('{title}'))"
+    )
+    tab.run(f"{heading}.parentElement.nextElementSibling.click()")
+    item = (
+        f"[...document.querySelectorAll('.q-menu .q-item')].find(one => one.innerText.trim() === '{words}')"
+    )
+    tab.wait(f"{item} !== undefined")
+    tab.run(f"{item}.click()")
+
+
 def upload(tab: Page, name: str, text: str) -> None:
     tab.run(f"workbench.upload([new File([{json.dumps(text)}], {json.dumps(name)})])")
 
 
 def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
-    tab: Page, desk: Desk, folder: Path, craft: Craft, short: Artefact
+    tab: Page, desk: Desk, folder: Path, craft: Craft, short: Artefact, other: Artefact
 ) -> None:
     says(tab, "800 rows at 25 Hz in 2 sessions")
     assert "token" not in tab.run("location.href")
+    choose(tab, "Held-out recording", "other.parquet")
+    click(tab, "Open")
+    says(tab, "held-out recording: 400 rows at 25 Hz in 1 session")
     given = float(tab.run(ERROR))
 
     tab.press("2")
     says(tab, "Error over 6 predictions")
+    tab.wait("document.querySelector('.place') !== null")
     tab.run("document.querySelector('.place').click()")
     tab.wait("workbench.state().cursor > 0 || workbench.state().window[0] > 0")
     before = tab.run("workbench.state().cursor")
@@ -137,7 +154,10 @@ def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
     tab.press("5")
     (wanted,) = session.history[1].wanted
     assert wanted in (effect, BEST), "the card adds its finding, by its name or as the best one"
-    says(tab, f"hydro explain {folder}/vehicle.toml {folder}/short.parquet --add {wanted} -o study-1")
+    beside = f"--holdout {folder}/other.parquet"
+    says(
+        tab, f"hydro explain {folder}/vehicle.toml {folder}/short.parquet {beside} --add {wanted} -o study-1"
+    )
     click(tab, "Save")
     says(tab, f"saved {folder}/vehicle-new.toml")
     click(tab, "Save with report")
@@ -150,11 +170,12 @@ def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
     ] == []
 
     told = {"add": [wanted]}
-    study = Study(folder / "study", craft.text, short, None, (), told)
+    study = Study(folder / "study", craft.text, short, other, (), told)
     done = study.done()
     assert len(done) == 2
     assert study.has_ended(done)
-    last = list(explain(craft.vehicle, short.frame, done=session.rung.steps[:1], wanted=[wanted]))[-1]
+    done = session.rung.steps[:1]
+    (last,) = explain(craft.vehicle, short.frame, holdout=other.frame, done=done, wanted=[wanted])
     saved, text = vehicles.read(folder / "vehicle-new.toml")
     assert text == (folder / "study" / "vehicle-1.toml").read_text()
     for table in last.tables:

@@ -37,6 +37,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("HYDRO_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
     monkeypatch.setattr(kernel_cache._Saving, "works", True)
+    monkeypatch.setattr(kernel_cache._First, "told", None)
     kernel_cache.folder.cache_clear()
     yield tmp_path
     kernel_cache.folder.cache_clear()
@@ -84,6 +85,24 @@ def test_the_first_compilation_is_told_once(module: ModuleType) -> None:
             dispatcher(3.0)
         told.append([str(one.message) for one in caught])
     assert told == [[kernel_cache.COMPILING], []]
+
+
+def test_a_long_first_compilation_is_not_silent(module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "SILENCE", 0.0)
+    monkeypatch.setattr(kernel_cache._First, "told", None)
+    monkeypatch.setattr(kernel_cache._First, "count", 0)
+    place, _ = found()
+    assert place is not None
+    kernel_cache._announce_compilation.cache_clear()
+    dispatcher = numba.njit(module.twice)
+    dispatcher._cache = KernelCache(module.twice, place)
+    with pytest.warns(HydroNotice) as told:
+        assert (dispatcher(3.0), dispatcher(3)) == (6.0, 6.0)
+    assert [str(one.message) for one in told] == [
+        kernel_cache.COMPILING,
+        "compiling kernels: 1 compiled",
+        "compiling kernels: 2 compiled",
+    ]
 
 
 def found(name: str = NAME) -> tuple[Path | None, list[str]]:

@@ -27,13 +27,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
-import scipy
 from scipy.linalg import pinvh
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.effects.inertia import ADDED_MASS
 from hydro.core.effects.layout import CURRENT, INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
+from hydro.core.leaky_sum import leaky_sum
 from hydro.core.prediction.candidate import Candidate, candidate
 from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import Recording
@@ -205,7 +205,7 @@ def _tilted(record: Recording) -> Recording:
         rates, seen = record.nu[start:stop, 3:], record.seen[start:stop]
         if not seen[:, 3:5].any() and seen[:, 9:11].any(axis=0).all():
             keep = float(np.exp(-record.dt / LEAK_SECONDS))
-            eta[start:stop, 3:5] = scipy.signal.lfilter([record.dt], [1.0, -keep], rates[:, :2], axis=0)
+            eta[start:stop, 3:5] = leaky_sum(record.dt * rates[:, :2], keep)
     return replace(record, eta=eta)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import inlined_copy, jit, kernel, within
+from hydro.core.compiled import inlined_copy, jit, kernel, separate, within
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
     CATALOGUE,
@@ -300,11 +300,12 @@ def {name}({arguments}):
         which = int(flat[row])
         p = flat[int(flat[row + 1]):int(flat[row + 2])]
         begin, end = int(flat[row + 3]), int(flat[row + 4])
+        {slices}
         row += {length}
 """
 
 
-def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], call: str) -> Any:
+def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], slices: str, call: str) -> Any:
     """Compile a loop over a program's effects that calls a function of each, by its place in `DISPATCHED`.
 
     Effects without a function are skipped.  The functions are inlined.  Numba cannot cache calls through a
@@ -319,6 +320,7 @@ def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], call: s
         table=EFFECT_TABLE,
         count=EFFECT_COUNT,
         length=EFFECT_ROW,
+        slices=slices,
     )
     for i in functions:
         source += f"        if which == {i}:\n            effect_{i}{call}\n            continue\n"
@@ -326,20 +328,22 @@ def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], call: s
         f"effect_{i}": inlined_copy(f) for i, f in functions.items()
     }
     exec(compile(source, __file__, "exec"), namespace)
-    return kernel(namespace[name])
+    return separate(namespace[name])
 
 
-_ARGUMENTS, _CALL = "flat, s, x, dx, tau", "(p, c, s, x[begin:end], dx[begin:end], tau)"
+_ARGUMENTS = "flat, s, x, dx, tau"
+_SLICES = "own, its_rates = x[begin:end], dx[begin:end]"  # once, since each costs time to compile
+_CALL = "(p, c, s, own, its_rates, tau)"
 _KERNELS = {i: effect.kernel for i, effect in enumerate(DISPATCHED)}
 _WITH_STATES = {i: effect.kernel for i, effect in enumerate(DISPATCHED) if effect.states is not None}
 _STARTS = {i: effect.start for i, effect in enumerate(DISPATCHED) if effect.start is not None}
 
-wrench = _dispatcher("wrench", _ARGUMENTS, _KERNELS, _CALL)
+wrench = _dispatcher("wrench", _ARGUMENTS, _KERNELS, _SLICES, _CALL)
 """`wrench(flat, s, x, dx, tau)`: add the wrench of all effects of a program to tau (6,), write dx
 (states,)."""
 
-rates = _dispatcher("rates", _ARGUMENTS, _WITH_STATES, _CALL)
+rates = _dispatcher("rates", _ARGUMENTS, _WITH_STATES, _SLICES, _CALL)
 """`rates(flat, s, x, dx, tau)`: the same for the effects with internal states alone, for their rates dx."""
 
-start = _dispatcher("start", "flat, s, x", _STARTS, "(p, c, s, x[begin:end])")
+start = _dispatcher("start", "flat, s, x", _STARTS, "own = x[begin:end]", "(p, c, s, own)")
 """`start(flat, s, x)`: set the internal states (states,) to the steady state of the motion s."""

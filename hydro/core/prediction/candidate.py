@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hydro.core.columns import Array, Rows
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, jit, kernel
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.catalogue import entries, with_role
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
@@ -143,7 +143,7 @@ def commands_before(record: Recording) -> Array:
     return record.commands[previous]
 
 
-@jit
+@kernel
 def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
     """Write the state of motion to `s`, in the layout of `core.effects.layout`.
 
@@ -155,8 +155,8 @@ def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
         s: Output.
     """
     s[TIME] = t
-    s[POSITION : POSITION + 3] = eta[:3]
-    s[VELOCITY : VELOCITY + 6] = nu
+    copy_kernel(eta, s[POSITION : POSITION + 3])
+    copy_kernel(nu, s[VELOCITY : VELOCITY + 6])
     rotation_kernel(eta[3], eta[4], eta[5], s[ROTATION : ROTATION + 9])
     relative_to_water(flat, s)
 
@@ -166,15 +166,18 @@ def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: 
     """Integrate internal states by Heun's method from row to row."""
     count = out.shape[1]
     s, unused = np.zeros(MOTION), np.zeros(6)
-    here, there = np.zeros(count), np.zeros(count)
+    here, there, ahead = np.zeros(count), np.zeros(count), np.zeros(count)
     for m in range(segments.shape[0]):
         for k in range(segments[m, 0], segments[m, 1]):
             move(flat, eta[k], nu[k], t[k], s)
             if k == segments[m, 0]:
                 start(flat, s, out[k])
             else:
-                wrench(flat, s, out[k - 1] + dt * here, there, unused)
-                out[k] = out[k - 1] + 0.5 * dt * (here + there)
+                for i in range(count):
+                    ahead[i] = out[k - 1, i] + dt * here[i]
+                wrench(flat, s, ahead, there, unused)
+                for i in range(count):
+                    out[k, i] = out[k - 1, i] + 0.5 * dt * (here[i] + there[i])
             wrench(flat, s, out[k], here, unused)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
-from hydro.core.compiled import jit, kernel
+from hydro.core.compiled import copy_kernel, jit, kernel
 from hydro.core.effects import sensor
 from hydro.core.effects.program import same_memories
 from hydro.core.prediction.candidate import Candidate, memories, rotor_states, true_velocity
@@ -26,7 +26,7 @@ from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
 from hydro.core.threads import spread
-from hydro.core.vehicle.frames import quaternion_product_kernel
+from hydro.core.vehicle.frames import quaternion_product
 from hydro.core.vehicle.thrusters import same_states
 
 NUDGE = np.full(CHANNELS, 1e-3)  # step of the initial state for derivatives [m, rad, m/s, rad/s]
@@ -243,19 +243,12 @@ def cost(prepared: Prepared, shots: Shots) -> float:
 
 def displaced(first: Array, shift: Array) -> Array:
     """Return initial states (S, 13) displaced by (S, 12) or (1, 12): position, small rotation (body), nu."""
-    out = np.empty((len(first), BODY))
-    _displace(first, np.require(np.broadcast_to(shift, (len(first), CHANNELS)), None, ["C", "W"]), out)
+    out, (a, b, c) = np.empty((len(first), BODY)), 0.5 * shift[:, 3:6].T
+    w = np.sqrt(np.maximum(1.0 - (a * a + b * b + c * c), 0.0))
+    out[:, :3] = first[:, :3] + shift[:, :3]
+    out[:, 3:7] = quaternion_product(first[:, 3:7], w, a, b, c)
+    out[:, 7:] = first[:, 7:] + shift[:, 6:]
     return out
-
-
-@jit
-def _displace(first: Array, shift: Array, out: Array) -> None:
-    for m in range(first.shape[0]):
-        out[m, :3] = first[m, :3] + shift[m, :3]
-        a, b, c = 0.5 * shift[m, 3], 0.5 * shift[m, 4], 0.5 * shift[m, 5]
-        w = np.sqrt(max(1.0 - (a * a + b * b + c * c), 0.0))
-        quaternion_product_kernel(first[m, 3:7], w, a, b, c, out[m, 3:7])
-        out[m, 7:] = first[m, 7:] + shift[m, 6:]
 
 
 @kernel
@@ -299,9 +292,10 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         begin, end = places.bounds[m, 0], places.bounds[m, 1]
         course = Course(places.commands[begin:end], places.t[begin:end], places.steps, 0.0)
         at = places.starts[m] - begin
-        motion.y[:BODY], motion.y[BODY:] = initial.first[m], initial.memory[m]
+        copy_kernel(initial.first[m], motion.y[:BODY])
+        copy_kernel(initial.memory[m], motion.y[BODY:])
         resume(thrusters, course, at, places.resumed[m])
-        thrusters.rotors[2] = initial.rotors[m]
+        copy_kernel(initial.rotors[m], thrusters.rotors[2])
         if answers is None:
             march(motion, thrusters, course, at, out[m], None, None)
         else:

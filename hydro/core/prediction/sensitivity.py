@@ -107,14 +107,8 @@ def linearise(
         _through_log(near, logged, shots, states, columns, done)
         columns = columns[:, shots.lead :]
         with np.errstate(over="ignore", invalid="ignore"):
-            _weigh(
-                states,
-                shots.measured[part],
-                shots.lead,
-                1.0 / shots.sigma,
-                columns[..., : done + len(logged)],
-                columns[..., -1],
-            )
+            columns[..., -1] = _residuals(shots, part, states)
+            _weigh(1.0 / shots.sigma, columns[..., : done + len(logged)], columns[..., -1])
             _again(near, rest, shots, part, columns[..., done + len(logged) :])
         if (counted := shots.weights(part)) is not None:
             columns[~counted] = 0.0
@@ -155,9 +149,8 @@ def beginnings(base: Prepared, shots: Shots) -> Array:
         part = slice(begin, begin + SHOTS_TOGETHER)
         states, columns = _predicted(base, varied, shots, part, 0)
         columns = columns[:, shots.lead :]
-        _weigh(
-            states, shots.measured[part], shots.lead, 1.0 / shots.sigma, columns[..., :-1], columns[..., -1]
-        )
+        columns[..., -1] = _residuals(shots, part, states)
+        _weigh(1.0 / shots.sigma, columns[..., :-1], columns[..., -1])
         if (counted := shots.weights(part)) is not None:
             columns[~counted] = 0.0
         flat = np.nan_to_num(columns[..., :-1].reshape(len(states), -1, CHANNELS))
@@ -276,16 +269,25 @@ def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns:
         columns[..., i] = (still - moved) / near.shares[which]
 
 
-@kernel
-def _weigh(states: Array, measured: Array, lead: int, weight: Array, columns: Array, error: Array) -> None:
-    """Write weighted residuals and weighted columns, with the sign of changes of the prediction.
+def _residuals(shots: Shots, part: slice, states: Array) -> Array:
+    """Return the weighted residuals of some shots' predicted states, (s, K, 12), without the lead."""
+    error = np.empty((len(states), shots.length - shots.lead, CHANNELS))
+    multiple_shooting.deviate(states, shots.measured[part], shots.lead, 1.0 / shots.sigma, error)
+    return error
 
-    Columns and residuals begin after the `lead` rows of each shot that are left out.
+
+@kernel
+def _weigh(weight: Array, columns: Array, error: Array) -> None:
+    """Weight columns of changes of the prediction, and turn those of the attitude to its residual.
+
+    Args:
+        weight: Weights, (12,).
+        columns: Changes, (S, K, 12, P), overwritten.
+        error: Weighted residuals of `multiple_shooting.deviate`, (S, K, 12).
 
     The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); a rotation of
     the prediction by a small theta changes it by -(a theta + theta x e/2).
     """
-    multiple_shooting.deviate(states, measured, lead, weight, error)
     for m in range(error.shape[0]):
         for k in range(error.shape[1]):
             x, e = columns[m, k], error[m, k]

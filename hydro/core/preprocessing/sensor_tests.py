@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 from scipy.special import chdtrc, fdtrc, ndtri
@@ -27,6 +26,7 @@ from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sensor import ANGLES, BIAS, DELAY, LEVER, LOG, SCALE
 from hydro.core.errors import DataError
+from hydro.core.leaky_sum import leaky_sum
 from hydro.core.prediction.normal_equations import Normal, block_length, covariance
 from hydro.core.recording.arrays import Recording, noise
 from hydro.core.vehicle.frames import rotation
@@ -310,9 +310,10 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
         along = (R @ moved.transpose(1, 2, 0)).transpose(1, 0, 2)  # (3, rows, LOG + 1)
         both = np.empty_like(along)
         for i in range(3):
-            high_pass = [1.0, -keep[i]]
-            both[i] = weight[i] * scipy.signal.lfilter([0.5 * dt, 0.5 * dt], high_pass, along[i], axis=0)
-            placed = scipy.signal.lfilter([1.0, -1.0], high_pass, eta[:, i] - eta[0, i])
+            ahead = 0.5 * dt * along[i]
+            ahead[1:] += 0.5 * dt * along[i, :-1]
+            both[i] = weight[i] * leaky_sum(ahead, keep[i])
+            placed = leaky_sum(np.diff(eta[:, [i]], axis=0, prepend=eta[:1, [i]]), keep[i])[:, 0]
             both[i, :, -1] = weight[i] * placed - both[i, :, -1]
         cut = both[:, late : late + count * length].reshape(3, count, length, LOG + 1)
         gram = np.einsum("ipka,ipkb->pab", cut, cut, optimize=True)

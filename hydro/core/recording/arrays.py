@@ -9,11 +9,11 @@ from typing import TypeVar
 
 import numpy as np
 import polars as pl
-import scipy
 from numpy.typing import NDArray
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows, checked_commands
 from hydro.core.errors import DataError
+from hydro.core.local_polynomials import savitzky_golay
 from hydro.core.recording.filling import filled, steady
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.supply import effective_commands, supply_voltage
@@ -156,10 +156,10 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
         width = min(widest, (stop - start - 1) // 2 * 2 + 1)
         if width >= 5:
             quaternion = steady(quaternion_from_euler(*eta[start:stop, 3:].T))
-            calm = scipy.signal.savgol_filter(np.hstack([eta[start:stop, :3], quaternion]), width, 3, axis=0)
+            calm = savitzky_golay(np.hstack([eta[start:stop, :3], quaternion]), width, 3)
             eta[start:stop, :3] = calm[:, :3]
             eta[start:stop, 3:] = euler_from_quaternion(calm[:, 3:])
-            nu[start:stop] = scipy.signal.savgol_filter(nu[start:stop], width, 3, axis=0)
+            nu[start:stop] = savitzky_golay(nu[start:stop], width, 3)
     return eta, nu
 
 

@@ -8,9 +8,9 @@ constant.
 from __future__ import annotations
 
 import numpy as np
-import scipy
 
 from hydro.core.columns import Array, Mask, Rows
+from hydro.core.local_polynomials import savitzky_golay, savitzky_golay_weights
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
 
 SLOPE_SECONDS = 0.5
@@ -77,7 +77,7 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
 
 def slope_noise(dt: float) -> float:
     """Return the standard deviation of the slope of a pose with white noise of 1 [1/s]."""
-    return float(np.linalg.norm(scipy.signal.savgol_coeffs(max(_width(dt), 5), 3, deriv=1, delta=dt)))
+    return float(np.linalg.norm(savitzky_golay_weights(max(_width(dt), 5), 3, deriv=1, dt=dt)))
 
 
 def _width(dt: float) -> int:
@@ -88,10 +88,9 @@ def _width(dt: float) -> int:
 def _slope(values: Array, dt: float) -> Array:
     """Return the derivative of (n, k) along its rows, by local cubics."""
     width = min(_width(dt), (len(values) - 1) // 2 * 2 + 1)
-    if width < 5 or not values.size:  # scipy refuses an array without columns
+    if width < 5 or not values.size:  # no polynomial fits an array without columns
         return np.zeros_like(values)
-    slope: Array = scipy.signal.savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)
-    return slope
+    return savitzky_golay(values, width, 3, deriv=1, dt=dt)
 
 
 def _rates(quaternion: Array, turning: Array) -> Array:

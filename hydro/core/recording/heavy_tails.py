@@ -38,10 +38,10 @@ from functools import cache
 
 import numpy as np
 import polars as pl
-import scipy
 from scipy.special import gamma, kv, stdtr
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask
+from hydro.core.local_polynomials import savitzky_golay, savitzky_golay_weights
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, evenly_spaced, samples
 from hydro.core.recording.jumps import is_sparse
 from hydro.core.vehicle.frames import wrapped
@@ -172,14 +172,14 @@ def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array]
     width = tail.width
     pseudo = [part.copy() for part in parts]
     long = [i for i, part in enumerate(parts) if len(part) >= width]
-    kept = 1.0 - float(scipy.signal.savgol_coeffs(width, 3)[width // 2])  # share of the variance
+    kept = 1.0 - float(savitzky_golay_weights(width, 3)[width // 2])  # share of the variance
     for _ in range(TURNS):
-        motion = [scipy.signal.savgol_filter(pseudo[i], width, 3) for i in long]
+        motion = [savitzky_golay(pseudo[i], width, 3) for i in long]
         z = [(parts[i] - smooth) / tail.scale for i, smooth in zip(long, motion, strict=True)]
         reach = tail.scale / float(tail.slope(np.concatenate(z) / np.sqrt(kept)).mean())
         for i, smooth, off in zip(long, motion, z, strict=True):
             pseudo[i] = smooth + reach * tail.score(off)
-    left = np.concatenate([pseudo[i] - scipy.signal.savgol_filter(pseudo[i], width, 3) for i in long])
+    left = np.concatenate([pseudo[i] - savitzky_golay(pseudo[i], width, 3) for i in long])
     return pseudo, float(np.sqrt(np.mean(left**2) / kept))
 
 
@@ -258,7 +258,7 @@ def _misfit(parts: Sequence[Array], tail: Tail) -> float:
     """
     pseudo, _ = pseudo_observations(parts, tail)
     whole = max(tail.width, FINE[0])
-    cubic, fine = (_centred(scipy.signal.savgol_coeffs(*shape), whole) for shape in ((tail.width, 3), FINE))
+    cubic, fine = (_centred(savitzky_golay_weights(*shape), whole) for shape in ((tail.width, 3), FINE))
     noise = _power(pseudo, _centred(np.ones(1), whole) - fine)
     return _power(pseudo, cubic - fine) / noise
 

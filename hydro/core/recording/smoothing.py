@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Rows
-from hydro.core.compiled import jit, kernel
+from hydro.core.compiled import copy_kernel, jit, kernel
 from hydro.core.errors import DataError
 
 Method = Literal["rts", "kalman", "kalman-difference"]
@@ -158,7 +158,8 @@ def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> 
 def _filter_segment(z: Array, forward: Array, dt: float, out: Array) -> None:
     """Write filtered (nu, nu_dot) of one segment to `out` (N, 6, 2)."""
     for k in range(z.shape[0]):
-        out[k] = out[max(k - 1, 0)]
+        for i in range(6):
+            copy_kernel(out[max(k - 1, 0), i], out[k, i])
         filter_step(k, out[k], z[k], forward, dt)
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
@@ -22,6 +21,7 @@ from hydro.core.distillation.features import CROSS, features
 from hydro.core.effects.columns import through_water
 from hydro.core.effects.layout import FLOW
 from hydro.core.effects.program import constants_of
+from hydro.core.local_polynomials import savitzky_golay
 from hydro.core.prediction.candidate import Candidate, true_velocity
 from hydro.core.recording.arrays import CUBIC_REACH
 from hydro.core.recording.shots import Shots
@@ -68,9 +68,7 @@ class Flow:
         for start, stop in record.segments:
             width = min(widest, (stop - start - 1) // 2 * 2 + 1)
             if width >= 5:
-                rate[start:stop] = scipy.signal.savgol_filter(
-                    nu[start:stop], width, 3, deriv=1, delta=record.dt, axis=0
-                )
+                rate[start:stop] = savitzky_golay(nu[start:stop], width, 3, deriv=1, dt=record.dt)
         return cls(nu, rate, rotation(*shots.eta[:, 3:].T)[:, 2])
 
     @property

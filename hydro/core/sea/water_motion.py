@@ -24,7 +24,7 @@ from hydro.core.effects.layout import (
     RELATIVE_VELOCITY,
     ROTATION,
 )
-from hydro.core.effects.program import constants_of, heed
+from hydro.core.effects.program import HEADER, constants_of, heed
 from hydro.core.evaluation.force_error import missing_wrench
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.prediction.candidate import (
@@ -87,22 +87,29 @@ def _follow(
 ) -> None:
     """Integrate with Euler's method from row to row; `along` has pose, velocity, times and commands."""
     eta, nu, t, commands = along
-    mass = constants_of(flat)[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)
+    mass = flat[HEADER + MASS_MATRIX : HEADER + MASS_MATRIX + 36]
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
-    calm, moved = np.zeros(6), np.zeros(6)
-    for begin, end in segments:
-        for k in range(begin, end - 1):
+    calm, moved, force, pushed = np.zeros(6), np.zeros(6), np.zeros(3), np.zeros(3)
+    for segment in range(segments.shape[0]):
+        for k in range(segments[segment, 0], segments[segment, 1] - 1):
             move(flat, eta[k], nu[k], t[k], s)
             heed(commands[k], s)
-            body = s[ROTATION : ROTATION + 9].copy().reshape(3, 3)
+            body = s[ROTATION : ROTATION + 9]
             tau[:] = 0.0
             propel(flat, s, rotors[k], tau)
             accelerate(flat, s, memory[k], rates, tau, calm)
-            s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 3] -= body.T @ out[k]
+            for i in range(3):
+                for j in range(3):
+                    s[RELATIVE_VELOCITY + i] -= body[3 * j + i] * out[k, j]
             tau[:] = 0.0
             propel(flat, s, rotors[k], tau)
             accelerate(flat, s, memory[k], rates, tau, moved)
-            force = left[k] - mass @ (moved - calm)
-            rate = body @ (inverse @ force[:3])
             for i in range(3):
-                out[k + 1, i] = min(max(out[k, i] + (t[k + 1] - t[k]) * rate[i], -FASTEST), FASTEST)
+                force[i] = left[k, i]
+                for j in range(6):
+                    force[i] -= mass[6 * i + j] * (moved[j] - calm[j])
+            for i in range(3):
+                pushed[i] = inverse[i, 0] * force[0] + inverse[i, 1] * force[1] + inverse[i, 2] * force[2]
+            for i in range(3):
+                rate = body[3 * i] * pushed[0] + body[3 * i + 1] * pushed[1] + body[3 * i + 2] * pushed[2]
+                out[k + 1, i] = min(max(out[k, i] + (t[k + 1] - t[k]) * rate, -FASTEST), FASTEST)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit, kernel
+from hydro.core.compiled import jit, kernel, separate
 from hydro.core.effects.layout import (
     BALANCE,
     CONSTANTS,
@@ -166,7 +166,7 @@ def _turn_with_body(s: Array, nu_dot: Array) -> None:
     nu_dot[2] -= p * y - q * x
 
 
-@kernel
+@separate
 def rates_kernel(
     flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array
 ) -> None:

@@ -15,10 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
+from hydro.core.leaky_sum import leaky_sum
 
 SURGE, SWAY, HEAVE, ROLL, PITCH, YAW = range(6)
 SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep_yaw": YAW}
@@ -153,12 +153,8 @@ def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
     keep = np.exp(-dt / constant)
     kicks = rng.standard_normal((rows, 6)) * np.sqrt(1.0 - keep**2)
     start = rng.standard_normal(6)
-    walk = np.column_stack(
-        [
-            scipy.signal.lfilter([1.0], [1.0, -keep[i]], kicks[:, i], zi=[keep[i] * start[i]])[0]
-            for i in range(6)
-        ]
-    )
+    kicks[0] += keep * start
+    walk = np.column_stack([leaky_sum(kicks[:, [i]], keep[i]) for i in range(6)])
     clipped: Array = np.clip(sigma * walk, -1.0, 1.0)
     return clipped
 
@@ -233,5 +229,4 @@ def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
 def _smooth(demand: Array, dt: float, constant: float = 0.25) -> Array:
     """Apply a first-order low-pass from rest, so that no demand jumps."""
     keep = math.exp(-dt / constant)
-    smooth: Array = scipy.signal.lfilter([1.0 - keep], [1.0, -keep], demand, axis=0)
-    return smooth
+    return leaky_sum((1.0 - keep) * demand, keep)

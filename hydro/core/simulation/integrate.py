@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import copy_kernel, jit, kernel
+from hydro.core.compiled import copy_kernel, jit, kernel, separate
 from hydro.core.effects.layout import TIME
 from hydro.core.effects.program import heed, thrusters_of
 from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
@@ -204,7 +204,7 @@ def advance(
             now = until
 
 
-@kernel
+@separate
 def march(
     motion: Motion,
     thrusters: Thrusters,
@@ -234,7 +234,10 @@ def march(
         if deviations is not None:
             for i in range(DEVIATION):
                 copy_kernel(deviations.delta[i], deviations.out[k, i])
-        if not np.isfinite(y.sum()):
+        total = 0.0  # not finite if any value is not
+        for i in range(y.size):
+            total += y[i]
+        if not math.isfinite(total):
             out[k + 1 :] = np.nan
             if deviations is not None:
                 deviations.out[k:] = np.nan

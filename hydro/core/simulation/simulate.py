@@ -14,7 +14,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import POSE, VELOCITY, VOLTAGE, Array, checked_commands
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.layout import TIME
 from hydro.core.errors import DataError
@@ -144,8 +144,9 @@ def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array
     """Integrate one segment from `first` (13,); return the number of finite rows of `out` (N, 13)."""
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)
     begin = int(np.int64(0))  # a variable: a literal would compile what it calls once more
-    motion.y[:BODY], motion.s[TIME] = first, course.t[0]
+    copy_kernel(first, motion.y[:BODY])
+    motion.s[TIME] = course.t[0]
     settle(motion)
     resume(thrusters, course, begin, settled)
-    thrusters.rotors[2] = thrusters.target
+    copy_kernel(thrusters.target, thrusters.rotors[2])
     return march(motion, thrusters, course, begin, out, None, None)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import copy_kernel, jit, kernel
+from hydro.core.compiled import copy_kernel, jit, kernel, separate
 from hydro.core.effects.layout import (
     INVERSE_MASS_MATRIX,
     POSITION,
@@ -137,8 +137,9 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
     for i in range(DEVIATION):
         delta[i, i] = 1.0
-    delta[DEVIATION:, DEVIATION:] = ahead
-    every[0] = own
+    for i in range(ahead.shape[0]):
+        copy_kernel(ahead[i], delta[DEVIATION + i, DEVIATION:])
+    copy_kernel(own, every[0])
     middle, slope, push = (
         np.zeros((2, size, total)),
         np.zeros((size, size)),
@@ -147,7 +148,7 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
     return Deviations(changes, delta, every, middle, slope, push, np.zeros(size + 1), np.zeros(6), out)
 
 
-@kernel
+@separate
 def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
     """Advance deviations by a step h [s] by the midpoint rule, with J and df/dp of its middle.
 

@@ -68,6 +68,20 @@ def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, 
     out[3] = q[0] * z + q[1] * y - q[2] * x + q[3] * w
 
 
+def quaternion_product(q: Array, w: Array, x: Array, y: Array, z: Array) -> Array:
+    """Return the products of quaternions q (N, 4) and (w, x, y, z), each (N,) or (1,); (N, 4)."""
+    a, b, c, d = q.T
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=1,
+    )
+
+
 @kernel
 def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
     for k in range(phi.size):

@@ -1,0 +1,94 @@
+"""Kernels whose callers call their machine code, instead of containing a copy of it.
+
+Numba links the code of a kernel into each of its callers, and LLVM optimises and emits every copy again.  The
+code of all effects would be compiled some twenty times that way.  The code of a separate kernel is compiled
+once.  Its callers refer to it by the name of its symbol, which LLVM resolves when it loads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+from numba.core import sigutils
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
+
+
+class Symbol(NamedTuple):
+    """Machine code of a separate kernel for one signature.
+
+    Attributes:
+        name: Name of the symbol; it differs between compilations.
+        module: Module of the kernel.
+        kernel: Name of the kernel in its module.
+        arguments: Numba's types of the arguments.
+    """
+
+    name: str
+    module: str
+    kernel: str
+    arguments: tuple[Any, ...]
+
+
+_DISPATCHERS: dict[tuple[str, str], Any] = {}  # every separate kernel, by its module and name
+_SYMBOLS: dict[str, Symbol] = {}  # code in this process that a caller can refer to, by the symbol's name
+
+
+def separate(dispatcher: Any) -> None:
+    """Make the callers of a kernel refer to its code; only callers compiled from now on do.
+
+    Args:
+        dispatcher: Numba's dispatcher of the kernel.  Its `compile` runs before a caller is linked.  A plain
+            function stays as it is; with NUMBA_DISABLE_JIT kernels are plain functions.
+    """
+    if not isinstance(dispatcher, Dispatcher):
+        return
+    function = dispatcher.py_func
+    place = function.__module__, function.__qualname__
+    compile_alone = dispatcher.compile
+
+    def compile_separately(signature: Any) -> Any:
+        with global_compiler_lock:
+            entry = compile_alone(signature)
+            arguments = tuple(sigutils.normalize_signature(signature)[0])
+            _declare(dispatcher.overloads[arguments], place, arguments)
+        return entry
+
+    dispatcher.compile = compile_separately
+    _DISPATCHERS[place] = dispatcher
+
+
+def _declare(result: Any, place: tuple[str, str], arguments: tuple[Any, ...]) -> None:
+    """Announce the symbol of compiled code to LLVM, and offer callers a declaration of it for linking."""
+    library, name = result.library, result.fndesc.llvm_func_name
+    if name in _SYMBOLS:
+        return
+    kind = str(library._get_module_for_linking().get_function(name).global_value_type)
+    returned, _, given = kind.partition(" (")
+    llvm.add_symbol(name, library.get_pointer_to_function(name))
+    library._shared_module = llvm.parse_assembly(f'declare {returned} @"{name}"({given}')
+    _SYMBOLS[name] = Symbol(name, *place, arguments)
+
+
+def referred(library: Any) -> list[Symbol]:
+    """Return the separate code that newly compiled code refers to.
+
+    Args:
+        library: Numba's code library of the caller.
+    """
+    names = [function.name for function in library._final_module.functions if function.is_declaration]
+    return [_SYMBOLS[name] for name in names if name in _SYMBOLS]
+
+
+def are_loaded(symbols: Sequence[Symbol]) -> bool:
+    """Load separate code from the cache; return whether all of it has the given symbols.
+
+    Code that was compiled again since has other symbols.  Code that refers to the old ones must not be
+    loaded, because LLVM ends the process if it does not find a symbol.
+    """
+    for symbol in symbols:
+        if symbol.name not in _SYMBOLS and (symbol.module, symbol.kernel) in _DISPATCHERS:
+            _DISPATCHERS[symbol.module, symbol.kernel].compile(symbol.arguments)
+    return all(symbol.name in _SYMBOLS for symbol in symbols)
