@@ -35,6 +35,9 @@ class Symbol(NamedTuple):
 _DISPATCHERS: dict[tuple[str, str], Any] = {}  # every separate kernel, by its module and name
 _SYMBOLS: dict[str, Symbol] = {}  # code in this process that a caller can refer to, by the symbol's name
 
+_PRIVATE = "_get_module_for_linking", "_shared_module", "_final_module"
+"""Parts of numba's code library (0.61 to 0.68) that are used here; callers contain copies where one is missing."""
+
 
 def separate(dispatcher: Any) -> None:
     """Make the callers of a kernel refer to its code; only callers compiled from now on do.
@@ -63,7 +66,7 @@ def separate(dispatcher: Any) -> None:
 def _declare(result: Any, place: tuple[str, str], arguments: tuple[Any, ...]) -> None:
     """Announce the symbol of compiled code to LLVM, and offer callers a declaration of it for linking."""
     library, name = result.library, result.fndesc.llvm_func_name
-    if name in _SYMBOLS:
+    if name in _SYMBOLS or not all(hasattr(library, part) for part in _PRIVATE):
         return
     kind = str(library._get_module_for_linking().get_function(name).global_value_type)
     returned, _, given = kind.partition(" (")
@@ -78,6 +81,8 @@ def referred(library: Any) -> list[Symbol]:
     Args:
         library: Numba's code library of the caller.
     """
+    if not _SYMBOLS:
+        return []
     names = [function.name for function in library._final_module.functions if function.is_declaration]
     return [_SYMBOLS[name] for name in names if name in _SYMBOLS]
 
