@@ -36,7 +36,7 @@ _DISPATCHERS: dict[tuple[str, str], Any] = {}  # every separate kernel, by its m
 _SYMBOLS: dict[str, Symbol] = {}  # code in this process that a caller can refer to, by the symbol's name
 
 _PRIVATE = "_get_module_for_linking", "_shared_module", "_final_module"
-"""Parts of numba's code library (0.61 to 0.68) that are used here; callers contain copies where one is missing."""
+"""Parts of numba's code library (0.61 to 0.68) that are used; callers contain copies where one is missing."""
 
 
 def separate(dispatcher: Any) -> None:
