@@ -158,18 +158,18 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     """Lift and drag of a fin at r whose span is rolled about the body's x axis, with stall.
 
     Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2; half a
-    turn more with the opposite deflection is the same fin. Each of its `commands` adds to a fixed deflection
-    in proportion, without delay.  A positive deflection turns the trailing edge toward n, and pushes the fin
-    toward -n in motion ahead.  Flow along the span has no effect.  The area assumes a lift slope of pi: a fin
-    of another slope a appears a/pi times as large.  A fixed fin does no positive work, since its lift does
-    none.
+    turn more with the opposite deflection is the same fin.  Each of its `commands`, clipped to [-1, 1], adds
+    to a fixed deflection in proportion, without delay.  A positive deflection turns the trailing edge toward
+    n, and pushes the fin toward -n in motion ahead.  Flow along the span has no effect.  The area assumes a
+    lift slope of pi: a fin of another slope a appears a/pi times as large.  A fixed fin does no positive
+    work, since its lift does none.
     """
     driven = int(p[0])
     at = 1 + driven
     area, rx, ry, rz = p[at], p[at + 1], p[at + 2], p[at + 3]
     roll, deflection, stall = p[at + 4], p[at + 5], p[at + 6]
     for k in range(driven):
-        deflection += p[at + 7 + k] * s[int(p[1 + k])]
+        deflection += p[at + 7 + k] * min(max(s[int(p[1 + k])], -1.0), 1.0)
     u, v, w = moved_at(s, rx, ry, rz)
     ny, nz = -math.sin(roll), math.cos(roll)
     sine, cosine = math.sin(deflection), math.cos(deflection)
