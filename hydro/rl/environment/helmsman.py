@@ -16,9 +16,11 @@ TAUGHT = "pilot who taught"  # value of `flown_by` for the expert of a training
 FASTEST, SLOWING = 1.6, 0.7  # greatest speed [m/s]; speed per distance from the target [1/s]
 THRUST, TURNING = 2.0, 0.8  # action per velocity error [s/m]; per angular velocity [s/rad]
 BLIND = 0.5  # distance from the target below which its bearing is meaningless [m]
-CRUISE = 0.6  # share of full thrust of a vehicle with fins; 1.9 m/s for the REMUS 100
+CRUISE = 0.8  # share of full thrust of a vehicle with fins; about 2 m/s for the REMUS 100
 YAWING, PITCHING = 2.0, 4.0  # share of a full deflection per error of heading and of pitch [1/rad]
 FIN_DAMPING = 0.8  # time by which angular velocity leads the angle, against overshoot [s]
+STEEPEST = 0.4  # greatest pitch angle that the pilot of fins asks for [rad]
+CIRCLE = 5.0  # radius of the turning circle that the pilot of fins reckons with [m]
 
 
 class Manner(NamedTuple):
@@ -66,7 +68,8 @@ def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
 def fin_pilot(seen: Array32) -> Array32:
     """Compute actions of a proportional law for vehicles that steer with fins: constant thrust, bow first.
 
-    It turns to the bearing of the target, and pitches to its elevation, both about level axes.
+    It turns to the bearing of the target, and pitches to its elevation, both about level axes.  A target
+    within the turning circle cannot be reached by turning: then it goes straight on until it can.
 
     Args:
         seen: Observations (N, 36), as for `helmsman`.
@@ -82,7 +85,10 @@ def fin_pilot(seen: Array32) -> Array32:
     side = np.cross(down, ahead)
     bearing = np.arctan2((way * side).sum(axis=1), (way * ahead).sum(axis=1))
     level = np.sqrt(np.maximum((way**2).sum(axis=1) - depth**2, BLIND**2))
-    climb = np.arctan2(-depth, level) - np.arcsin(np.clip(-down[:, 0], -1.0, 1.0))
+    from_centre = np.hypot(level * np.cos(bearing), CIRCLE - level * np.abs(np.sin(bearing)))
+    bearing = np.where(from_centre < CIRCLE, 0.0, bearing)
+    pitch = np.arcsin(np.clip(-down[:, 0], -1.0, 1.0))
+    climb = np.clip(np.arctan2(-depth, level), -STEEPEST, STEEPEST) - pitch
     actions = np.zeros((len(seen), 6), dtype=np.float32)
     actions[:, 0] = CRUISE
     actions[:, 4] = PITCHING * (climb - FIN_DAMPING * rates[:, 1])

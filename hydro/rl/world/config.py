@@ -274,7 +274,8 @@ class Waypoints:
         slope: Greatest change of depth of a leg, as a share of its length.
         clear: Distance of the course from floor, surface and walls beyond the margin [m]; at most a quarter
             of the tank.
-        within: Distance at which a waypoint is passed [m].
+        within: Distance at which a waypoint is passed [m]: about two lengths of a REMUS 100, the usual circle
+            of acceptance (Fossen 2011, chapter 10).
         pace: Speed along the straight legs that the time limit allows for [m/s].
     """
 
@@ -282,8 +283,8 @@ class Waypoints:
     leg: tuple[float, float] = (12.0, 18.0)
     turn: float = math.radians(40.0)
     slope: float = 0.1
-    clear: float = 6.0
-    within: float = 1.5
+    clear: float = 10.0
+    within: float = 3.0
     pace: float = 0.5
 
 
