@@ -181,6 +181,7 @@ def eval_(
         circle, helix, lemniscate   a moving point to follow
         docking          a pose, slowly
         pillar_row       pillars that may be passed around
+        waypoints        places in order, also with fins
 
     Settings: no_plan, current, load, dead_thruster, posterior, half_time or all.
 
