@@ -77,9 +77,7 @@ def _session(vehicle: Vehicle, name: str, rng: np.random.Generator) -> pl.DataFr
     return pl.DataFrame({"session": [name] * rows, "t": np.arange(rows) * DT} | columns | commanded)
 
 
-def held(
-    rng: np.random.Generator, rows: int, seconds: tuple[float, float], low: float, high: float
-) -> Array:
+def held(rng: np.random.Generator, rows: int, seconds: tuple[float, float], low: float, high: float) -> Array:
     """Draw steps (rows,) between two values, each held for a random time."""
     values = np.zeros(rows)
     at = 0
@@ -123,7 +121,7 @@ def case(fault: str, seed: int) -> Row:
 
 
 def right(found: Finding, fin: str) -> bool:
-    """Return whether the first finding is stated and names the fin; without a fault, whether none is stated."""
+    """Return whether the first finding is stated and names the fin, or none is stated without a fault."""
     is_stated = found.verdict in ("missing", "retune")
     return is_stated and found.effect == fin if fin else not is_stated
 

@@ -1,14 +1,20 @@
-"""Fins that follow commands move the preset alike in every simulator and export, or an export names the loss."""
+"""Fins that follow commands move the preset alike in all simulators and exports, or an export says no."""
 
 from __future__ import annotations
 
 import numpy as np
 import polars as pl
 import pytest
-from export.flown import DT, apart, commanded, given, vehicle
-from export.test_casadi_function import motion_of as casadi_motion
-from export.test_python_class import made
-from export.test_python_class import motion_of as python_motion
+from export.flown import (
+    DT,
+    apart,
+    class_of,
+    commanded,
+    given,
+    motion_of_class,
+    motion_of_functions,
+    vehicle,
+)
 
 from hydro.core.columns import MOTION
 from hydro.core.simulation.simulate import simulate
@@ -59,12 +65,12 @@ def test_the_kernel_plant_has_the_fins(craft, commands, motion):
 
 
 def test_the_python_class_has_the_fins(craft, commands, motion):
-    assert apart(python_motion(made(craft), given(commands)), motion) < 1e-6
+    assert apart(motion_of_class(class_of(craft), given(commands)), motion) < 1e-6
 
 
 def test_the_casadi_functions_have_the_fins(craft, commands, motion):
     pytest.importorskip("casadi", reason="the extra casadi is not installed")
-    assert apart(casadi_motion(functions(craft), given(commands)), motion) < 1e-6
+    assert apart(motion_of_functions(functions(craft), given(commands)), motion) < 1e-6
 
 
 def test_gazebo_names_the_fins_that_it_loses(craft):

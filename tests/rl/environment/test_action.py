@@ -75,7 +75,7 @@ def test_what_is_no_number_is_told(bad):
 
 
 def test_fins_turn_a_vehicle_where_no_thruster_does():
-    """Yaw drives the rudder and pitch the stern planes, with the sign of the moment; sway has no authority."""
+    """Yaw drives the rudder and pitch the stern planes, with the sign of the moment; sway has none."""
     craft = files.read(bundled("vehicles") / "remus100_fins.toml")[0]
     crew = crew_of(craft)
     assert steered_by_fins(craft)
