@@ -8,7 +8,8 @@ A case is one vehicle with one fault of its rudder or its stern planes:
     none    nothing has changed
 
 The earlier and the later recording are simulated under an autopilot with dither, with noise of ordinary
-sensors.  A finding counts if it is stated and names the fin that has the fault.
+sensors.  A finding counts if it is stated and names the fin that has the fault.  The file knows the hull, so
+that the cases show the test of the fins alone.
 
     python -m benchmarks.fin_faults --cases 20 --keep COMMIT
 """
@@ -19,6 +20,7 @@ import argparse
 import math
 import time
 from collections.abc import Mapping
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -113,7 +115,7 @@ def case(fault: str, seed: int) -> Row:
     begun = time.process_time()
     found = diagnose(vehicle, after, before=before).findings[0]
     return {
-        "seed": seed, "fault": fault, "fin": fin, "found": found.effect, "verdict": found.verdict,
+        "seed": seed, "fault": fault, "fin": fin or "-", "found": found.effect, "verdict": found.verdict,
         "confidence": found.confidence, "right": right(found, fin),
         "seconds": time.process_time() - begun,
         "values": msgspec.json.encode(found.parameters).decode(),
@@ -152,14 +154,18 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the cases, print the table, and keep it with `--keep`."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cases", type=int, default=20, help="cases of each fault")
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--output", default="fin_faults.csv", help="file of all cases, continued")
+    parser.add_argument(
+        "--output", type=Path, default=Path("fin_faults.csv"), help="file of cases, continued"
+    )
+    parser.add_argument("--report", action="store_true", help="run no case, report those of the file")
     parser.add_argument("--keep", metavar="COMMIT", help="keep the table as measured with this commit")
     given = parser.parse_args(arguments)
-    done: list[Row] = []
-    for number in range(given.first, given.first + given.cases):
-        for fault in FAULTS:
-            done.append(case(fault, FIRST_SEED + number))
+    done: list[Row] = pl.read_csv(given.output).to_dicts() if given.output.exists() else []
+    known = {(one["seed"], one["fault"]) for one in done}
+    wanted = [(FIRST_SEED + number, fault) for number in range(given.cases) for fault in FAULTS]
+    for seed, fault in wanted * (not given.report):
+        if (seed, fault) not in known:
+            done.append(case(fault, seed))
             print(done[-1], flush=True)
             pl.DataFrame(done).write_csv(given.output)
     print(markdown(report(done)))

@@ -1,8 +1,8 @@
 """Step responses of the preset `remus100_fins`, compared with the equations of Prestero's thesis (2001).
 
-The sea trials of the thesis are only printed as figures, so no measured value is used here.  The reference is
-an independent simulation of the thesis's equations of motion (its section 4.6) with its coefficients, by
-scipy's `solve_ivp`.  It shares no code with hydro.
+The reference is not a measurement of the thesis.  It is an independent simulation of its equations of motion
+with its coefficients, by scipy's `solve_ivp`, and shares no code with hydro.  The coefficients agree with a
+public implementation, REMUS.m of github.com/ArizaWilmerUTAS/Path-Following, which lists them too.
 
 Both vehicles begin in the same straight and level run at 1.54 m/s, trimmed by the stern planes against 7 N of
 net buoyancy.  Then one command steps.  The thesis prints Y_vv = -1310, ten times Z_ww of the same round hull.
@@ -126,7 +126,7 @@ class Thesis:
         return np.array([x, y, z, k, pitching, n])
 
     def inertia(self) -> Array:
-        """Return the matrix of the accelerations (6, 6), page 46 of the thesis."""
+        """Return the matrix of the accelerations (6, 6)."""
         c = self.c
         m, lever = c["m"], c["m"] * c["zg"]
         return np.array(
@@ -274,7 +274,7 @@ def main(arguments: list[str] | None = None) -> None:
     print(markdown(table))
     if given.keep:
         command = "python -m benchmarks.remus_steps"
-        source = origin(pl.DataFrame({"seed": [0]}), command, given.keep)
+        source = origin(pl.DataFrame({"seed": [0]}), command, given.keep) | {"seeds": ""}
         keep("remus_steps", [row | source for row in table])
 
 
