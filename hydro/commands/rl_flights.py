@@ -180,8 +180,7 @@ def eval_(
         station_keeping  a place to be held in a current
         circle, helix, lemniscate   a moving point to follow
         docking          a pose, slowly
-        pillar_row       pillars that may be passed around
-        waypoints        places in order, also with fins
+        pillar_row, waypoints   pillars that may be passed around; places in order
 
     Settings: no_plan, current, load, dead_thruster, posterior, half_time or all.
 
