@@ -40,7 +40,7 @@ class WaypointCourse(Task):
             points.append(here)
         way = points[1] - points[0]
         heading = np.arctan2(way[1], way[0]) + rng.uniform(-settings.task.slant, settings.task.slant)
-        return Scene(points[0], float(heading), np.array(points[1:]), nowhere(), passed=course.within)
+        return Scene(points[0], float(heading), np.array(points[1:]), nowhere(), passed=nearness(settings))
 
     def steps(self, settings: Settings) -> int:
         """Return the control steps for the longest course at the allowed pace."""
@@ -55,7 +55,7 @@ class WaypointCourse(Task):
 
     def ends(self, settings: Settings) -> Ends:
         """Require the distance of a waypoint from the last one too."""
-        return Ends(self.steps(settings), settings.waypoints.within)
+        return Ends(self.steps(settings), nearness(settings))
 
 
 def limits(settings: Settings) -> tuple[Array, Array]:
@@ -72,3 +72,8 @@ def leg_lengths(settings: Settings) -> tuple[float, float]:
     low, high = limits(settings)
     share = min(1.0, float(high[0] - low[0]) / (course.count * course.leg[1]))
     return share * course.leg[0], share * course.leg[1]
+
+
+def nearness(settings: Settings) -> float:
+    """Return the distance at which a waypoint is passed [m]: at most a quarter of a leg."""
+    return min(settings.waypoints.within, 0.25 * leg_lengths(settings)[0])

@@ -275,7 +275,7 @@ class Waypoints:
         clear: Distance of the course from floor, surface and walls beyond the margin [m]; at most a quarter
             of the tank.
         within: Distance at which a waypoint is passed [m]: about two lengths of a REMUS 100, the usual circle
-            of acceptance (Fossen 2011, chapter 10).
+            of acceptance (Fossen 2011, chapter 10).  It is at most a quarter of a leg.
         pace: Speed along the straight legs that the time limit allows for [m/s].
     """
 

@@ -77,6 +77,8 @@ def test_legs_and_turns_are_those_of_the_settings():
     assert (level > low - 1e-9).all()
     assert (level < high + 1e-9).all()
     assert (np.abs(legs[:, 2]) <= SEA.waypoints.slope * level + 1e-9).all()
+    assert drawn.passed == SEA.waypoints.within
+    assert TASKS["waypoints"].scene(QUIET, 0, generator(0, 0, 0)).passed < 0.5, "less in a small tank"
     assert (np.abs(legs[:, 1]) <= np.sin(SEA.waypoints.turn) * level + 1e-9).all()
 
 
