@@ -180,7 +180,7 @@ def eval_(
         station_keeping  a place to be held in a current
         circle, helix, lemniscate   a moving point to follow
         docking          a pose, slowly
-        pillar_row       pillars that may be passed around
+        pillar_row, waypoints   pillars that may be passed around; places in order
 
     Settings: no_plan, current, load, dead_thruster, posterior, half_time or all.
 
@@ -251,6 +251,7 @@ def _flyers(
     policy: Policy | None, task: Task, config: TrainingConfig, *, pilot: bool, planless: bool
 ) -> list[tuple[str, Callable[[Fleet], Actor], bool]]:
     """Return the name of each actor, the function that makes it, and whether a planned path is shown."""
+    from hydro.rl.environment.action import steered_by_fins
     from hydro.rl.environment.helmsman import NAME, PLAIN, TAUGHT, WITH_MAP
     from hydro.rl.training.evaluate import POLICY
     from hydro.rl.training.pilots import WithMap, pilot_of
@@ -259,7 +260,7 @@ def _flyers(
     if policy is not None:
         flyers.append((POLICY, lambda fleet: policy, task.guided and not planless))
     if pilot or policy is None:
-        flyers.append((NAME, lambda fleet: pilot_of(task), False))
+        flyers.append((NAME, lambda fleet: pilot_of(task, fins=steered_by_fins(fleet.plant.vehicle)), False))
         if task.levels and not planless:
             flyers.append((WITH_MAP, WithMap, task.guided))
         if config.demonstrations and config.manner != PLAIN and not planless:

@@ -36,6 +36,7 @@ IDS = {
     "Lemniscate-v0": "lemniscate",
     "Docking-v0": "docking",
     "PillarRow-v0": "pillar_row",
+    "Waypoints-v0": "waypoints",
 }
 """Gymnasium IDs behind the namespace `hydro/`, and the tasks that they fly (names of `rl.tasks.registry`)."""
 

@@ -10,6 +10,8 @@ import polars as pl
 from hydro.core.columns import MOTION, command_columns
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import euler_from_quaternion
+from hydro.export.python_class import class_name, to_python
 from hydro.io import vehicle as vehicle_file
 
 VEHICLES = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
@@ -52,3 +54,29 @@ def apart(motion: np.ndarray, other: np.ndarray) -> float:
     difference = np.asarray(motion) - np.asarray(other)
     difference[:, 3:6] = (difference[:, 3:6] + np.pi) % (2.0 * np.pi) - np.pi
     return float(np.abs(difference).max())
+
+
+def class_of(craft):
+    """Return the vehicle of an exported file."""
+    namespace = {}
+    exec(compile(to_python(craft), "exported", "exec"), namespace)
+    return namespace[class_name(craft.name)]()
+
+
+def motion_of_class(exported, commands, eta=(0.0,) * 6, nu=(0.0,) * 6, steps=1):
+    """Return the motion (N, 12) under commands held for a row each."""
+    eta, nu, u_actual = list(eta), list(nu), list(exported.u_actual)
+    rows = [eta + nu]
+    for row in commands[:-1].tolist():
+        for _ in range(steps):
+            eta, nu, u_actual = exported.step(eta, nu, u_actual, row, DT / steps)
+        rows.append(eta + nu)
+    return np.array(rows)
+
+
+def motion_of_functions(made, commands, eta=(0.0,) * 6, nu=(0.0,) * 6):
+    """Return the motion (N, 12) under commands held for a row each."""
+    first = made.start(list(eta), list(nu))
+    after = made.step.mapaccum(len(commands) - 1)(first, commands[:-1].T)
+    states = np.hstack([np.array(first), np.array(after)]).T
+    return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:13]])

@@ -7,24 +7,16 @@ import numpy as np
 import polars as pl
 import pytest
 from export.flown import DT, VEHICLES, apart, commanded, flown, given, vehicle
+from export.flown import motion_of_functions as motion_of
 from sim.effects import EFFECTS, ETA, NU, with_effect
 
 from hydro.core.columns import MOTION, POSE, VELOCITY
 from hydro.core.errors import UsageError
 from hydro.core.simulation.simulate import simulate
-from hydro.core.vehicle.frames import euler_from_quaternion
 from hydro.export import casadi_function
 from hydro.export.casadi_function import BODY_STATES, functions, lacks, to_casadi
 
 ca = pytest.importorskip("casadi", reason="the extra casadi is not installed")
-
-
-def motion_of(made, commands, eta=(0.0,) * 6, nu=(0.0,) * 6):
-    """Return the motion (N, 12) under commands held for a row each."""
-    first = made.start(list(eta), list(nu))
-    after = made.step.mapaccum(len(commands) - 1)(first, commands[:-1].T)
-    states = np.hstack([np.array(first), np.array(after)]).T
-    return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:13]])
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -10,6 +10,8 @@ import numpy as np
 import polars as pl
 import pytest
 from export.flown import DT, VEHICLES, apart, commanded, flown, given, vehicle
+from export.flown import class_of as made
+from export.flown import motion_of_class as motion_of
 from sim.effects import EFFECTS, ETA, NU, with_effect
 
 from hydro.core.columns import MOTION, POSE, VELOCITY
@@ -18,24 +20,6 @@ from hydro.export.python_class import class_name, lacks, to_python
 
 RATES = {"bluerov2_heavy": 500.0, "stonefish": 500.0}
 """Integration steps per second where half as many are not enough: lags of 0.029 s, rotors with dead bands."""
-
-
-def made(craft):
-    """Return the vehicle of an exported file."""
-    namespace = {}
-    exec(compile(to_python(craft), "exported", "exec"), namespace)
-    return namespace[class_name(craft.name)]()
-
-
-def motion_of(exported, commands, eta=(0.0,) * 6, nu=(0.0,) * 6, steps=1):
-    """Return the motion (N, 12) under commands held for a row each."""
-    eta, nu, u_actual = list(eta), list(nu), list(exported.u_actual)
-    rows = [eta + nu]
-    for row in commands[:-1].tolist():
-        for _ in range(steps):
-            eta, nu, u_actual = exported.step(eta, nu, u_actual, row, DT / steps)
-        rows.append(eta + nu)
-    return np.array(rows)
 
 
 SHORT = ("bluerov2_heavy", "stonefish")

@@ -12,7 +12,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.case import Case
+from hydro.core.effects.case import Case, Quantity
 from hydro.core.effects.layout import (
     COMMAND_NAMES,
     COMMANDS,
@@ -49,10 +49,10 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_mass, of_mixed
-from hydro.core.effects.wording import listed, place
+from hydro.core.effects.wording import capital, listed, place, quantity
 from hydro.core.effects.words import DRIFT
 from hydro.core.errors import DataError
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import APART, Vehicle
 from hydro.core.vehicle.plausible import (
     BOOMS,
     DRAG_SOURCE,
@@ -162,11 +162,11 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     """Lift and drag of a fin at r whose span is rolled about the body's x axis, with stall.
 
     Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2; half a
-    turn more with the opposite deflection is the same fin. Each of its `commands` adds to a fixed deflection
-    in proportion, without delay.  A positive deflection turns the trailing edge toward n, and pushes the fin
-    toward -n in motion ahead.  Flow along the span has no effect.  The area assumes a lift slope of pi: a fin
-    of another slope a appears a/pi times as large.  A fixed fin does no positive work, since its lift does
-    none.
+    turn more with the opposite deflection is the same fin.  Each of its `commands`, clipped to [-1, 1], adds
+    to a fixed deflection in proportion, without delay.  A positive deflection turns the trailing edge toward
+    n, and pushes the fin toward -n in motion ahead.  Flow along the span has no effect.  The area assumes a
+    lift slope of pi: a fin of another slope a appears a/pi times as large.  A fixed fin does no positive
+    work, since its lift does none.
 
     Adds to `tau`; arguments as in `layout`.
     """
@@ -175,7 +175,7 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     area, rx, ry, rz = p[at], p[at + 1], p[at + 2], p[at + 3]
     roll, deflection, stall = p[at + 4], p[at + 5], p[at + 6]
     for k in range(driven):
-        deflection += p[at + 7 + k] * s[int(p[1 + k])]
+        deflection += p[at + 7 + k] * min(max(s[int(p[1 + k])], -1.0), 1.0)
     u, v, w = moved_at(s, rx, ry, rz)
     ny, nz = -math.sin(roll), math.cos(roll)
     sine, cosine = math.sin(deflection), math.cos(deflection)
@@ -317,14 +317,19 @@ def fin_sentence(case: Case) -> str:
     turns = [one.times(DEGREES) for one in case.many("turn", (len(commands),))]
     turned = [(f"command {name.removeprefix('c')}", one) for name, one in zip(commands, turns, strict=True)]
     if case.in_file:
-        entries = [Entry("the fin's area", "", area, "m^2"), *coordinates("the fin's", point)]
+        fin = named_fin(case.name)
+        still = [name for name, one in turned if stopped(one)]
+        if still:
+            at = quantity(deflection.value, unit="°") if case.brief else deflection.text("°")
+            return f"{capital(fin)} no longer follows {listed(still)}: it stays at {at}."
+        entries = [Entry(f"{fin}'s area", "", area, "m^2"), *coordinates(f"{fin}'s", point)]
         entries += [
-            Entry("the fin's roll", "", roll, "°"),
-            Entry("the fin's deflection", "", deflection, "°"),
+            Entry(f"{fin}'s roll", "", roll, "°"),
+            Entry(f"{fin}'s deflection", "", deflection, "°"),
         ]
-        entries += [Entry("the fin's stall angle", "", stall, "°")]
-        entries += [Entry(f"the fin's deflection at full {name}", "", one, "°") for name, one in turned]
-        return changed("the fin", entries, case.brief)
+        entries += [Entry(f"{fin}'s stall angle", "", stall, "°")]
+        entries += [Entry(f"{fin}'s deflection at full {name}", "", one, "°") for name, one in turned]
+        return changed(fin, entries, case.brief)
     if not area.clear:
         return undetermined(case, "the area of a fin", area.text("m^2"))
     where = place([one.value for one in point], [one.error for one in point])
@@ -336,8 +341,21 @@ def fin_sentence(case: Case) -> str:
 
 
 DEGREES = 180.0 / math.pi
+STOPPED = 0.1
+"""Share of the travel in the file below which a fin counts as stuck: a tenth is within linkage play."""
 UPRIGHT = 15.0
 """Maximum roll at which a fin is called an elevator or a rudder [deg]."""
+
+
+def named_fin(name: str) -> str:
+    """Return the words for a fin of the file: `the rudder` for a fin with the label `rudder`."""
+    label = name.partition(APART)[2]
+    return f"the {label.replace('_', ' ')}" if label and not label.isdecimal() else "the fin"
+
+
+def stopped(turn: Quantity) -> bool:
+    """Return whether a fin that followed a command moves less than STOPPED of its travel in the file."""
+    return turn.clear and abs(turn.value) < STOPPED * abs(turn.before)
 
 
 def fin_of(roll: float) -> str:

@@ -125,9 +125,11 @@ def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> 
     ]
     moved = [start + step * unit for step, unit in zip(steps, np.eye(len(start)), strict=True)]
 
+    words = CATALOGUE[name].written(next(iter(vehicle.effects(name)), {}))
+
     def begin(amounts: Array) -> dict[str, Any]:
         values = np.clip(start + amounts * unknown.scales, low, high)
-        return {"name": name} | effect_table(unknown, name, values)
+        return {"name": name} | words | effect_table(unknown, name, values)
 
     return Suspect(
         name,

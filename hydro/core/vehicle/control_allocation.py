@@ -8,7 +8,7 @@ have no authority and no hold.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,6 +95,33 @@ def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
     return Mixing(authority, pseudo_inverse, table, gains, (stiffness + restoring)[1:3])
 
 
+TURNING = (3, 4, 5)
+"""Axes that fins can steer: roll, pitch, yaw."""
+
+
+def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
+    """Return the mixing with moments of servos on the axes that no thruster turns.
+
+    A demanded moment then gives the commands of the servos, as a share of their moment at one speed.  Their
+    forces are ignored.
+
+    Args:
+        crew: Mixing of the thrusters.
+        wrenches: Wrench of each command of a servo at full deflection, (6, n), 0 for thrusters; see
+            `effects.steering.servo_wrenches`.
+    """
+    axes = [axis for axis in TURNING if crew.authority[axis] == 0.0]
+    steered = np.zeros((len(crew.table), 6))
+    steered[:, axes] = np.linalg.pinv(wrenches[axes])
+    authority = crew.authority.copy()
+    for axis in axes:
+        alone, most = wrenches[axes] @ steered[:, axis], np.abs(steered[:, axis]).max()
+        if most > 0.0 and np.allclose(alone, np.eye(6)[axes, axis], atol=1e-6):
+            authority[axis] = 1.0 / most
+    steered[:, authority == 0.0] = 0.0
+    return replace(crew, authority=authority, allocation=crew.allocation + steered)
+
+
 @kernel
 def hold_kernel(
     gains: Array, R: Array, depth: float, nu: Array, target_depth: float, heading: Array, tau: Array
@@ -126,8 +153,8 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
     """Write commands for a wrench: thrusts by the pseudo-inverse, inverted curve, clipped to [-1, 1].
 
     The dead band is not compensated: a demand too small for it is lost, as for a pilot.  Commands are rounded
-    to float32, the precision of the log, so that the log contains the applied values.  A servo is not
-    commanded.
+    to float32, the precision of the log, so that the log contains the applied values.  A row of a servo gives
+    its command itself; it is zero without `with_servos`.
 
     Args:
         allocation: (n, 6).
@@ -141,6 +168,8 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
             thrust += allocation[i, j] * tau[j]
         limit = table[i, MAX_THRUST] if thrust > 0.0 else table[i, MAX_REVERSE]
         size = min(abs(thrust) / limit, 1.0) if limit > 0.0 else 0.0
+        if table[i, MAX_THRUST] == 0.0:  # a servo
+            size = min(abs(thrust), 1.0)
         if table[i, POWER] != 1.0:
             size = math.sqrt(size) if table[i, POWER] == 2.0 else size ** (1.0 / table[i, POWER])
         commands[i] = np.float64(np.float32(math.copysign(size, thrust)))

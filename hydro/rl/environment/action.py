@@ -6,11 +6,38 @@ import math
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.vehicle.control_allocation import mixing_kernel
+from hydro.core.effects import inertia_matrix
+from hydro.core.effects.steering import servo_wrenches
+from hydro.core.vehicle.control_allocation import Mixing, mixing, mixing_kernel, with_servos
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
 
 ACTIONS = 6
 """Size of an action: X, Y, Z, K, M, N in [-1, 1], each a share of the greatest wrench on that axis alone."""
+
+YAW = 5
+"""Axis of the yaw moment."""
+
+
+def crew_of(vehicle: Vehicle) -> Mixing:
+    """Return the allocation of actions to thrusters, and to servos of fins on axes without thrusters.
+
+    Raises:
+        DataError: A thruster's placement is missing or doubled, or an effect is invalid.
+    """
+    crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
+    return with_servos(crew, servo_wrenches(vehicle))
+
+
+def steered_by_fins(vehicle: Vehicle) -> bool:
+    """Return whether only servos turn a vehicle in yaw: it steers while it moves ahead alone.
+
+    Raises:
+        DataError: A thruster's placement is missing or doubled, or an effect is invalid.
+    """
+    thrusters = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
+    return bool(thrusters.authority[YAW] == 0.0 and servo_wrenches(vehicle)[YAW].any())
 
 
 @kernel

@@ -13,15 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import Array, Array32, Mask
-from hydro.core.effects import inertia_matrix
 from hydro.core.errors import DataError, UsageError
 from hydro.core.simulation.estimates import Estimates
-from hydro.core.vehicle.control_allocation import mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
-from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.rl.environment import observation, reward
-from hydro.rl.environment.action import ACTIONS, command_kernel
+from hydro.rl.environment.action import ACTIONS, command_kernel, crew_of
 from hydro.rl.environment.blocks import (
     AGE,
     ENERGY,
@@ -89,7 +86,7 @@ class Fleet:
             UsageError: `believed` has another number of thrusters, or the covariance is missing.
         """
         known = believed or plant.vehicle
-        crew = mixing(known, mass_matrix(known) + inertia_matrix(known))
+        crew = crew_of(known)
         if len(crew.table) != plant.thrust.shape[1]:
             raise UsageError(
                 f"{plant.vehicle.name} has {plant.thrust.shape[1]} thrusters and {known.name} has "
@@ -110,6 +107,7 @@ class Fleet:
         self.starts, self.goals, self.targets = (np.zeros((count, 3)) for _ in range(3))
         self.pillars = np.full((count, self.settings.world.pillars, 2), np.nan)
         self._courses, self._ahead = np.zeros((count, 1, 3)), np.zeros(count, dtype=np.int64)
+        self._passed, self._waypoint = np.zeros(count), np.zeros(count, dtype=np.int64)
         self._weights, self._ends = np.zeros((count, WEIGHTS)), np.zeros((count, len(Ends._fields)))
         self._following, self._episode = np.zeros(count, dtype=np.bool_), np.full(count, -1, dtype=np.int64)
         self._drawn, self._currents = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 3))
@@ -251,6 +249,7 @@ class Fleet:
         self._courses[k, : len(scene.course)] = scene.course
         self._courses[k, len(scene.course) :] = scene.course[-1]
         self.starts[k], self.goals[k], self._currents[k] = scene.start, scene.goal, scene.current
+        self._passed[k], self._waypoint[k] = scene.passed, 0
         self.pillars[k] = np.nan
         self.pillars[k, : len(scene.pillars)] = scene.pillars
         return scene.start, quaternion_from_euler(0.0, 0.0, scene.heading)
@@ -275,6 +274,8 @@ class Fleet:
         if self._courses.shape[1] > 1:
             every, last = np.arange(self.count), self._courses.shape[1] - 1
             now = self._totals[:, AGE].astype(np.int64) + elapsed
+            if self._passed.any():
+                now = np.where(self._passed > 0.0, self._pass_waypoints(mask), now)
             self.goals[mask] = self._courses[every, np.minimum(now, last)][mask]
             self.targets[mask] = self._courses[every, np.minimum(now + self._ahead, last)][mask]
         else:
@@ -285,6 +286,19 @@ class Fleet:
         noise = self._noise.standard_normal((self.count, OBSERVATIONS)) + self._bias
         sense_kernel(mask, self._senses, self._motion, self._scenes, noise, self._least, self._now)
         self._seen.append(mask, self._now)
+
+    def _pass_waypoints(self, mask: Mask) -> NDArray[np.int64]:
+        """Return the row of each course that is the goal, after vehicles of a mask passed their waypoints.
+
+        The distance from the new goal counts from here on, so that the change itself earns no reward.
+        """
+        last = self._courses.shape[1] - 1
+        away = np.linalg.norm(self.goals - self.plant.pose[:, :3], axis=1)
+        reached = mask & (away <= self._passed) & (self._waypoint < last)
+        self._waypoint[reached] += 1
+        following = self._courses[reached, self._waypoint[reached]]
+        self._distance[reached] = np.linalg.norm(following - self.plant.pose[reached, :3], axis=1)
+        return self._waypoint
 
     def _visible(self) -> Array32:
         """Return the observations of all vehicles that have arrived (N, O), the newest first."""
@@ -339,7 +353,7 @@ class Fleet:
 _STATE = (
     "seed", "level", "led", "starts", "goals", "targets", "pillars", "_courses", "_ahead", "_weights",
     "_ends", "_following", "_episode", "_drawn", "_currents", "_changed", "_bias", "_before", "_distance",
-    "_path_cost", "_least", "_rotation", "_totals", "_now",
+    "_path_cost", "_least", "_rotation", "_totals", "_now", "_passed", "_waypoint",
 )  # fmt: skip
 
 

@@ -16,6 +16,11 @@ TAUGHT = "pilot who taught"  # value of `flown_by` for the expert of a training
 FASTEST, SLOWING = 1.6, 0.7  # greatest speed [m/s]; speed per distance from the target [1/s]
 THRUST, TURNING = 2.0, 0.8  # action per velocity error [s/m]; per angular velocity [s/rad]
 BLIND = 0.5  # distance from the target below which its bearing is meaningless [m]
+CRUISE = 1.0  # share of full thrust of a vehicle with fins, for steerage way; 2.4 m/s for the REMUS 100
+YAWING, PITCHING = 2.0, 4.0  # share of a full deflection per error of heading and of pitch [1/rad]
+FIN_DAMPING = 0.8  # time by which angular velocity leads the angle, against overshoot [s]
+STEEPEST = 0.4  # greatest pitch angle that the pilot of fins asks for [rad]
+CIRCLE = 5.0  # radius of the turning circle that the pilot of fins reckons with [m]
 
 
 class Manner(NamedTuple):
@@ -58,6 +63,37 @@ def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
     """Compute actions of the same law with the bow to the north, as docking requires."""
     w, x, y, z = seen[:, QUATERNION : QUATERNION + 4].T
     return _steer(seen, -np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)), manner)
+
+
+def fin_pilot(seen: Array32) -> Array32:
+    """Compute actions of a proportional law for vehicles that steer with fins: constant thrust, bow first.
+
+    It turns to the bearing of the target, and pitches to its elevation, both about level axes.  A target
+    within the turning circle cannot be reached by turning: then it goes straight on until it can.
+
+    Args:
+        seen: Observations (N, 36), as for `helmsman`.
+
+    Returns:
+        Actions (N, 6); the fleet clips them.
+    """
+    way, rates = (seen[:, at : at + 3] for at in (TARGET, RATE))
+    down = seen[:, GRAVITY : GRAVITY + 3]
+    down = down / np.linalg.norm(down, axis=1, keepdims=True)
+    depth = (way * down).sum(axis=1)
+    ahead = np.array([1.0, 0.0, 0.0]) - down[:, :1] * down
+    side = np.cross(down, ahead)
+    bearing = np.arctan2((way * side).sum(axis=1), (way * ahead).sum(axis=1))
+    level = np.sqrt(np.maximum((way**2).sum(axis=1) - depth**2, BLIND**2))
+    from_centre = np.hypot(level * np.cos(bearing), CIRCLE - level * np.abs(np.sin(bearing)))
+    bearing = np.where(from_centre < CIRCLE, 0.0, bearing)
+    pitch = np.arcsin(np.clip(-down[:, 0], -1.0, 1.0))
+    climb = np.clip(np.arctan2(-depth, level), -STEEPEST, STEEPEST) - pitch
+    actions = np.zeros((len(seen), 6), dtype=np.float32)
+    actions[:, 0] = CRUISE
+    actions[:, 4] = PITCHING * (climb - FIN_DAMPING * rates[:, 1])
+    actions[:, 5] = YAWING * (bearing - FIN_DAMPING * rates[:, 2])
+    return actions
 
 
 def _steer(seen: Array32, turn: Array, manner: Manner) -> Array32:

@@ -13,14 +13,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hydro.core.effects import inertia_matrix
 from hydro.core.errors import UsageError
-from hydro.core.vehicle.control_allocation import mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
-from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.rl.environment import observation, reward
-from hydro.rl.environment.action import ACTIONS
+from hydro.rl.environment.action import ACTIONS, crew_of
 from hydro.rl.environment.blocks import FLAGS, TOTALS, Episodes, Motion, Outcome, Scenes
 from hydro.rl.environment.conditions import Condition, waters
 from hydro.rl.environment.observation import OBSERVATIONS
@@ -97,7 +94,7 @@ class GpuFleet:
         self.task.require(self.level)
         self.device = torch.device("cpu" if memory.simulated() else "cuda")
         self._generator = torch.Generator(self.device).manual_seed(seed)
-        crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
+        crew = crew_of(vehicle)
         self._make_arrays(_drawn(self.task, self.level, settings, count, seed))
         self._make_blocks(vehicle, crew)
 

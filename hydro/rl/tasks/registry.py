@@ -13,12 +13,13 @@ from hydro.rl.tasks.slalom import Slalom
 from hydro.rl.tasks.station_keeping import StationKeeping
 from hydro.rl.tasks.task import Task
 from hydro.rl.tasks.trajectory import Circle, Helix, Lemniscate
+from hydro.rl.tasks.waypoints import WaypointCourse
 
 TASKS: dict[str, Task] = {
     task.name: task
     for task in (
         PointToPoint(), Slalom(), Forest(), StationKeeping(), Circle(), Helix(), Lemniscate(), Docking(),
-        PillarRow(),
+        PillarRow(), WaypointCourse(),
     )
 }  # fmt: skip
 """All tasks by name; `hydro/rl/__init__.py` registers an environment for each."""

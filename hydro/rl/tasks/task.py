@@ -27,8 +27,11 @@ class Scene(NamedTuple):
         start: x y z of CO, NED (3,) [m]; the vehicle is level and at rest.
         heading: Initial psi [rad].
         course: Position of the goal at every control step (K, 3), NED [m]; after the last row it stays there.
+            With `passed`, the waypoints in order.
         pillars: x y of the pillars' axes (P, 2) [m].
         current: Velocity of the water (3,), NED [m/s].
+        passed: Distance at which a waypoint is passed and the next one becomes the goal [m]; 0 for a goal
+            that moves with time.
     """
 
     start: Array
@@ -36,6 +39,7 @@ class Scene(NamedTuple):
     course: Array
     pillars: Array
     current: Array = NO_CURRENT
+    passed: float = 0.0
 
     @property
     def goal(self) -> Array:

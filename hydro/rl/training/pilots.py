@@ -9,9 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import Array32, Mask
+from hydro.rl.environment.action import steered_by_fins
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
-from hydro.rl.environment.helmsman import PLAIN, Manner, docking_pilot, helmsman
+from hydro.rl.environment.helmsman import PLAIN, Manner, docking_pilot, fin_pilot, helmsman
 from hydro.rl.environment.observation import TARGET
 from hydro.rl.tasks.docking import Docking
 from hydro.rl.tasks.task import Task
@@ -20,8 +21,16 @@ Actor = Callable[[Array32], Array32]
 """Function from observations (N, O) to actions (N, 6)."""
 
 
-def pilot_of(task: Task, manner: Manner = PLAIN) -> Actor:
-    """Return the hand-written controller that serves as baseline of a task; it sees only the observation."""
+def pilot_of(task: Task, manner: Manner = PLAIN, *, fins: bool = False) -> Actor:
+    """Return the hand-written controller that serves as baseline of a task; it sees only the observation.
+
+    Args:
+        task: The task.
+        manner: Tuning of a pilot of thrusters.
+        fins: Whether the vehicle steers with fins alone (`action.steered_by_fins`).
+    """
+    if fins:
+        return fin_pilot
     return partial(docking_pilot if task.name == Docking.name else helmsman, manner=manner)
 
 
@@ -35,6 +44,7 @@ class WithMap:
     def __init__(self, fleet: Fleet, manner: Manner = PLAIN) -> None:
         """Make the pilot of a fleet that has not flown yet."""
         self._fleet, self._manner = fleet, manner
+        self._fins = steered_by_fins(fleet.plant.vehicle)
         self._chart = Guidance(fleet.settings, fleet.count, manner.margin)
         self.begun: Mask = np.ones(fleet.count, dtype=np.bool_)
 
@@ -43,7 +53,7 @@ class WithMap:
         fleet = self._fleet
         on_his_own = fleet.led or not fleet.task.levels
         seen = observations if on_his_own else self._with_target(observations)
-        return pilot_of(fleet.task, self._manner)(seen)
+        return pilot_of(fleet.task, self._manner, fins=self._fins)(seen)
 
     def _with_target(self, observations: Array32) -> Array32:
         """Replace the target in observations (N, O) by a point ahead on a planned path."""

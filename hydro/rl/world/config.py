@@ -261,6 +261,34 @@ class Docking:
 
 
 @dataclass(frozen=True)
+class Waypoints:
+    """Course along the tank through waypoints.
+
+    A vehicle with fins has a turning circle of several metres, so it needs a large tank, such as 120 m by 60
+    m by 20 m.  In a smaller tank the legs are shorter.
+
+    Attributes:
+        count: Number of waypoints.
+        leg: Least and greatest distance between waypoints [m]: some turning radii of a REMUS 100.
+        turn: Greatest angle between a leg and the tank's long axis [rad].
+        slope: Greatest change of depth of a leg, as a share of its length.
+        clear: Distance of the course from floor, surface and walls beyond the margin [m]; at most a quarter
+            of the tank.
+        within: Distance at which a waypoint is passed [m]: about two lengths of a REMUS 100, the usual circle
+            of acceptance (Fossen 2011, chapter 10).  It is at most a quarter of a leg.
+        pace: Speed along the straight legs that the time limit allows for [m/s].
+    """
+
+    count: int = 4
+    leg: tuple[float, float] = (12.0, 18.0)
+    turn: float = math.radians(40.0)
+    slope: float = 0.1
+    clear: float = 10.0
+    within: float = 3.0
+    pace: float = 0.5
+
+
+@dataclass(frozen=True)
 class Randomisation:
     """Random differences of vehicle, water and sensors from the vehicle file, drawn for each episode.
 
@@ -316,6 +344,7 @@ class Settings:
         station: Task `station_keeping`.
         trajectory: Tasks `circle`, `helix` and `lemniscate`.
         docking: Task `docking`.
+        waypoints: Task `waypoints`.
         randomise: Random differences from the vehicle file.
         history: Number of stacked observations, the newest first.
         engine: Simulator of the vehicles: `kernels`, this project's own code without MuJoCo, or `mujoco`.
@@ -337,6 +366,7 @@ class Settings:
     station: Station = field(default_factory=Station)
     trajectory: Trajectory = field(default_factory=Trajectory)
     docking: Docking = field(default_factory=Docking)
+    waypoints: Waypoints = field(default_factory=Waypoints)
     randomise: Randomisation = field(default_factory=Randomisation)
     history: int = 1
     engine: Engine = "kernels"

@@ -220,9 +220,11 @@ def _add_thruster(
     """Add a site where the thrust acts, and an actuator: control is the command, force the thrust [N].
 
     Its activations are `carried` numbers of the vehicle, then its delayed command if it has a delay, then its
-    lag state.
+    lag state.  A servo has an actuator without force, so that effects read its control.
     """
-    if thruster.wrench is not None:
+    if not thruster.pushes:
+        site, wrench = body.add_site(name=name), np.zeros(6)
+    elif thruster.wrench is not None:
         site, wrench = body.add_site(name=name), np.array(thruster.wrench)
     else:
         site = body.add_site(name=name, pos=HALF_TURN * np.array(thruster.position), size=[0.03, 0.03, 0.03])

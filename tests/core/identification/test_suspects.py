@@ -8,7 +8,7 @@ import pytest
 import synthetic
 
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification.suspects import is_curved, suspects
+from hydro.core.identification.suspects import is_curved, of_entries, suspects
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.thrusters import DEADBAND
@@ -25,6 +25,18 @@ def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
         straight = [one.effect for one in found if not is_curved(one.effect)]
         assert len(straight) == len(set(straight))
         assert {one.effect for one in found} == SEARCHED
+
+
+def test_a_changed_effect_of_the_file_keeps_its_terms_and_commands(datasets):
+    """Without them a table of other values would have no terms, or a fin no commands."""
+    known = files.read(datasets / "vehicles" / "remus100_fins.toml")[0]
+    for name in ("formula", "control_surface:rudder"):
+        (own,) = known.effects(name)
+        one = of_entries(known, name)
+        table = one.begin(np.zeros(len(one.steps)))
+        written = CATALOGUE[name].written(own)
+        assert written
+        assert CATALOGUE[name].written(table) == written
 
 
 def test_what_is_left_out_is_not_tried():

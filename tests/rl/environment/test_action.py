@@ -7,10 +7,14 @@ from fleets import vehicle
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hydro.core.effects import inertia_matrix
+from hydro.core.effects.steering import servo_wrenches
 from hydro.core.vehicle.control_allocation import mixing
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import configuration_matrix, static_thrust
-from hydro.rl.environment.action import command_kernel
+from hydro.io import vehicle as files
+from hydro.io.files import bundled
+from hydro.rl.environment.action import command_kernel, crew_of, steered_by_fins
 
 DEMANDS = st.lists(st.floats(-1.0, 1.0, allow_subnormal=False), min_size=6, max_size=6)
 
@@ -68,3 +72,23 @@ def test_actions_beyond_the_box_are_clipped():
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_what_is_no_number_is_told(bad):
     assert not mixed(vehicle(), [0, 0, bad, 0, 0, 0])[2]
+
+
+def test_fins_turn_a_vehicle_where_no_thruster_does():
+    """Yaw drives the rudder and pitch the stern planes, with the sign of the moment; sway has none."""
+    craft = files.read(bundled("vehicles") / "remus100_fins.toml")[0]
+    crew = crew_of(craft)
+    assert steered_by_fins(craft)
+    assert not steered_by_fins(vehicle())
+    assert (crew.authority > 0.0).tolist() == [True, False, False, False, True, True]
+    demand, commands = np.array([[0.0, 1.0, 1.0, 0.0, 0.5, -1.0]]), np.empty((1, 3))
+    assert command_kernel(crew.allocation, crew.table, crew.authority, demand, np.empty(6), commands)
+    np.testing.assert_allclose(commands, [[0.0, 1.0, -0.5]], atol=1e-6)
+    moment = servo_wrenches(craft) @ commands[0]
+    assert moment[4] > 0.0 > moment[5]
+
+
+def test_thrusters_alone_are_allocated_as_before():
+    alone, crew = mixing(vehicle(), mass_matrix(vehicle()) + inertia_matrix(vehicle())), crew_of(vehicle())
+    np.testing.assert_array_equal(crew.allocation, alone.allocation)
+    np.testing.assert_array_equal(crew.authority, alone.authority)
