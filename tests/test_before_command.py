@@ -192,7 +192,7 @@ def test_a_network_instead_of_the_regression_names_the_change(network: Path, cap
     line = ["diagnose", "vehicle.toml", "after.parquet", "--before", "same.parquet"]
     line += ["--model", "net.parquet"]
     assert run(*line, "-o", "diagnosis.parquet") == 0
-    told = capsys.readouterr().err
+    told = " ".join(capsys.readouterr().err.split())
     assert "with the network net, which was not trained on it" in told
     made = table.read("diagnosis.parquet", "diagnosis")
     first = made.frame.row(0, named=True)
@@ -207,7 +207,7 @@ def test_a_network_instead_of_the_regression_names_the_change(network: Path, cap
 def test_a_network_trained_on_the_earlier_recording_gives_a_warning(network: Path, capsys) -> None:
     line = ["compare", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
     assert run(*line, "--model", "net.parquet", "-o", "compared.parquet") == 0
-    told = capsys.readouterr().err
+    told = " ".join(capsys.readouterr().err.split())
     assert "hydro: net.parquet: was trained on earlier.parquet" in told
     assert "with the network net, which was trained on it" in told
 
