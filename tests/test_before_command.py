@@ -193,7 +193,7 @@ def test_a_network_instead_of_the_regression_names_the_change(network: Path, cap
     line += ["--model", "net.parquet"]
     assert run(*line, "-o", "diagnosis.parquet") == 0
     told = capsys.readouterr().err
-    assert "with the network net, which was not trained on it" in told
+    assert "with the network net, which was not trained on it" in " ".join(told.split())
     made = table.read("diagnosis.parquet", "diagnosis")
     first = made.frame.row(0, named=True)
     assert (first["verdict"], first["effect"]) == ("missing", "thruster_gain")
@@ -209,7 +209,7 @@ def test_a_network_trained_on_the_earlier_recording_gives_a_warning(network: Pat
     assert run(*line, "--model", "net.parquet", "-o", "compared.parquet") == 0
     told = capsys.readouterr().err
     assert "hydro: net.parquet: was trained on earlier.parquet" in told
-    assert "with the network net, which was trained on it" in told
+    assert "with the network net, which was trained on it" in " ".join(told.split())
 
 
 @pytest.mark.slow

@@ -130,7 +130,7 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
 
 def test_results_do_not_depend_on_the_number_of_threads(known, monkeypatch):
     """The suite runs each worker with one thread; what many do at once must come out the same."""
-    raw, found = flown(hiding(known, CURRENT), rows=1000), []
+    raw, found = flown(hiding(known, CURRENT), rows=810), []
     for threads in ("1", "4"):
         monkeypatch.setenv("HYDRO_THREADS", threads)
         found.append(diagnose(known, raw).frame())
@@ -156,7 +156,7 @@ def test_a_contradicted_known_value_is_reported_but_not_refitted(known):
     """Quadratic damping a quarter wrong and held as known: no values for `add`, but which they would be."""
     wrong = misjudged(known)
     held = (t | {"known": t["name"] == "quadratic_damping"} for t in wrong.effect)
-    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=1000))
+    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=700))
     (told,) = (one for one in found.findings if one.effect == "quadratic_damping")
     assert (told.verdict, dict(told.parameters)) == ("retune", {})
     assert told.share > 0.9
