@@ -130,7 +130,7 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
 
 def test_results_do_not_depend_on_the_number_of_threads(known, monkeypatch):
     """The suite runs each worker with one thread; what many do at once must come out the same."""
-    raw, found = flown(hiding(known, CURRENT), rows=810), []
+    raw, found = flown(hiding(known, CURRENT), rows=1000), []
     for threads in ("1", "4"):
         monkeypatch.setenv("HYDRO_THREADS", threads)
         found.append(diagnose(known, raw).frame())
