@@ -188,7 +188,20 @@ def network(work: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_network_instead_of_the_regression_names_the_change(network: Path, capsys) -> None:
+def test_a_network_instead_of_the_regression_names_the_change(
+    network: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python diagnoses the same recording with the same model of the hull: it is computed once."""
+    diagnosed: list[tuple[str, Any]] = []
+    diagnose = pipeline.diagnose_log
+
+    def once(vehicle: Vehicle, log: Any, *, hull: Any, **others: Any) -> Any:
+        asked = repr((vehicle, content_hash(log.raw), hull.given, hull.left, type(hull.law)))
+        if not diagnosed or diagnosed[0][0] != asked:
+            diagnosed.append((asked, diagnose(vehicle, log, hull=hull, **others)))
+        return diagnosed[-1][1]
+
+    monkeypatch.setattr(pipeline, "diagnose_log", once)
     line = ["diagnose", "vehicle.toml", "after.parquet", "--before", "same.parquet"]
     line += ["--model", "net.parquet"]
     assert run(*line, "-o", "diagnosis.parquet") == 0
@@ -202,6 +215,7 @@ def test_a_network_instead_of_the_regression_names_the_change(network: Path, cap
     known, earlier = hydro.vehicle("vehicle.toml"), hydro.read("same.parquet")
     after, model = hydro.read("after.parquet"), hydro.read_model(network)
     assert hydro.diagnose(known, after, before=earlier, model=model).equals(made.frame)
+    assert len(diagnosed) == 1
 
 
 def test_a_network_trained_on_the_earlier_recording_gives_a_warning(network: Path, capsys) -> None:

@@ -112,9 +112,9 @@ NOISE = {**dict.fromkeys("xyz", 0.01), **dict.fromkeys("uvw", 0.005)}
 
 @pytest.fixture(scope="module")
 def recorded(copy: Path) -> Path:
-    """40 s at 25 Hz of a vehicle with the formula of the new effect, up to full speed, with noise."""
-    t = np.arange(1000) * 0.04
-    ahead = 0.7 * np.sin(2.0 * np.pi * t / 27.0) * (0.4 + 0.6 * np.sin(2.0 * np.pi * t / 80.0) ** 2)
+    """26 s at 25 Hz of a vehicle with the formula of the new effect, up to full speed, with noise."""
+    t = np.arange(650) * 0.04
+    ahead = 0.7 * np.sin(2.0 * np.pi * t / 27.0) * (0.4 + 0.6 * np.sin(2.0 * np.pi * t / 52.0) ** 2)
     commands = {
         f"cmd_{i + 1}": (ahead if i < 4 else 0.0) + 0.3 * np.sin(2.0 * np.pi * t / (5.0 + 1.3 * i) + i)
         for i in range(8)

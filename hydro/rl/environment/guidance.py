@@ -68,7 +68,8 @@ class Guidance:
             meaningless.
         """
         cost = np.zeros(len(positions))
-        follow_kernel(mask, positions, self.ways, self._along, self._ahead, self.off, cost, self._lead)
+        places = np.ascontiguousarray(positions)  # the kernel is compiled anew for each layout of an array
+        follow_kernel(mask, places, self.ways, self._along, self._ahead, self.off, cost, self._lead)
         return self._ahead.copy(), self._weight * cost
 
     def state(self) -> State:

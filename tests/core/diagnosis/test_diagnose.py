@@ -156,7 +156,7 @@ def test_a_contradicted_known_value_is_reported_but_not_refitted(known):
     """Quadratic damping a quarter wrong and held as known: no values for `add`, but which they would be."""
     wrong = misjudged(known)
     held = (t | {"known": t["name"] == "quadratic_damping"} for t in wrong.effect)
-    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=1000))
+    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=700))
     (told,) = (one for one in found.findings if one.effect == "quadratic_damping")
     assert (told.verdict, dict(told.parameters)) == ("retune", {})
     assert told.share > 0.9

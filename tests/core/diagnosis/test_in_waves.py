@@ -25,8 +25,8 @@ STREAM = {"name": "ocean_current", "v_N": 0.25, "v_E": -0.15}
 
 
 def flown(vehicle: Any, *hidden: dict[str, Any], seed: int = 0) -> pl.DataFrame:
-    """Two minutes of a vehicle with hidden effects, and noise."""
-    rng, rows = np.random.default_rng(seed), 1200
+    """A minute and a half of a vehicle with hidden effects, and noise."""
+    rng, rows = np.random.default_rng(seed), 900
     sessions = []
     for number in range(2):
         t = np.arange(rows) * 0.05
@@ -138,7 +138,7 @@ def test_a_swing_due_to_buoyancy_is_not_named_as_waves(vehicle: Any, monkeypatch
     sea = SeaState(np.array([*list(SEA.values())[1:]]), 1e-4 * np.eye(4), 500.0, 200.0, 0.1)
     monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda *given: sea)
     hidden = {"name": "buoyancy_offset", "dx": 0.02, "dy": 0.01, "dz": 0.01}
-    still = flown(vehicle, hidden).filter(session="0")
+    still = flown(vehicle, hidden).filter(session="0").head(600)
     found = [one for one in diagnose(vehicle, still).findings if one.verdict in ("missing", "suspect")]
     assert [one.effect for one in found] == ["buoyancy_offset"]
     assert found[0].confidence > 0.9
