@@ -38,8 +38,8 @@ from hydro.study.proof import Study
 from hydro.study.steps import LEDGER
 
 STRONG: dict[str, Any] = {"name": "net_buoyancy", "dB": -150.0}
-"""Second change: 150 N less buoyancy, as of 15 kg of water in a housing.  Among six changes it was chosen with
-a policy of seed 100, which is not reported: none of its 50 flights arrived with it, 24 % did without."""
+"""Second change: 150 N less buoyancy, as of 15 kg of water in a housing.  It was chosen among six changes by
+an early policy of seed 100, which is not reported: 0 % of its flights arrived with it, 24 % without."""
 HIDDEN = "net_buoyancy={dB=-150}"
 """The same as an option of `hydro collect`."""
 ROWS = {"before": 9_000, "log": 4_500, "heldout": 2_000}

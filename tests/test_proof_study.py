@@ -19,6 +19,7 @@ from hydro.core.explanation import trials
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import table
+from hydro.report import proof as report
 from hydro.study import proof, proof_tables
 
 PAYLOAD = {"name": "net_buoyancy", "dB": 40.0}
@@ -162,3 +163,21 @@ def test_a_missing_file_is_named(
 ) -> None:
     assert cli.main(["study", "proof", *arguments, "-o", str(tmp_path / "proof")]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_the_figure_names_what_was_not_run_and_draws_every_value_of_the_truth() -> None:
+    errors = pl.DataFrame({"method": ["file as given", "PySINDy"], "error": [0.7, None]})
+    weak = {"name": "thruster_gain", "g": [0.0, 0.0, -0.4, *[0.0] * 5]}
+    named = proof_tables.changes(damped(), damped(), damped(weak))
+    row = {"flown_by": "policy", "file": "after", "vehicle": "changed", "episodes": 50, "success": 0.9}
+    flights = pl.DataFrame([row])
+    missing = ["PySINDy (not installed: pysindy)"]
+    drawn = report.draw(
+        {"a change": report.Shown(errors, named, proof_tables.pooled(flights), flights, (), missing)}
+    )
+    left, middle, right = drawn.axes
+    texts = [text.get_text() for text in left.texts]
+    assert "left out: PySINDy (not installed: pysindy)" in texts
+    assert [label.get_text() for label in left.get_yticklabels()] == ["file as given"]
+    assert [label.get_text() for label in middle.get_yticklabels()] == ["thruster_gain\ng[3]"]
+    assert "trained after,\nchanged vehicle (1)" in [label.get_text() for label in right.get_yticklabels()]

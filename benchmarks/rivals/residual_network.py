@@ -1,7 +1,8 @@
 """Residual network: the file's model plus a network that learns the accelerations that the model lacks.
 
 The labels are the unexplained forces of the log, `hydro labels --subtract effects`.  The network is that of
-the challenge, with velocity, attitude and thrust as inputs.  It names nothing.
+the challenge.  Its inputs are velocity, the direction of gravity and thrust; a heading that it could learn by
+heart is not among them.  It names nothing.
 
     python -m benchmarks.rivals.residual_network --studies 30 -o rivals.parquet
 """
@@ -13,13 +14,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from benchmarks.challenge.network import EDGE, EVERY, features, trained, wrenches
+from benchmarks.challenge.network import EDGE, EVERY, trained, wrenches
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import Array, Plant, onward, resting, settled
 from benchmarks.rivals.contest import Answer, Held, main, weighed
 from benchmarks.rivals.output_error import beginnings
-from benchmarks.rivals.sindy import VELOCITY
-from hydro.core.columns import WRENCH
+from benchmarks.rivals.sindy import VELOCITY, WRENCH
 from hydro.core.distillation.labels import labels
 from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.simulation.dynamics import BODY
@@ -38,7 +38,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     nu = table.select([f"{name}_s" for name in VELOCITY]).to_numpy().astype(float)
     R = rotation(*table.select("phi", "theta", "psi").to_numpy().astype(float).T)
     missing = table.select(WRENCH).to_numpy().astype(float) @ plant.inverse.T
-    network = trained(features(nu, R, wrenches(given, table)), missing)
+    network = trained(inputs(nu, R, wrenches(given, table)), missing)
 
     def predict(held: Held) -> Array:
         return predicted(plant, network, wrenches(given, labels(given, held.raw)), held)
@@ -48,6 +48,11 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
         return weighed(errors, held.starts, predict(held))
 
     return Answer("", error, predict)
+
+
+def inputs(nu: Array, R: Array, wrench: Array) -> Array:
+    """Return the inputs of the network, (N, 15): velocity, the world's down in body axes, and thrust."""
+    return np.hstack([nu, R[:, 2], wrench])
 
 
 def predicted(plant: Plant, network: Any, wrench: Array, held: Held) -> Array:
@@ -65,7 +70,7 @@ def predicted(plant: Plant, network: Any, wrench: Array, held: Held) -> Array:
     for k in range(held.length):
         out[:, k] = states[:, 7:BODY]
         R = rotation_from_quaternion(states[:, 3:7])
-        lacking = network(features(states[:, 7:BODY], R, wrench[starts + k]))
+        lacking = network(inputs(states[:, 7:BODY], R, wrench[starts + k]))
         for i, start in enumerate(starts):
             states[i] = onward(plant, states[i], record.commands, start + k, record.dt)
         states[:, 7:BODY] = np.clip(states[:, 7:BODY] + record.dt * lacking, -1e2, 1e2)
