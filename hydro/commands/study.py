@@ -84,10 +84,12 @@ Stages = Annotated[
 Steps = Annotated[int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=TRAININGS)]
 Log = Annotated[
     Path | None,
-    typer.Argument(metavar="[RAW]", show_default=False, help="Log of the changed vehicle; default: bundled."),
+    typer.Argument(metavar="RAW", show_default=False, help="Log of the changed vehicle; default: bundled."),
 ]
 Earlier = Annotated[Path | None, typer.Option(metavar="RAW", help="Log of the vehicle before the change.")]
 HeldOut = Annotated[Path | None, typer.Option(metavar="RAW", help="Held-out log of the changed vehicle.")]
+OfEachFile = Annotated[int, typer.Option(min=1, help="Trainings in each of both files.")]
+Short = Annotated[bool, typer.Option("--quick", help="No --before, one seed, short trainings.")]
 Truth = Annotated[Path | None, typer.Option(metavar="FILE", help="Vehicle file with the true change.")]
 Episodes = Annotated[int, typer.Option(min=1, help="Tasks of each test.", rich_help_panel=TRAININGS)]
 Choices = Annotated[
@@ -203,7 +205,7 @@ def proof(
     before: Earlier = None,
     holdout: HeldOut = None,
     truth: Truth = None,
-    seeds: Seeds = 5,
+    seeds: OfEachFile = 5,
     steps: Steps = 179_200,
     episodes: Episodes = 100,
     choices: Choices = None,
@@ -211,7 +213,7 @@ def proof(
     engine: EngineName = HERE,
     address: Address = None,
     threads: Threads = 1,
-    quick: Quick = False,
+    quick: Short = False,
 ) -> None:
     r"""Find a change, and compare policies trained before and after it.
 
@@ -231,8 +233,9 @@ def proof(
     oracle's error. No command of the study but the comparison of the oracle and the test flights reads it.
 
     DIR gets the study of `hydro explain`, a folder per training, and proof.png with three panels: errors 5 s
-    ahead on held-out data, found values beside the true ones, and shares of arrivals. --quick leaves out
-    --before, adds the best finding without comparison with others, and trains for a second.
+    ahead on held-out data, found values beside the true ones, and shares of arrivals. The picture is drawn
+    after every test, so that a stopped study has one. --quick leaves out --before, adds the best finding
+    without comparison with others, and trains for a second.
     """
     from hydro.study import proof as change
 
@@ -244,7 +247,10 @@ def proof(
         ran = run.run(first, together)
         after = change.chosen(settings)
         rest = change.trainings(settings, after)
-        ran += run.run(rest, together)
+        for step, anew in run.one_by_one(rest, together):
+            ran += anew
+            if anew and step.line[:2] == ("rl", "eval"):
+                _draw_proof(settings, after)
     message(f"{ran} of {len(first) + len(rest)} steps run, the others were done")
     _show_proof(settings, after)
 
@@ -281,20 +287,27 @@ def _proof(
 
 def _show_proof(settings: Proof, after: Path) -> None:
     """Print the tables of a study of one change, and draw its figure."""
+    from hydro.study import proof_tables as tables
+
+    pooled = tables.pooled(tables.flights(settings))
+    print_table(tables.errors(settings), "Velocity error 5 s ahead on held-out data [m/s]")
+    print_table(tables.named(settings, after), "Values of the vehicle file, found and true")
+    print_table(pooled, "Arrivals over all seeds, with Wilson's 95 % interval")
+    message(f"{_draw_proof(settings, after)}: the three panels")
+
+
+def _draw_proof(settings: Proof, after: Path) -> Path:
+    """Draw the figure of what a study of one change has so far, and return its path."""
     from hydro.report.proof import Shown, draw
     from hydro.report.training import save
     from hydro.study import proof_tables as tables
 
-    errors, named = tables.errors(settings), tables.named(settings, after)
-    flights = tables.flights(settings)
-    pooled = tables.pooled(flights)
-    print_table(errors, "Velocity error 5 s ahead on held-out data [m/s]")
-    print_table(named, "Values of the vehicle file, found and true")
-    print_table(pooled, "Arrivals over all seeds, with Wilson's 95 % interval")
+    errors, flights = tables.errors(settings), tables.flights(settings)
     ours = [name for name in errors["method"] if name.startswith("step ")]
+    shown = Shown(errors, tables.named(settings, after), tables.pooled(flights), flights, ours)
     picture = settings.folder / "proof.png"
-    save(draw({settings.log.stem: Shown(errors, named, pooled, flights, ours)}), picture)
-    message(f"{picture}: the three panels")
+    save(draw({settings.log.stem: shown}), picture)
+    return picture
 
 
 def _vehicle_file(raw: Path, vehicle: Path | None, folder: Path) -> Path:

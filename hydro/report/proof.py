@@ -52,11 +52,12 @@ class Shown:
 
 def draw(changes: Mapping[str, Shown]) -> Figure:
     """Draw a row of three panels for every change, by its title."""
-    from matplotlib import pyplot as plt
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
 
-    with plt.rc_context(figures.STYLE):
-        size = 13.0, 3.9 * len(changes)
-        drawn, axes = plt.subplots(len(changes), 3, figsize=size, layout="constrained", squeeze=False)
+    with rc_context(figures.STYLE):
+        drawn = Figure(figsize=(13.0, 3.9 * len(changes)), layout="constrained")
+        axes = drawn.subplots(len(changes), 3, squeeze=False)
         for (title, shown), (left, middle, right) in zip(changes.items(), axes, strict=True):
             _errors(left, shown, title)
             _named(middle, shown.named)
