@@ -104,11 +104,10 @@ def study_of(folder: Path) -> Study:
     words = next(line for line in ledger if line.startswith("explain ")).split()
     truth = next(line for line in ledger if line.startswith("compare ")).split()[1]
     trained = [line.split() for line in ledger if line.startswith("rl train ")]
-    seeds = {int(line[line.index("--seed") + 1]) for line in trained}
     steps = {int(line[line.index("--steps") + 1]) for line in trained} or {Study.steps}
     before = Path(words[words.index("--before") + 1]) if "--before" in words else None
     places = (Path(words[1]), Path(words[2]), Path(words[words.index("--holdout") + 1]), Path(truth))
-    return Study(folder, *places, before=before, seeds=max(seeds, default=-1) + 1, steps=max(steps))
+    return Study(folder, *places, before=before, steps=max(steps))
 
 
 def rivals(folder: Path) -> None:
@@ -158,22 +157,31 @@ def named_of(title: str, study: Study) -> list[Row]:
 
 
 def flights_of(title: str, study: Study) -> list[Row]:
-    """Return a row for every policy and vehicle, and for the pilot."""
-    return [
-        {
-            "change": title,
-            "flown by": row["flown_by"],
-            "trained": row["file"] if row["flown_by"] == "policy" else "",
-            "vehicle": row["vehicle"],
-            "seed": str(row["seed"]) if row["flown_by"] == "policy" else "",
-            "SAC updates": f"{row['updates']:,}" if row["flown_by"] == "policy" else "",
-            "episodes": str(row["episodes"]),
-            "arrived": f"{row['success']:.3g}",
-            "low": f"{row['success_low']:.3f}",
-            "high": f"{row['success_high']:.3f}",
-        }
-        for row in proof_tables.flights(study).iter_rows(named=True)
-    ]
+    """Return a row for every policy and vehicle, also for trainings that were not run, and for the pilot."""
+    flights = proof_tables.flights(study)
+    rows: list[Row] = []
+    for run in study.runs:
+        for flown in run.tests:
+            row = {"change": title, "flown by": "policy", "trained": run.file, "vehicle": flown}
+            known = flights.filter(flown_by="policy", file=run.file, vehicle=flown, seed=run.seed).to_dicts()
+            found = _flown(known[0]) if known else {"result": "not run"}
+            rows.append(row | {"seed": str(run.seed)} | found)
+    for one in flights.filter(pl.col("flown_by") != "policy").iter_rows(named=True):
+        row = {"change": title, "flown by": one["flown_by"], "vehicle": one["vehicle"]}
+        rows.append(row | _flown(one) | {"SAC updates": ""})
+    return rows
+
+
+def _flown(row: dict[str, Any]) -> Row:
+    """Return the cells of tested flights."""
+    return {
+        "result": "flown",
+        "SAC updates": f"{row['updates']:,}",
+        "episodes": str(row["episodes"]),
+        "arrived": f"{row['success']:.3g}",
+        "low": f"{row['success_low']:.3f}",
+        "high": f"{row['success_high']:.3f}",
+    }
 
 
 def keeps(commit: str, named: dict[str, Path]) -> None:

@@ -43,6 +43,7 @@ def shown(change: str) -> Shown:
             "success": float(row["arrived"]),
         }
         for row in flights
+        if row["arrived"]
     )
     return Shown(
         pl.DataFrame({"method": row["method"], "error": number(row["error [m/s]"])} for row in errors),

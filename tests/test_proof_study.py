@@ -100,7 +100,7 @@ def test_a_study_that_lost_files_makes_the_same_bytes_again(
         (folder / "after-seed0" / name).unlink()
     assert cli.main(line) == 0
     assert contents(folder) == before
-    assert "2 of 7 steps run, the others were done" in capsys.readouterr().err
+    assert "2 of 9 steps run, the others were done" in capsys.readouterr().err
 
 
 def test_every_file_is_made_before_it_is_read() -> None:

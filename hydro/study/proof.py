@@ -23,6 +23,8 @@ TASK, LEVEL = "point_to_point", 0
 """Task of all policies, stage 1 of the curriculum."""
 EQUAL_BUDGET = ("curriculum.examine=0", "curriculum.window=1000000")
 """Settings by which no examination ends a training, so that all make the same number of updates."""
+RESUMABLE = ("evaluate=51200", "checkpoint=1")
+"""Settings of evaluations and checkpoints: a stopped training loses at most a minute or two."""
 QUICK = (
     *("vehicles=8", "record=80", "evaluate=160", "episodes=4", "pilot=0", "settings.task.steps=20"),
     *("sac.layers=[16,16]", "sac.batch=16", "sac.random=80", "sac.capacity=1000", "sac.horizon=3"),
@@ -72,6 +74,10 @@ class Study:
         """Comparison of the vehicle file with the true change and the held-out recording."""
         return self.folder / "oracle.parquet"
 
+    def piloted(self, vehicle: str) -> Path:
+        """Return the table of the scripted pilot's flights of a vehicle."""
+        return self.folder / f"pilot-{vehicle}.parquet"
+
     @property
     def runs(self) -> list[Run]:
         """Trainings, seed by seed: a stopped study has some in each file."""
@@ -95,11 +101,6 @@ class Run:
     def tests(self) -> tuple[str, ...]:
         """Vehicles that its policy flies; that of the file as given also flies the unchanged one."""
         return (CHANGED, UNCHANGED) if self.file == BEFORE else (CHANGED,)
-
-    @property
-    def piloted(self) -> bool:
-        """Return whether the scripted pilot flies beside its policy; the pilot learns nothing."""
-        return self.file == BEFORE and self.seed == 0
 
     def tested(self, vehicle: str) -> Path:
         """Return the table of the flights of a vehicle."""
@@ -135,25 +136,47 @@ def chosen(study: Study) -> Path:
 
 
 def trainings(study: Study, after: Path) -> list[Step]:
-    """Return the steps that train and test all policies; `after` is the file with the finding."""
+    """Return the steps that fly the pilot, and train and test all policies.
+
+    Args:
+        study: The study.
+        after: Vehicle file with the finding.
+    """
     files = {BEFORE: study.vehicle, AFTER: after}
-    return [step for run in study.runs for step in _of_a_run(study, run, files[run.file])]
+    pilots = [
+        _flight(study, study.vehicle, study.vehicle, flown, study.piloted(flown))
+        for flown in (CHANGED, UNCHANGED)
+    ]
+    return [*pilots, *(step for run in study.runs for step in _of_a_run(study, run, files[run.file]))]
+
+
+def _flight(study: Study, actor: Path, read: Path, flown: str, tested: Path) -> Step:
+    """Return the step in which a policy or, of a vehicle file, the pilot flies in the reference simulator.
+
+    Args:
+        study: The study.
+        actor: Folder of a training, or a vehicle file.
+        read: File that the flight depends on.
+        flown: The changed or the unchanged vehicle.
+        tested: Table to write.
+    """
+    true = ("--truth", str(study.truth)) if flown == CHANGED else ()
+    line = ["rl", "eval", str(actor), "--task", TASK, "--level", str(LEVEL), "--in", "teacher", *true]
+    line += ["--episodes", str(study.episodes)]
+    line += [] if actor == study.vehicle else ["--last", "--no-pilot"]
+    reads = (read, *((study.truth,) if true else ()))
+    return Step((*line, "-o", str(tested)), reads, (tested,))
 
 
 def _of_a_run(study: Study, run: Run, vehicle: Path) -> Iterator[Step]:
     """Yield the steps that train a policy in a vehicle file and test it."""
     line = ["rl", "train", str(vehicle), "--recipe", study.recipe, "--stages", "1"]
     line += ["--steps", str(study.steps), "--seed", str(run.seed)]
-    line += [word for one in (*EQUAL_BUDGET, *study.choices) for word in ("--set", one)]
+    line += [word for one in (*EQUAL_BUDGET, *RESUMABLE, *study.choices) for word in ("--set", one)]
     files = [run.folder / f"{name}.parquet" for name in ("run", "curves", "evaluations", "policy")]
     yield Step((*line, "-o", str(run.folder)), (vehicle,), tuple(files))
     for flown in run.tests:
-        true = ("--truth", str(study.truth)) if flown == CHANGED else ()
-        test = ["rl", "eval", str(run.folder), "--task", TASK, "--level", str(LEVEL), "--last"]
-        test += ["--in", "teacher", *true, "--episodes", str(study.episodes)]
-        test += ["--pilot" if run.piloted else "--no-pilot", "-o", str(run.tested(flown))]
-        reads = (run.folder / "policy.parquet", *((study.truth,) if true else ()))
-        yield Step(tuple(test), reads, (run.tested(flown),))
+        yield _flight(study, run.folder, run.folder / "policy.parquet", flown, run.tested(flown))
 
 
 def quick(study: Study) -> Study:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.core.explanation.ladder import HORIZON
+from hydro.study import proof
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +23,8 @@ GIVEN, ORACLE = "file as given", "file with the true change"
 """Names of the first and the last row of the errors."""
 WIDE = 1.96
 """Half width of a 95 % interval in standard errors."""
+FLOWN = ("seed", "updates", "episodes", "success", "success_low", "success_high")
+"""Columns of the flights that are those of evaluations."""
 NO_VALUE = ("name", "standard_error", "fit")
 """Keys of an effect's table that are not values."""
 
@@ -131,14 +134,14 @@ def flights(study: Study) -> pl.DataFrame:
 
     from hydro.io import table
 
-    columns = ("flown_by", "seed", "updates", "episodes", "success", "success_low", "success_high")
+    tests = [(run.file, flown, run.tested(flown)) for run in study.runs for flown in run.tests]
+    tests += [(proof.BEFORE, flown, study.piloted(flown)) for flown in (proof.CHANGED, proof.UNCHANGED)]
     parts = [
-        table.read(run.tested(vehicle), "evaluations").frame.select(
-            "flown_by", pl.lit(run.file).alias("file"), pl.lit(vehicle).alias("vehicle"), *columns[1:]
+        table.read(path, "evaluations").frame.select(
+            "flown_by", *FLOWN, file=pl.lit(file), vehicle=pl.lit(flown)
         )
-        for run in study.runs
-        for vehicle in run.tests
-        if run.tested(vehicle).is_file()
+        for file, flown, path in tests
+        if path.is_file()
     ]
     return pl.concat(parts)
 
