@@ -138,7 +138,9 @@ def errors_of(title: str, study: Study) -> list[Row]:
         for row in proof_tables.errors(study).iter_rows(named=True)
     ]
     path = study.folder / RESULTS
-    for name, one in (json.loads(path.read_text()) if path.is_file() else {}).items():
+    known = json.loads(path.read_text()) if path.is_file() else {}
+    for name in RIVALS:
+        one = known.get(name, {"missing": "not run"})
         error = f"{one['error']:.4g}" if "error" in one else ""
         note = one.get("missing") or (f"names {one['named']}" if one["named"] else "names nothing")
         rows.append({"change": title, "method": name, "error [m/s]": error, "note": note})
@@ -157,15 +159,16 @@ def named_of(title: str, study: Study) -> list[Row]:
 
 
 def flights_of(title: str, study: Study) -> list[Row]:
-    """Return a row for every policy and vehicle, also for trainings that were not run, and for the pilot."""
+    """Return a row for every policy and vehicle, one for all seeds that were not run, and the pilot's."""
     flights = proof_tables.flights(study)
     rows: list[Row] = []
-    for run in study.runs:
-        for flown in run.tests:
-            row = {"change": title, "flown by": "policy", "trained": run.file, "vehicle": flown}
-            known = flights.filter(flown_by="policy", file=run.file, vehicle=flown, seed=run.seed).to_dicts()
-            found = _flown(known[0]) if known else {"result": "not run"}
-            rows.append(row | {"seed": str(run.seed)} | found)
+    for file, vehicle in dict.fromkeys((run.file, flown) for run in study.runs for flown in run.tests):
+        head = {"change": title, "flown by": "policy", "trained": file, "vehicle": vehicle}
+        known = flights.filter(flown_by="policy", file=file, vehicle=vehicle).to_dicts()
+        rows += [head | {"seed": str(row["seed"])} | _flown(row) for row in known]
+        left = sorted(set(range(study.seeds)) - {row["seed"] for row in known})
+        if left:
+            rows.append(head | {"seed": ", ".join(map(str, left)), "result": "not run"})
     for one in flights.filter(pl.col("flown_by") != "policy").iter_rows(named=True):
         row = {"change": title, "flown by": one["flown_by"], "vehicle": one["vehicle"]}
         rows.append(row | _flown(one) | {"SAC updates": ""})

@@ -99,6 +99,7 @@ def _named(panel: Axes, named: pl.DataFrame) -> None:
     panel.set_yticks(places, [row["value"].replace(" ", "\n", 1) for row in rows])
     panel.set(xlabel="value in the vehicle file", title="Add it", ylim=(-0.6, len(rows) - 0.2))
     panel.margins(x=0.25)
+    panel.locator_params(axis="x", nbins=5)
     panel.legend(frameon=False, fontsize=8, loc="upper right")
 
 
@@ -109,6 +110,8 @@ def _arrivals(panel: Axes, shown: Shown) -> None:
         those = {"flown_by": by, "file": file, "vehicle": vehicle}
         together = shown.pooled.filter(**those).to_dicts()
         labels.append(label)
+        if not together:
+            panel.annotate("not run", (0.02, place), va="center", color="#777777")
         for row in together:
             share, colour = row["success"], OURS if file == "after" else OTHERS
             off = [[share - row["success_low"]], [row["success_high"] - share]]
@@ -119,5 +122,6 @@ def _arrivals(panel: Axes, shown: Shown) -> None:
         if by == POLICY:
             panel.plot(own["success"], [place + 0.36] * own.height, "o", mfc="none", color=TRUE, markersize=4)
     panel.set_yticks(range(len(labels)), labels)
-    panel.set(xlim=(0.0, 1.04), xlabel="share of arrivals (number of seeds)", title="The policy arrives")
+    panel.set(xlim=(0.0, 1.04), ylim=(-0.5, len(labels) - 0.4), title="The policy arrives")
+    panel.set_xlabel("share of arrivals (number of seeds)")
     panel.grid(visible=False, axis="y")
