@@ -1,6 +1,6 @@
 """Tables of `hydro study proof`: a second change, rival methods on the held-out log, and the kept results.
 
-    # Record a stronger change in the reference simulator.
+    # Record a stronger change in the reference simulator:
     python -m benchmarks.proof make strong
     # Run the studies.
     hydro study proof -o proof
@@ -81,7 +81,7 @@ RIVALS: dict[str, Callable[[], Rival]] = {
     "scipy output error": _output_error,
     "mujoco.sysid": _sysid,
 }
-"""Methods beside those of `hydro study proof`, the quickest first."""
+"""Methods in addition to those of `hydro study proof`, the quickest first."""
 
 
 def make(folder: Path) -> None:

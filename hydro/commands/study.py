@@ -182,7 +182,7 @@ def paper(
     """Repeat the experiment of the reference paper.
 
     The networks of Table I are trained, and policies by SAC under each physics. The policies are tested in
-    three simulators beside a scripted pilot. Each step is an ordinary command, printed as it runs. An
+    three simulators and compared with a scripted pilot. Each step is an ordinary command, printed as it runs. An
     interrupted study resumes where it stopped.
     """
     from hydro.study import paper as whole
@@ -219,7 +219,7 @@ def proof(
 
     The log of a changed vehicle is explained. Policies are trained by SAC in the vehicle file as given and in
     the file with the finding, with as many updates and the same seeds. All fly the changed vehicle in the
-    reference simulator, beside a scripted pilot. An interrupted study resumes where it stopped.
+    reference simulator, and so does a scripted pilot. An interrupted study resumes where it stopped.
 
         hydro study proof after.parquet --vehicle vehicle.toml \
           --before before.parquet --holdout heldout.parquet \
@@ -233,7 +233,7 @@ def proof(
     oracle's error. No command of the study but the comparison of the oracle and the test flights reads it.
 
     DIR gets the study of `hydro explain`, a folder per training, and proof.png with three panels: errors 5 s
-    ahead on held-out data, found values beside the true ones, and shares of arrivals. The picture is drawn
+    ahead on held-out data, found and true values, and shares of arrivals. The picture is drawn
     after every test, so that a stopped study has one. --quick leaves out --before, adds the best finding
     without comparison with others, and trains for a second.
     """
@@ -297,7 +297,7 @@ def _show_proof(settings: Proof, after: Path) -> None:
 
 
 def _draw_proof(settings: Proof, after: Path) -> Path:
-    """Draw the figure of what a study of one change has so far, and return its path."""
+    """Draw the figure of a study of one change from its results so far, and return its path."""
     from hydro.report.proof import Shown, draw
     from hydro.report.training import save
     from hydro.study import proof_tables as tables

@@ -1,4 +1,4 @@
-"""Study of one change: the finding, its value beside the truth, and policies trained before and after it.
+"""Study of one change: the finding, its true value, and policies trained before and after it.
 
 A log of a changed vehicle is explained.  Policies are then trained in the vehicle file as given and in the
 file with the finding, by the same recipe, number of updates and seeds.  All fly the changed vehicle in the
@@ -125,7 +125,7 @@ def chosen(study: Study) -> Path:
     """Return the vehicle file that `explain` recommends.
 
     Raises:
-        DataError: It added nothing, so there is no file after the finding.
+        DataError: It added nothing.
     """
     from hydro.io import table
 

@@ -127,8 +127,8 @@ def flights(study: Study) -> pl.DataFrame:
 
     Returns:
         `flown_by` (policy or helmsman), `file` (before or after the finding), `vehicle` (changed or
-        unchanged), `seed`, `updates`, `episodes`, and the share `success` of arrivals with Wilson's 95 %
-        interval `success_low` to `success_high`.
+        unchanged), `seed`, `updates`, `episodes`; the share `success` of arrivals.  Wilson's 95 % interval
+        is `success_low` to `success_high`.
     """
     import polars as pl
 
