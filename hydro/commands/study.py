@@ -182,8 +182,8 @@ def paper(
     """Repeat the experiment of the reference paper.
 
     The networks of Table I are trained, and policies by SAC under each physics. The policies are tested in
-    three simulators and compared with a scripted pilot. Each step is an ordinary command, printed as it runs. An
-    interrupted study resumes where it stopped.
+    three simulators and compared with a scripted pilot. Each step is an ordinary command, printed as it
+    runs. An interrupted study resumes where it stopped.
     """
     from hydro.study import paper as whole
 
