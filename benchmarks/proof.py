@@ -5,7 +5,7 @@
     # Run the studies.
     hydro study proof -o proof
     hydro study proof strong/log.parquet --vehicle strong/vehicle.toml --before strong/before.parquet
-        --holdout strong/heldout.parquet --truth strong/truth.toml -o proof-strong
+        --holdout strong/heldout.parquet --truth strong/true.toml -o proof-strong
     # Run the rivals on the log of a study; each is run once.
     python -m benchmarks.proof rivals proof
     # Keep the tables of several studies, and draw the figure.
@@ -89,7 +89,7 @@ def make(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(bundled("changed") / "vehicle.toml", folder / "vehicle.toml")
     text = vehicles.set_effect((folder / "vehicle.toml").read_text(), STRONG)
-    vehicles.write(text, folder / "truth.toml")
+    vehicles.write(text, folder / "true.toml")
     for name, rows in ROWS.items():
         line = ["collect", "--vehicle", str(folder / "vehicle.toml"), "--rows", str(rows)]
         line += ["--seed", str(SEEDS[name]), "--noise", "ordinary"]

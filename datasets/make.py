@@ -156,9 +156,9 @@ def make_changed(recordings: Path) -> None:
 
 
 def write_truth() -> None:
-    """Write changed/truth.toml: the fitted file with the true change of the weak thruster."""
+    """Write changed/thruster-true.toml: the fitted file with the true change of the weak thruster."""
     text = vehicles.set_effect((CHANGED / "vehicle.toml").read_text(), WEAK)
-    vehicles.write(text, CHANGED / "truth.toml")
+    vehicles.write(text, CHANGED / "thruster-true.toml")
 
 
 def _write(artefact: table.Artefact, path: Path) -> None:

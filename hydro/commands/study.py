@@ -223,7 +223,7 @@ def proof(
 
         hydro study proof after.parquet --vehicle vehicle.toml \
           --before before.parquet --holdout heldout.parquet \
-          --truth truth.toml -o proof
+          --truth true.toml -o proof
 
     Details:
 
@@ -277,7 +277,7 @@ def _proof(
             if value is not None:
                 raise UsageError(f"{option} {value}: name the log of the changed vehicle, too")
         data = bundled("changed")
-        names = ("vehicle.toml", "thruster.parquet", "thruster-heldout.parquet", "truth.toml")
+        names = ("vehicle.toml", "thruster.parquet", "thruster-heldout.parquet", "thruster-true.toml")
         return Proof(folder, *(data / name for name in names), before=data / "before.parquet")
     if holdout is None or truth is None:
         missing = "--holdout RAW" if holdout is None else "--truth FILE"
