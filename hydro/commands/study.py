@@ -277,8 +277,9 @@ def _proof(
             if value is not None:
                 raise UsageError(f"{option} {value}: name the log of the changed vehicle, too")
         data = bundled("changed")
-        names = ("vehicle.toml", "thruster.parquet", "thruster-heldout.parquet", "thruster-true.toml")
-        return Proof(folder, *(data / name for name in names), before=data / "before.parquet")
+        log, holdout = data / "thruster.parquet", data / "thruster-heldout.parquet"
+        true = data / "thruster-true.toml"
+        return Proof(folder, data / "vehicle.toml", log, holdout, true, data / "before.parquet")
     if holdout is None or truth is None:
         missing = "--holdout RAW" if holdout is None else "--truth FILE"
         raise UsageError(f"{log}: the study also needs {missing}")
