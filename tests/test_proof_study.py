@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -181,3 +182,13 @@ def test_the_figure_names_what_was_not_run_and_draws_every_value_of_the_truth() 
     assert [label.get_text() for label in left.get_yticklabels()] == ["file as given"]
     assert [label.get_text() for label in middle.get_yticklabels()] == ["thruster_gain\ng[3]"]
     assert "trained after,\nchanged vehicle (1)" in [label.get_text() for label in right.get_yticklabels()]
+
+
+def test_the_kept_tables_are_drawn_with_every_method_and_every_missing_one() -> None:
+    made = runpy.run_path(str(Path(__file__).resolve().parents[1] / "docs" / "draw_proof.py"))
+    rows = made["kept"]("proof_errors")
+    shown = made["shown"](rows[0]["change"])
+    assert shown.errors["method"].to_list() == [row["method"] for row in rows]
+    assert len(shown.missing) == shown.errors["error"].null_count()
+    assert shown.named.height == len(made["kept"]("proof_named"))
+    assert shown.pooled.filter(flown_by="helmsman").height == 2
