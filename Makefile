@@ -62,6 +62,7 @@ docs: $(STAMP)        ## regenerate the pages that are made from code, result ta
 	$(BIN)/python docs/generate_theory.py
 	$(BIN)/python docs/draw_layouts.py
 	$(BIN)/python docs/draw_report.py
+	$(BIN)/python docs/draw_proof.py
 	$(BIN)/python docs/generate_benchmarks.py
 	$(BIN)/python docs/generate_tutorial.py
 

@@ -39,6 +39,8 @@ EXCERPTS: dict[str, tuple[str, Sequence[int], int]] = {
 """Excerpts in changed/: recording, numbers of its sessions, and rows from the start of each."""
 FITTED = ("power_drag", "cross_axis_drag", "offset_drag")
 """Effects of changed/vehicle.toml, which `hydro explain` finds in the unchanged vehicle's recordings."""
+WEAK = {"name": "thruster_gain", "g": [0.0, 0.0, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}
+"""Change of changed/thruster.parquet: thruster 3 gives 60 % of its thrust."""
 
 SEED, RATE = 151, 50.0
 EFFECTS: tuple[dict[str, Any], ...] = (
@@ -150,6 +152,13 @@ def make_changed(recordings: Path) -> None:
     effects = [part for name in FITTED for part in ("--effect", name)]
     before = str(CHANGED / "before.parquet")
     cli.main(["fit", str(STONEFISH / "vehicle.toml"), before, *effects, "-o", str(CHANGED / "vehicle.toml")])
+    write_truth()
+
+
+def write_truth() -> None:
+    """Write changed/thruster-true.toml: the fitted file with the true change of the weak thruster."""
+    text = vehicles.set_effect((CHANGED / "vehicle.toml").read_text(), WEAK)
+    vehicles.write(text, CHANGED / "thruster-true.toml")
 
 
 def _write(artefact: table.Artefact, path: Path) -> None:

@@ -12,7 +12,7 @@ from hydro import cli
 from hydro.commands.help import DETAILS, short
 
 LINES, COLUMNS = 50, 80
-NAMES = [(), ("rl",), ("vehicle",), *COMMANDS]
+NAMES = [(), ("rl",), ("study",), ("vehicle",), *COMMANDS]
 
 
 def help_of(

@@ -60,6 +60,20 @@ def test_output_error_predicts_better_for_its_fit(logs, monkeypatch):
     assert found.error(errors, held_out) < 0.7 * errors.of(GIVEN)
 
 
+def test_without_a_correction_the_residual_network_predicts_as_the_file(logs):
+    from benchmarks.rivals import residual_network
+
+    _, held_out = logs
+    errors, plant = Ahead(held_out, GIVEN), build(GIVEN)
+    held = contest.Held.of(errors, held_out)
+    wrench = np.zeros((errors.record.rows, 6))
+    predicted = residual_network.predicted(plant, lambda x: np.zeros((len(x), 6)), wrench, held)
+    expected = output_error.predicted(plant, held)
+    assert np.allclose(predicted, expected, atol=1e-6)
+    pushed = residual_network.predicted(plant, lambda x: np.full((len(x), 6), 0.1), wrench, held)
+    assert np.allclose(pushed[:, 1, 2] - expected[:, 1, 2], 0.1 * errors.record.dt, atol=1e-9)
+
+
 def test_sindy_recovers_sparse_coefficients_and_names_terms(logs):
     pytest.importorskip("pysindy")
     from benchmarks.rivals import sindy

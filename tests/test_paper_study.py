@@ -88,11 +88,6 @@ def test_tables_of_a_study_state_what_was_run(quick: tuple[Path, list[str]]) -> 
     assert "so far (2 of 4" in verdicts["R_PhysFeat trains stably"]
 
 
-def test_options_of_the_other_study_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["study", "paper", "raw", "--replay", "replay", "--minutes", "3", "-o", "x"]) == 2
-    assert "--minutes is of hydro study models" in capsys.readouterr().err
-
-
 def test_trainings_run_seed_by_seed_and_differ_in_the_physics_alone() -> None:
     study = settings(FOLDER, given=Path("given.toml"), seeds=2)
     runs = paper.runs(study)

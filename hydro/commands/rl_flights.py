@@ -288,11 +288,13 @@ def watch(
     task: TaskName = None,
     stage: Stage = None,
     level: Level = None,
+    truth: Truth = None,
     max_expanded: MaxExpanded = None,
 ) -> None:
     """Draw or film one run of a policy.
 
-    With a vehicle file in the place of RUN the scripted pilot is shown, with a map.
+    With a vehicle file in the place of RUN the scripted pilot is shown, with a map. With --truth the policy
+    steers another vehicle than the one that it was trained in.
 
     A .png shows the path in its tank, from above and from the side. An .mp4 is rendered by MuJoCo
     off-screen, and needs the extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.
@@ -303,7 +305,7 @@ def watch(
     from hydro.rl.training.pilots import WithMap
     from hydro.rl.training.trials import NOMINAL, TRIALS
 
-    policy, _, builder, chosen, level = _flight(run, _asked(run, task, stage), level)
+    policy, _, builder, chosen, level = _flight(run, _asked(run, task, stage), level, truth)
     fleet = builder(1, seed, simulator, TRIALS[NOMINAL])
     fleet.set_level(chosen, level)
     flight = trace(WithMap(fleet) if policy is None else policy, fleet)

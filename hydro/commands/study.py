@@ -1,9 +1,10 @@
-"""Command `study`: resumable studies of the residual models, and of the reference paper as a whole."""
+"""Commands `study`: resumable studies of residual networks, of the reference paper, and of one change."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,10 +19,13 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.study.paper import Study
+    from hydro.study.proof import Study as Proof
     from hydro.study.steps import Runner
 
-PAPER = "Study of the paper"
-"""Heading of the options of `hydro study paper`."""
+NAME = "study"
+HELP = "Run a whole experiment: networks, the paper, or one change."
+TRAININGS = "Trainings"
+"""Heading of the options of the trainings of policies."""
 CONDITIONING_TITLE = "Replays of the first seeds by conditioning of the learned wrench, RMSE over all six"
 RANKING_TITLE = (
     "Do both errors rank the models alike? Kendall's tau, and the probability of as much by chance"
@@ -67,31 +71,36 @@ Quick = Annotated[bool, typer.Option("--quick", help="A few models, one seed, on
 Given = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="Vehicle file with effects chosen without data.", rich_help_panel=PAPER
+        metavar="FILE", help="Vehicle file with effects chosen without data.", rich_help_panel=TRAININGS
     ),
 ]
 Conditions = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME", help="Only this physics; may be repeated.", rich_help_panel=PAPER),
+    typer.Option(metavar="NAME", help="Only this physics; may be repeated.", rich_help_panel=TRAININGS),
 ]
 Stages = Annotated[
-    int, typer.Option(min=1, max=3, help="Last stage of the curriculum.", rich_help_panel=PAPER)
+    int, typer.Option(min=1, max=3, help="Last stage of the curriculum.", rich_help_panel=TRAININGS)
 ]
-Steps = Annotated[int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=PAPER)]
-Episodes = Annotated[int, typer.Option(min=1, help="Tasks of each test.", rich_help_panel=PAPER)]
+Steps = Annotated[int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=TRAININGS)]
+Log = Annotated[
+    Path | None,
+    typer.Argument(metavar="RAW", show_default=False, help="Log of the changed vehicle; default: bundled."),
+]
+Earlier = Annotated[Path | None, typer.Option(metavar="RAW", help="Log of the vehicle before the change.")]
+HeldOut = Annotated[Path | None, typer.Option(metavar="RAW", help="Held-out log of the changed vehicle.")]
+OfEachFile = Annotated[int, typer.Option(min=1, help="Trainings in each of both files.")]
+Short = Annotated[bool, typer.Option("--quick", help="No --before, one seed, short trainings.")]
+Truth = Annotated[Path | None, typer.Option(metavar="FILE", help="Vehicle file with the true change.")]
+Episodes = Annotated[int, typer.Option(min=1, help="Tasks of each test.", rich_help_panel=TRAININGS)]
 Choices = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Setting of every training.", rich_help_panel=PAPER),
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting of every training.", rich_help_panel=TRAININGS),
 ]
 Seeds = Annotated[int, typer.Option(min=1, help="Networks of each model, or trainings of each physics.")]
 
 
-def study(
+def models(
     context: typer.Context,
-    what: Annotated[
-        Literal["models", "paper"],
-        typer.Argument(metavar="WHAT", help="models: the residual models; paper: the paper with policies."),
-    ],
     raw: Raw,
     replay: Replayed,
     folder: Folder,
@@ -103,12 +112,6 @@ def study(
     minutes: Minutes = None,
     noise: Noise = "none",
     effects: Fitted = None,
-    given: Given = None,
-    condition: Conditions = None,
-    stages: Stages = 3,
-    steps: Steps = 800_000,
-    episodes: Episodes = 100,
-    choices: Choices = None,
     device: Device = "cpu",
     workers: Workers = 1,
     engine: EngineName = HERE,
@@ -116,14 +119,11 @@ def study(
     threads: Threads = 1,
     quick: Quick = False,
 ) -> None:
-    """Train all residual networks, or repeat the paper's experiment.
+    """Train all residual networks with several seeds.
 
     From raw data: labels, split, training, errors of the predicted wrench, open-loop replay, and Kendall's
     tau between both errors. Each step is an ordinary command, printed as it runs. An interrupted study
     resumes where it stopped. `hydro report DIR` shows the results, also while the study runs.
-
-    WHAT paper trains the networks of Table I, then policies by SAC under each physics. It tests them in three
-    simulators beside a scripted pilot.
 
     Details:
 
@@ -136,30 +136,11 @@ def study(
     errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, smallest and
     largest), replay.parquet, figures/, models/ and the errors of every network.
     """
-    if what == "paper":
-        refused = {
-            "--test": test, "--minutes": minutes, "--effects": effects,
-            "--noise": None if noise == "none" else noise, "--device": None if device == "cpu" else device,
-        }  # fmt: skip
-        for option, value in refused.items():
-            if value:
-                raise UsageError(f"{option} is of hydro study models: leave it out")
-        from hydro.study import paper
-
-        settings = paper.Study(
-            folder, raw, replay, _vehicle_file(raw, vehicle, folder), given, epochs=epochs, seeds=seeds,
-            conditions=tuple(condition or paper.CONDITIONS), stages=stages, steps=steps, episodes=episodes,
-            choices=(*paper.Study.choices, *(choices or ())),
-            networks=tuple(model or paper.NETWORKS),
-        )  # fmt: skip
-        with runner(context, folder, workers, engine, address, threads) as (run, together):
-            _paper(paper.quick(settings) if quick else settings, run, together)
-        return
-    from hydro.study import models
+    from hydro.study import models as networks
     from hydro.study.models import MODELS, QUICK_MODELS, Recordings, carry_out, disturb
     from hydro.study.summary import CONDITIONINGS
 
-    known = models.Study(
+    known = networks.Study(
         folder,
         Recordings(raw, replay, test, vehicle, noise, effects),
         models=tuple(model) if model else QUICK_MODELS if quick else MODELS,
@@ -175,6 +156,159 @@ def study(
         result = carry_out(known, run, together)
     message(f"{result.ran} of {result.steps} steps run, the others were done")
     show(result.summary)
+
+
+def paper(
+    context: typer.Context,
+    raw: Raw,
+    replay: Replayed,
+    folder: Folder,
+    vehicle: VehicleOption = None,
+    model: Models = None,
+    seeds: Seeds = 5,
+    epochs: Epochs = None,
+    given: Given = None,
+    condition: Conditions = None,
+    stages: Stages = 3,
+    steps: Steps = 800_000,
+    episodes: Episodes = 100,
+    choices: Choices = None,
+    workers: Workers = 1,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
+    quick: Quick = False,
+) -> None:
+    """Repeat the experiment of the reference paper.
+
+    The networks of Table I are trained, and policies by SAC under each physics. The policies are tested in
+    three simulators and compared with a scripted pilot. Each step is an ordinary command, printed as it
+    runs. An interrupted study resumes where it stopped.
+    """
+    from hydro.study import paper as whole
+
+    settings = whole.Study(
+        folder, raw, replay, _vehicle_file(raw, vehicle, folder), given, epochs=epochs, seeds=seeds,
+        conditions=tuple(condition or whole.CONDITIONS), stages=stages, steps=steps, episodes=episodes,
+        choices=(*whole.Study.choices, *(choices or ())),
+        networks=tuple(model or whole.NETWORKS),
+    )  # fmt: skip
+    with runner(context, folder, workers, engine, address, threads) as (run, together):
+        _paper(whole.quick(settings) if quick else settings, run, together)
+
+
+def proof(
+    context: typer.Context,
+    folder: Folder,
+    log: Log = None,
+    vehicle: VehicleOption = None,
+    before: Earlier = None,
+    holdout: HeldOut = None,
+    truth: Truth = None,
+    seeds: OfEachFile = 5,
+    steps: Steps = 179_200,
+    episodes: Episodes = 100,
+    choices: Choices = None,
+    workers: Workers = 1,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
+    quick: Short = False,
+) -> None:
+    r"""Find a change, and compare policies trained before and after it.
+
+    The log of a changed vehicle is explained. Policies are trained by SAC in the vehicle file as given and in
+    the file with the finding, with as many updates and the same seeds. All fly the changed vehicle in the
+    reference simulator, and so does a scripted pilot. An interrupted study resumes where it stopped.
+
+        hydro study proof after.parquet --vehicle vehicle.toml \
+          --before before.parquet --holdout heldout.parquet \
+          --truth true.toml -o proof
+
+    Details:
+
+    Without RAW the bundled recordings of Stonefish are used, in which thruster 3 gives 60 % of its thrust.
+    The task is point to point in open water, stage 1 of the curriculum. The reference simulator has panels
+    for a hull, so its water differs from that of both vehicle files. The true vehicle file also gives the
+    oracle's error. No command of the study but the comparison of the oracle and the test flights reads it.
+
+    DIR gets the study of `hydro explain`, a folder per training, and proof.png with three panels: errors 5 s
+    ahead on held-out data, found and true values, and shares of arrivals. The picture is drawn
+    after every test, so that a stopped study has one. --quick leaves out --before, adds the best finding
+    without comparison with others, and trains for a second.
+    """
+    from hydro.study import proof as change
+
+    settings = _proof(folder, log, vehicle, before, holdout, truth)
+    settings = replace(settings, seeds=seeds, steps=steps, episodes=episodes, choices=tuple(choices or ()))
+    settings = change.quick(settings) if quick else settings
+    with runner(context, folder, workers, engine, address, threads) as (run, together):
+        first = change.finding(settings)
+        ran = run.run(first, together)
+        after = change.chosen(settings)
+        rest = change.trainings(settings, after)
+        for step, anew in run.one_by_one(rest, together):
+            ran += anew
+            if anew and step.line[:2] == ("rl", "eval"):
+                _draw_proof(settings, after)
+    message(f"{ran} of {len(first) + len(rest)} steps run, the others were done")
+    _show_proof(settings, after)
+
+
+def _proof(
+    folder: Path,
+    log: Path | None,
+    vehicle: Path | None,
+    before: Path | None,
+    holdout: Path | None,
+    truth: Path | None,
+) -> Proof:
+    """Return the settings of a study of one change, of the bundled recordings if no log is given.
+
+    Raises:
+        UsageError: A file is missing, or files are given without a log.
+    """
+    from hydro.io.files import bundled
+    from hydro.study.proof import Study as Proof
+
+    given = {"--vehicle": vehicle, "--before": before, "--holdout": holdout, "--truth": truth}
+    if log is None:
+        for option, value in given.items():
+            if value is not None:
+                raise UsageError(f"{option} {value}: name the log of the changed vehicle, too")
+        data = bundled("changed")
+        log, holdout = data / "thruster.parquet", data / "thruster-heldout.parquet"
+        true = data / "thruster-true.toml"
+        return Proof(folder, data / "vehicle.toml", log, holdout, true, data / "before.parquet")
+    if holdout is None or truth is None:
+        missing = "--holdout RAW" if holdout is None else "--truth FILE"
+        raise UsageError(f"{log}: the study also needs {missing}")
+    return Proof(folder, _vehicle_file(log, vehicle, folder), log, holdout, truth, before)
+
+
+def _show_proof(settings: Proof, after: Path) -> None:
+    """Print the tables of a study of one change, and draw its figure."""
+    from hydro.study import proof_tables as tables
+
+    pooled = tables.pooled(tables.flights(settings))
+    print_table(tables.errors(settings), "Velocity error 5 s ahead on held-out data [m/s]")
+    print_table(tables.named(settings, after), "Values of the vehicle file, found and true")
+    print_table(pooled, "Arrivals over all seeds, with Wilson's 95 % interval")
+    message(f"{_draw_proof(settings, after)}: the three panels")
+
+
+def _draw_proof(settings: Proof, after: Path) -> Path:
+    """Draw the figure of a study of one change from its results so far, and return its path."""
+    from hydro.report.proof import Shown, draw
+    from hydro.report.training import save
+    from hydro.study import proof_tables as tables
+
+    errors, flights = tables.errors(settings), tables.flights(settings)
+    ours = [name for name in errors["method"] if name.startswith("step ")]
+    shown = Shown(errors, tables.named(settings, after), tables.pooled(flights), flights, ours)
+    picture = settings.folder / "proof.png"
+    save(draw({settings.log.stem: shown}), picture)
+    return picture
 
 
 def _vehicle_file(raw: Path, vehicle: Path | None, folder: Path) -> Path:
@@ -196,12 +330,13 @@ def _vehicle_file(raw: Path, vehicle: Path | None, folder: Path) -> Path:
 
 def _paper(settings: Study, steps_of: Runner, together: int) -> None:
     """Run the study of the paper, and print the flights of the policies."""
-    from hydro.study import paper, policies
+    from hydro.study import paper as whole
+    from hydro.study import policies
 
-    plan = paper.steps(settings)
+    plan = whole.steps(settings)
     ran = steps_of.run(plan, together)
     message(f"{ran} of {len(plan)} steps run, the others were done")
-    shown = policies.summarise(settings.policies, paper.runs(settings)).select(
+    shown = policies.summarise(settings.policies, whole.runs(settings)).select(
         "recipe", "condition", "flown_by", "seed", "updates", "plant", "task", "level",
         "success", "success_low", "success_high", "collision", "time_to_goal", "energy",
     )  # fmt: skip
@@ -227,6 +362,9 @@ def show(summary: dict[str, pl.DataFrame]) -> None:
 
 
 COMMANDS = {
-    study: "hydro study models datasets/stonefish/sample.parquet "
+    models: "hydro study models datasets/stonefish/sample.parquet "
     "--replay datasets/stonefish/replay90.parquet --quick -o study",
+    paper: "hydro study paper datasets/stonefish/sample.parquet "
+    "--replay datasets/stonefish/replay90.parquet --quick -o paper",
+    proof: "hydro study proof -o proof",
 }
