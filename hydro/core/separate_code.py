@@ -48,19 +48,20 @@ def separate(dispatcher: Any) -> None:
     """
     if not isinstance(dispatcher, Dispatcher):
         return
-    function = dispatcher.py_func
+    kernel: Any = dispatcher  # numba's stubs do not allow another `compile`
+    function = kernel.py_func
     place = function.__module__, function.__qualname__
-    compile_alone = dispatcher.compile
+    compile_alone = kernel.compile
 
     def compile_separately(signature: Any) -> Any:
         with global_compiler_lock:
             entry = compile_alone(signature)
             arguments = tuple(sigutils.normalize_signature(signature)[0])
-            _declare(dispatcher.overloads[arguments], place, arguments)
+            _declare(kernel.overloads[arguments], place, arguments)
         return entry
 
-    dispatcher.compile = compile_separately
-    _DISPATCHERS[place] = dispatcher
+    kernel.compile = compile_separately
+    _DISPATCHERS[place] = kernel
 
 
 def _declare(result: Any, place: tuple[str, str], arguments: tuple[Any, ...]) -> None:
