@@ -95,44 +95,56 @@ def _state(row: Row, study: paper.Study) -> str:
     return PASSED if row["stages"] == study.stages else "stopped"
 
 
-def flown(study: paper.Study, counted: dict[str, str], continued: Continued) -> list[Row]:
-    """Return a row for every task and policy, and for every task and pilot in the reference simulator.
+def cells(rows: Sequence[Row]) -> str:
+    """Return evaluations of the same task by several policies: the arrivals of each, and means over all."""
+    share = ", ".join(f"{100.0 * row['success']:.3g}" for row in rows)
+    words = f"{share}%"
+    arrived = [row for row in rows if row["time_to_goal"] is not None]
+    if arrived:
+        time, energy = (statistics.fmean(row[name] for row in arrived) for name in ("time_to_goal", "energy"))
+        words += f"; {time:.1f} s, energy {energy:.2g} s"
+    hit = statistics.fmean(row["collision"] for row in rows)
+    return words + (f"; hit {100.0 * hit:.3g}%" if hit else "")
 
-    Each policy is followed by the pilots in the MuJoCo model of its condition.
+
+def flown(study: paper.Study, counted: dict[str, str], continued: Continued) -> list[Row]:
+    """Return a row for every task and condition, and for every task and pilot in the reference simulator.
+
+    Each condition has its trainings in the order of their seeds, and the pilots in its MuJoCo model.
     """
-    tests = paper_tables.flights(study).to_dicts()
+    tests = [row | {"by": f"policies, {row['condition']}"} for row in paper_tables.flights(study).to_dicts()]
     if continued:
         again = paper_tables.flights(study, further(study, continued)).filter(flown_by="policy")
-        tests += again.to_dicts()
-    learnt, pilots = dict[tuple[str, ...], Row](), dict[tuple[str, ...], Row]()
-    by_hand = {
-        (row["task"], row["condition"], row["flown_by"]): cell(row)
-        for row in tests
-        if row["flown_by"] != "policy" and row["plant"] == "student"
-    }
-    for row in tests:
-        level = counted.get(row["task"], "")
-        task = row["task"].replace("_", " ") + (f", {row['level']} {level}" if level else "")
-        if row["flown_by"] == "policy":
-            made = learnt.setdefault(
-                (row["task"], row["condition"], str(row["seed"]), str(row["updates"])),
-                {"task": task, "flown by": f"policy, {row['condition']}, seed {row['seed']}"},
-            )
-            made |= {"recipe": row["recipe"], "SAC updates": f"{row['updates']:,}"}
-            made |= {words: made.get(words, "") for words in PLACES.values()}
-            made[PLACES[row["plant"]]] = cell(row)
-            for name, words in (
-                ("helmsman", "pilot, in MuJoCo"),
-                ("helmsman with map", "pilot with map, in MuJoCo"),
-            ):
-                made[words] = by_hand.get((row["task"], row["condition"], name), "")
-        elif row["plant"] == "teacher":
-            pilots[row["task"], row["flown_by"]] = {
-                "task": task, "flown by": row["flown_by"], "recipe": "none", PLACES["teacher"]: cell(row),
-            }  # fmt: skip
-    order = list(dict.fromkeys(row["task"] for row in tests))
-    rows = sorted((*learnt.items(), *pilots.items()), key=lambda item: order.index(item[0][0]))
-    return [row for _, row in rows]
+        tests += [row | {"by": f"policy, {row['condition']}, continued"} for row in again.to_dicts()]
+    groups = dict[tuple[str, ...], list[Row]]()
+    for row in sorted(tests, key=lambda row: row["seed"]):
+        who = row["by"] if row["flown_by"] == "policy" else row["flown_by"]
+        condition = row["condition"] if row["flown_by"] != "policy" and row["plant"] != "teacher" else ""
+        groups.setdefault((row["task"], who, row["plant"], condition), []).append(row)
+    rows = list[Row]()
+    for task in dict.fromkeys(row["task"] for row in tests):
+        level = counted.get(task, "")
+        each = [row for row in tests if row["task"] == task]
+        title = task.replace("_", " ") + (f", {each[0]['level']} {level}" if level else "")
+        for who in dict.fromkeys(row["by"] for row in each if row["flown_by"] == "policy"):
+            flights = {plant: groups.get((task, who, plant, "")) for plant in PLACES}
+            known = next(made for made in flights.values() if made)
+            condition, updates = known[0]["condition"], [row["updates"] for row in known]
+            among = f"{min(updates):,}" + (f" to {max(updates):,}" if max(updates) > min(updates) else "")
+            made: Row = {"task": title, "flown by": who, "recipe": known[0]["recipe"], "SAC updates": among}
+            made |= {
+                words: cells(flights[plant] or []) if flights[plant] else ""
+                for plant, words in PLACES.items()
+            }
+            for pilot, words in (("helmsman", "pilot"), ("helmsman with map", "pilot with map")):
+                alike = groups.get((task, pilot, "student", condition))
+                made[f"{words}, in MuJoCo"] = cell(alike[0]) if alike else ""
+            rows.append(made)
+        for pilot in dict.fromkeys(row["flown_by"] for row in each if row["flown_by"] != "policy"):
+            if alike := groups.get((task, pilot, "teacher", "")):
+                said = {"task": title, "flown by": pilot, "recipe": "none", PLACES["teacher"]: cell(alike[0])}
+                rows.append(said)
+    return rows
 
 
 def compared(study: paper.Study) -> list[Row]:

@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 Node = tuple[str, str]
-COMPILERS = {"kernel", "jit", "within", "cfunc", "njit", "vectorize", "intrinsic"}
+COMPILERS = {"kernel", "separate", "jit", "within", "cfunc", "njit", "vectorize", "intrinsic"}
 """Decorators and functions whose result is compiled by Numba."""
 
 

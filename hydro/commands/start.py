@@ -463,7 +463,9 @@ def _fleet() -> list[Preset]:
     for path in sorted(bundled("vehicles").glob("*.toml")):
         known, hull = vehicles.read(path)[0], vehicles.read(path)[0].hull
         sides = (hull.length, hull.width, hull.height)
-        found.append(Preset(path.stem, len(known.thruster), Hull(known.rigid_body.mass, sides)))
+        servos = not all(each.pushes for each in known.thruster)
+        box = Hull(known.rigid_body.mass, sides)
+        found.append(Preset(path.stem, len(known.thruster), box, servos=servos))
     return found
 
 

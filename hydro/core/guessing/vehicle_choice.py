@@ -40,12 +40,14 @@ class Preset:
         thrusters: Number of thrusters.
         hull: Mass and box.
         layout: Layout for the estimate of its file; None if it has a bundled file.
+        servos: Whether some of its commands drive servos of fins.
     """
 
     name: str
     thrusters: int
     hull: Hull
     layout: Layout | None = None
+    servos: bool = False
 
 
 BLUEROV2 = Preset("bluerov2", 6, Hull(11.5, (0.457, 0.338, 0.254)), "bluerov2")
@@ -70,10 +72,12 @@ class Choice:
 
 
 def suited(fleet: Sequence[Preset], thrusters: int) -> Preset | None:
-    """Return the lightest preset with this number of thrusters, or None; most vehicles are small."""
-    return min(
-        (one for one in fleet if one.thrusters == thrusters), key=lambda one: one.hull.mass, default=None
-    )
+    """Return the lightest preset with this number of thrusters, or None; most vehicles are small.
+
+    A preset with fins is never guessed: the number of commands does not show which of them drive servos.
+    """
+    alike = (one for one in fleet if one.thrusters == thrusters and not one.servos)
+    return min(alike, key=lambda one: one.hull.mass, default=None)
 
 
 def layout_for(thrusters: int) -> Layout | None:
