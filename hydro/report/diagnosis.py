@@ -20,7 +20,7 @@ from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 from hydro.report.following import Call
-from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, RUN, NextStep, next_steps
+from hydro.report.next_steps import ADD, COMPARE, CONTINUE, CORRECT, EXPLAIN, RUN, NextStep, next_steps
 from hydro.report.screen import EMPTY, MOST_LINES, Block, Following, Text, fitted, table
 
 TITLES = {
@@ -143,7 +143,7 @@ def commands(frame: pl.DataFrame, about: Context) -> list[Following]:
 
 
 def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None:
-    """Return the words of a step's command; None if the inputs cannot be read again.
+    """Return the words of a step's command; None if it has none, or if the inputs cannot be read again.
 
     Args:
         step: The step.
@@ -159,7 +159,7 @@ def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None
     if step.action == CORRECT:
         if about.reversed:
             return call.flipping(about.reversed)
-        return call.again("diagnose", "--correct-thrusters")
+        return call.again("diagnose", "--correct-thrusters") if step.words == CONTINUE else None
     if step.action == EXPLAIN:
         return call.again("explain", "-o", "study")
     if step.action == RUN:

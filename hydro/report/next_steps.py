@@ -13,6 +13,10 @@ from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Prediction
 
 ADD, EXPLAIN, CORRECT, RUN, COMPARE = "add", "explain", "correct_thrusters", "next_run", "compare"
 """Actions of next steps: functions of `hydro.api`, an option of `diagnose`, or the design of a next run."""
+CONTINUE = "continue with the thrusters as this log shows them"
+"""Words for the correction of thrusters by a diagnosis that stopped at them."""
+MEND = "correct the thrusters in the vehicle file, or the order of the commands in the map"
+"""Words for the correction of thrusters after a diagnosis that has continued."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,8 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
     stated = [row for row in rows if row["verdict"] in STATED]
     steps = []
     if any(is_of_thrusters(row) for row in rows):
-        steps.append(NextStep(CORRECT, "continue with the thrusters as this log shows them"))
+        stopped = all(row["verdict"] == "log_fault" for row in rows)
+        steps.append(NextStep(CORRECT, CONTINUE if stopped else MEND))
     if stated and prediction is not None and prediction.refuted:
         steps.append(NextStep(EXPLAIN, "try single steps, and keep those that lower the error"))
     elif stated:
@@ -69,7 +74,7 @@ def in_python(step: NextStep) -> str:
         names = f", {list(step.effects)}" if step.effects else ""
         return f"hydro.add(vehicle, found{names})"
     if step.action == CORRECT:
-        return "hydro.diagnose(vehicle, raw, correct_thrusters=True)"
+        return "hydro.diagnose(vehicle, raw, correct_thrusters=True)" if step.words == CONTINUE else ""
     return f"hydro.{step.action}(vehicle, raw)" if step.action != RUN else ""
 
 

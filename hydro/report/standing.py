@@ -13,7 +13,7 @@ from hydro.core.errors import listed
 from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
 from hydro.report.change import of_change
-from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, RUN, next_steps
+from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, MEND, RUN, next_steps
 from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
@@ -186,6 +186,8 @@ def next_step(sources: Sources) -> str:
     last = sources.diagnoses[-1]
     errors = last.artefact.provenance.parameters.get(PREDICTION)
     step = next_steps(last.frame, None if errors is None else Prediction(**errors))[0]
+    if step.words == MEND:
+        return f"Next: {step.words}."
     named = f", with `hydro add --effect {step.effects[0]}`" if step.effects else ""
     return f"Next: {step.words}{named or BY_COMMAND[step.action]}."
 

@@ -20,7 +20,7 @@ from hydro.core.diagnosis.status import status
 from hydro.report import diagnosis
 from hydro.report.diagnosis import Context
 from hydro.report.following import Call, next_file, pasted, quoted
-from hydro.report.next_steps import next_steps
+from hydro.report.next_steps import MEND, in_python, next_steps
 from hydro.report.screen import MOST_LINES
 
 GAIN = {"g": [0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0]}
@@ -229,3 +229,11 @@ def test_thrusters_are_corrected_before_findings_are_added():
         Diagnosis((fault, missing("payload")), damped(), (9.0, 5.0, 1.0)).frame(), KNOWN
     )
     assert (first.action, [one.action for one in others]) == ("correct_thrusters", ["add"])
+
+
+def test_a_diagnosis_that_continued_is_not_repeated():
+    fault = Finding("log_fault", members=("cmd_1", "cmd_2"), confidence=0.99, advice="columns are exchanged")
+    first = next_steps(Diagnosis((fault, missing("payload")), damped(), (9.0, 5.0, 1.0)).frame(), KNOWN)[0]
+    assert (first.words, in_python(first)) == (MEND, "")
+    text = answer([fault, missing("payload")], call=replace(CALL, output="d.parquet"))
+    assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
