@@ -2,10 +2,10 @@
 
 A case is one vehicle with one fault of its rudder or its stern planes:
 
-    stuck   they stay at a fixed angle of 2 to 6 degrees, whatever the command
-    half    they have half their area
-    trim    they are 2 to 4 degrees off at every command
-    none    nothing has changed
+    stuck   They stay at a fixed angle of 2 to 6 degrees, whatever the command.
+    half    They have half their area.
+    trim    They are 2 to 4 degrees off at every command.
+    none    Nothing has changed.
 
 The earlier and the later recording are simulated under an autopilot with dither, with noise of ordinary
 sensors.  A finding counts if it is stated and names the fin that has the fault.  The file knows the hull, so
@@ -28,6 +28,7 @@ import polars as pl
 
 from benchmarks.kept_tables import Row, keep, markdown, origin
 from benchmarks.remus_steps import preset
+from benchmarks.work import Results
 from hydro.core.columns import MOTION, Array
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.pipeline import diagnose
@@ -44,6 +45,20 @@ NOISE = dict(zip(MOTION, [0.02, 0.02, 0.01, *[0.005] * 3, *[0.01] * 3, *[0.003] 
 FINS = ("control_surface:rudder", "control_surface:stern_planes")
 FAULTS = ("stuck", "half", "trim", "none")
 FIRST_SEED = 61000
+CONFIRMED = ("missing", "retune")
+"""Verdicts that state one effect."""
+SCHEMA = {
+    "seed": pl.Int64,
+    "fault": pl.String,
+    "fin": pl.String,
+    "found": pl.String,
+    "verdict": pl.String,
+    "confidence": pl.Float64,
+    "right": pl.Boolean,
+    "seconds": pl.Float64,
+    "values": pl.String,
+}
+"""Columns of the results file, one row per case."""
 LEGS = (6.0, 12.0)
 """Least and greatest time between new headings and pitch angles [s]."""
 DITHER = (1.0, 3.0)
@@ -124,7 +139,7 @@ def case(fault: str, seed: int) -> Row:
 
 def right(found: Finding, fin: str) -> bool:
     """Return whether the first finding is stated and names the fin, or none is stated without a fault."""
-    is_stated = found.verdict in ("missing", "retune")
+    is_stated = found.verdict in CONFIRMED
     return is_stated and found.effect == fin if fin else not is_stated
 
 
@@ -136,7 +151,7 @@ def report(cases: list[Row]) -> list[Row]:
         if not those:
             continue
         named = sum(one["found"] == one["fin"] for one in those)
-        wrong = sum(one["verdict"] in ("missing", "retune") and not one["right"] for one in those)
+        wrong = sum(one["verdict"] in CONFIRMED and not one["right"] for one in those)
         rows.append(
             {
                 "fault": fault,
@@ -155,24 +170,25 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cases", type=int, default=20, help="cases of each fault")
     parser.add_argument(
-        "--output", type=Path, default=Path("fin_faults.csv"), help="file of cases, continued"
+        "--output", type=Path, default=Path("fin_faults.parquet"), help="file of cases, continued"
     )
     parser.add_argument("--report", action="store_true", help="run no case, report those of the file")
     parser.add_argument("--keep", metavar="COMMIT", help="keep the table as measured with this commit")
     given = parser.parse_args(arguments)
-    done: list[Row] = pl.read_csv(given.output).to_dicts() if given.output.exists() else []
-    known = {(one["seed"], one["fault"]) for one in done}
+    results = Results(given.output, SCHEMA)
+    known = set(results.table.select("seed", "fault").iter_rows())
     wanted = [(FIRST_SEED + number, fault) for number in range(given.cases) for fault in FAULTS]
     for seed, fault in wanted * (not given.report):
         if (seed, fault) not in known:
-            done.append(case(fault, seed))
-            print(done[-1], flush=True)
-            pl.DataFrame(done).write_csv(given.output)
-    print(markdown(report(done)))
+            found = case(fault, seed)
+            print(found, flush=True)
+            results.add(found)
+    table = report(results.table.to_dicts())
+    print(markdown(table))
     if given.keep:
         command = f"python -m benchmarks.fin_faults --cases {given.cases}"
-        source = origin(pl.DataFrame({"seed": [one["seed"] for one in done]}), command, given.keep)
-        keep("fin_faults", [row | source for row in report(done)])
+        source = origin(results.table, command, given.keep)
+        keep("fin_faults", [row | source for row in table])
 
 
 if __name__ == "__main__":

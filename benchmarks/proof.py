@@ -20,14 +20,13 @@ import argparse
 import json
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from benchmarks.kept_tables import Row, keep, origin
-from benchmarks.rivals.contest import Rival
+from benchmarks.rivals.contest import answer_of
 from hydro import cli
 from hydro.core.evaluation.replay_error import Ahead
 from hydro.io import table
@@ -51,37 +50,13 @@ RESULTS = "rivals.json"
 COMMAND = "hydro study proof -o proof"
 
 
-def _sindy() -> Rival:
-    from benchmarks.rivals import sindy
-
-    return sindy.answer
-
-
-def _sysid() -> Rival:
-    from benchmarks.rivals import mujoco_sysid
-
-    return mujoco_sysid.answer
-
-
-def _output_error() -> Rival:
-    from benchmarks.rivals import output_error
-
-    return output_error.answer
-
-
-def _residual() -> Rival:
-    from benchmarks.rivals import residual_network
-
-    return residual_network.answer
-
-
-RIVALS: dict[str, Callable[[], Rival]] = {
-    "PySINDy": _sindy,
-    "residual network": _residual,
-    "scipy output error": _output_error,
-    "mujoco.sysid": _sysid,
+RIVALS = {
+    "PySINDy": "sindy",
+    "residual network": "residual_network",
+    "scipy output error": "output_error",
+    "mujoco.sysid": "mujoco_sysid",
 }
-"""Methods in addition to those of `hydro study proof`, the quickest first."""
+"""Modules of methods in addition to those of `hydro study proof`, the quickest first."""
 
 
 def make(folder: Path) -> None:
@@ -117,12 +92,12 @@ def rivals(folder: Path) -> None:
     given = vehicles.read(study.vehicle)[0]
     log, held = (table.read(one, "raw").frame for one in (study.log, study.holdout))
     errors = Ahead(held, given)
-    for name, load in RIVALS.items():
+    for name, module in RIVALS.items():
         if name in known:
             continue
         begun = time.process_time()
         try:
-            found = load()(given, log)
+            found = answer_of(module)(given, log)
             known[name] = {"error": found.error(errors, held), "named": found.name}
         except ImportError as missing:
             known[name] = {"missing": f"not installed: {missing.name}"}

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import polars as pl
+from generate_benchmarks import results
 
 from hydro.report.proof import PILOT, Shown, draw
 from hydro.report.training import save
 from hydro.study.proof_tables import pooled
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "benchmarks" / "results"
 PICTURE = ROOT / "docs" / "images" / "proof.png"
-
-
-def kept(name: str) -> list[dict[str, str]]:
-    """Return the rows of a kept table, with cells as text."""
-    with (RESULTS / f"{name}.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def number(text: str) -> float | None:
@@ -30,7 +23,7 @@ def number(text: str) -> float | None:
 def shown(change: str) -> Shown:
     """Return the results of one change, by the title in the kept tables."""
     errors, named, flights = (
-        [row for row in kept(f"proof_{name}") if row["change"] == change]
+        [row for row in results(f"proof_{name}") if row["change"] == change]
         for name in ("errors", "named", "flights")
     )
     numbers = ("given", "found", "low", "high", "true")
@@ -60,7 +53,7 @@ def shown(change: str) -> Shown:
 
 def main() -> None:
     """Draw the picture, a row for every change."""
-    changes = dict.fromkeys(row["change"] for row in kept("proof_errors"))
+    changes = dict.fromkeys(row["change"] for row in results("proof_errors"))
     save(draw({change: shown(change) for change in changes}), PICTURE)
 
 

@@ -56,7 +56,7 @@ LEVELS = {
         ("compiled",),
         ("extras", "kernel_cache"),
         ("separate_code",),
-        ("errors", "nesting", "progress"),
+        ("errors", "nesting", "normal", "progress"),
     ),
     "hydro.sim": (
         ("film", "gpu", "kernel_plant", "replay", "stonefish", "teacher_plant"),

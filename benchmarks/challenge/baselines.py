@@ -12,7 +12,7 @@ import polars as pl
 
 from benchmarks.challenge.layout import EVERY, LEAD, MOTION, VELOCITY, Given, Public
 from benchmarks.challenge.network import of_network
-from benchmarks.rivals.contest import Held, Rival, by_vehicle
+from benchmarks.rivals.contest import Held, answer_of, by_vehicle
 from hydro.core.diagnosis.findings import WITH_VALUES, Finding, extended
 from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.evaluation import yardsticks
@@ -106,41 +106,23 @@ def _told(one: Finding) -> dict[str, Any]:
     }
 
 
-def by_rival(load: Callable[[], Rival]) -> Callable[[Vehicle, Public, Held], Answered]:
+def by_rival(module: str) -> Callable[[Vehicle, Public, Held], Answered]:
     """Return the baseline of a rival, which sees the log alone and names one effect without a confidence."""
 
     def answer(vehicle: Vehicle, public: Public, held: Held) -> Answered:
-        found = load()(vehicle, public.log)
+        found = answer_of(module)(vehicle, public.log)
         return [{"name": found.name}] if found.name else [], found.predict(held)
 
     return answer
 
 
-def _sindy() -> Rival:
-    from benchmarks.rivals import sindy
-
-    return sindy.answer
-
-
-def _sysid() -> Rival:
-    from benchmarks.rivals import mujoco_sysid
-
-    return mujoco_sysid.answer
-
-
-def _output_error() -> Rival:
-    from benchmarks.rivals import output_error
-
-    return output_error.answer
-
-
 BASELINES: Mapping[str, Callable[[Vehicle, Public, Held], Answered]] = {
     "file as given": as_given,
     "least squares": least_squares,
-    "PySINDy": by_rival(_sindy),
+    "PySINDy": by_rival("sindy"),
     "network": of_network,
-    "scipy output error": by_rival(_output_error),
-    "mujoco.sysid": by_rival(_sysid),
+    "scipy output error": by_rival("output_error"),
+    "mujoco.sysid": by_rival("mujoco_sysid"),
     "hydro": hydro,
 }
 """Baselines by the name of their entry, the quickest first."""

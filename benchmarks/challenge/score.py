@@ -13,11 +13,10 @@ import numpy as np
 import polars as pl
 
 from benchmarks.challenge.layout import VELOCITY, Given
+from hydro.core.normal import NORMAL_95
 
 SURE = 0.9
 """Minimum confidence of a statement.  An effect without a confidence counts as one."""
-WITHIN = 1.96
-"""Half width of a 95 % interval [standard errors]."""
 FURTHEST = 100.0
 """Greatest error that counts [m/s, rad/s]; a missing or diverged prediction has it."""
 
@@ -95,7 +94,7 @@ def within(truth: Mapping[str, Any], named: Mapping[str, Any]) -> list[bool]:
         old = np.ravel(np.asarray(before.get(key, np.zeros(parts[0].size)), float))
         affected = parts[0] != (old if old.size == parts[0].size else 0.0)
         for i in np.flatnonzero(affected & (parts[2] > 0.0)):
-            found.append(bool(abs(parts[1][i] - parts[0][i]) <= WITHIN * parts[2][i]))
+            found.append(bool(abs(parts[1][i] - parts[0][i]) <= NORMAL_95 * parts[2][i]))
     return found
 
 

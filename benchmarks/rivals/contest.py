@@ -7,6 +7,7 @@ name counts as a statement.  The error is that of predictions 5 s ahead on the h
 from __future__ import annotations
 
 import argparse
+import importlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -100,6 +101,16 @@ class Answer:
 
 
 Rival = Callable[[Vehicle, pl.DataFrame], Answer]
+
+
+def answer_of(module: str) -> Rival:
+    """Return the method of a module of `benchmarks.rivals`.
+
+    Raises:
+        ImportError: A package that it needs is not installed.
+    """
+    found: Rival = importlib.import_module(f"benchmarks.rivals.{module}").answer
+    return found
 
 
 def ahead(errors: Ahead) -> np.ndarray:

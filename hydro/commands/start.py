@@ -461,8 +461,8 @@ def _fleet() -> list[Preset]:
 
     found = [BLUEROV2]
     for path in sorted(bundled("vehicles").glob("*.toml")):
-        known, hull = vehicles.read(path)[0], vehicles.read(path)[0].hull
-        sides = (hull.length, hull.width, hull.height)
+        known, _ = vehicles.read(path)
+        sides = (known.hull.length, known.hull.width, known.hull.height)
         servos = not all(each.pushes for each in known.thruster)
         box = Hull(known.rigid_body.mass, sides)
         found.append(Preset(path.stem, len(known.thruster), box, servos=servos))

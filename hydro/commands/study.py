@@ -154,7 +154,7 @@ def models(
         if noise != "none":
             disturb(known, run, noise_for(noise))
         result = carry_out(known, run, together)
-    message(f"{result.ran} of {result.steps} steps run, the others were done")
+    _tell(result.ran, result.steps)
     show(result.summary)
 
 
@@ -251,8 +251,13 @@ def proof(
             ran += anew
             if anew and step.line[:2] == ("rl", "eval"):
                 _draw_proof(settings, after)
-    message(f"{ran} of {len(first) + len(rest)} steps run, the others were done")
+    _tell(ran, len(first) + len(rest))
     _show_proof(settings, after)
+
+
+def _tell(ran: int, steps: int) -> None:
+    """Print how many steps of a study were run."""
+    message(f"{ran} of {steps} steps run, the others were done")
 
 
 def _proof(
@@ -335,7 +340,7 @@ def _paper(settings: Study, steps_of: Runner, together: int) -> None:
 
     plan = whole.steps(settings)
     ran = steps_of.run(plan, together)
-    message(f"{ran} of {len(plan)} steps run, the others were done")
+    _tell(ran, len(plan))
     shown = policies.summarise(settings.policies, whole.runs(settings)).select(
         "recipe", "condition", "flown_by", "seed", "updates", "plant", "task", "level",
         "success", "success_low", "success_high", "collision", "time_to_goal", "energy",

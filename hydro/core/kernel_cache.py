@@ -171,7 +171,7 @@ class _First:
     """First compilation in this process, into an empty folder.
 
     Attributes:
-        told: Time of the last line on it [s]; None if there is no such compilation.
+        told: Time of the last line on it [s]; None without one.
         count: Kernels compiled since it began.
     """
 

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 from hydro.core.history.history import History
 from hydro.core.history.parameters import SHARE
 from hydro.core.history.sentences import limits
+from hydro.core.normal import NORMAL_95
 from hydro.io.table import Artefact
 from hydro.report.charts import Charts
 from hydro.report.rendering import rendered
-from hydro.report.words import NORMAL_95, figure
+from hydro.report.words import figure
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

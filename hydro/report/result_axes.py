@@ -10,6 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.errors import UsageError
+from hydro.core.normal import NORMAL_95
 from hydro.report import words
 from hydro.report.figures import STYLE, error_bars
 from hydro.report.ladder import by_dataset
@@ -210,7 +211,7 @@ def draw_parameters(given: Axes | Sequence[Axes] | None, table: pl.DataFrame) ->
     for panel, rows in zip(axes, groups, strict=True):
         places = np.arange(rows.height)
         known = rows["determined"].to_numpy()
-        values, spread = rows["value"].to_numpy(), words.NORMAL_95 * rows["standard_error"].to_numpy()
+        values, spread = rows["value"].to_numpy(), NORMAL_95 * rows["standard_error"].to_numpy()
         for chosen, fill, label in ((known, FOUND, ""), (~known, "white", "not determined")):
             if chosen.any():
                 panel.errorbar(
@@ -267,7 +268,7 @@ def time_lines(table: pl.DataFrame, axes: Axes | Sequence[Axes] | None = None) -
     for panel, name in zip(drawn, names, strict=True):
         rows = table.filter(pl.col("parameter") == name)
         number = rows["number"].to_numpy()
-        half = words.NORMAL_95 * rows["standard_error"].to_numpy()
+        half = NORMAL_95 * rows["standard_error"].to_numpy()
         panel.errorbar(number, rows["value"].to_numpy(), half, linestyle="", marker="o", color=FOUND)
         panel.plot(number, rows["level"].to_numpy(), color=GIVEN, drawstyle="steps-mid")
         panel.set(ylabel=f"{name} [{rows['unit'][0]}]")

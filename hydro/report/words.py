@@ -15,6 +15,7 @@ from hydro.core.columns import DOF, POSE, WRENCH
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
 from hydro.core.errors import DataError, listed
+from hydro.core.normal import NORMAL_95
 from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {
@@ -50,8 +51,6 @@ OF_CHANGE = {
 DATASETS = {"fit": "the recording", "holdout": "held-out data"}
 """Names of the data sets of a ladder."""
 
-NORMAL_95 = 1.96
-"""Half width of a 95 % interval in standard errors."""
 EFFECT_NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
 """Pattern of effect names in a text."""
 QUOTED = re.compile("`([^`]*)`")

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.core.explanation.ladder import HORIZON
+from hydro.core.normal import NORMAL_95
 from hydro.study import proof
 
 if TYPE_CHECKING:
@@ -21,12 +23,8 @@ if TYPE_CHECKING:
 
 GIVEN, ORACLE = "file as given", "file with the true change"
 """Names of the first and the last row of the errors."""
-WIDE = 1.96
-"""Half width of a 95 % interval in standard errors."""
 FLOWN = ("seed", "updates", "episodes", "success", "success_low", "success_high")
 """Columns of the flights that are those of evaluations."""
-NO_VALUE = ("name", "standard_error", "fit")
-"""Keys of an effect's table that are not values."""
 
 
 def errors(study: Study) -> pl.DataFrame:
@@ -92,8 +90,8 @@ def changes(given: Vehicle, found: Vehicle, true: Vehicle) -> pl.DataFrame:
             "value": name,
             "given": before.get(name),
             "found": ours.get(name, 0.0),
-            "low": ours.get(name, 0.0) - WIDE * spread[name] if name in spread else None,
-            "high": ours.get(name, 0.0) + WIDE * spread[name] if name in spread else None,
+            "low": ours.get(name, 0.0) - NORMAL_95 * spread[name] if name in spread else None,
+            "high": ours.get(name, 0.0) + NORMAL_95 * spread[name] if name in spread else None,
             "true": theirs.get(name, 0.0),
         }
         for name in names
@@ -108,7 +106,7 @@ def _values(vehicle: Vehicle, *, errors: bool = False) -> dict[str, float]:
     for effect in vehicle.effect:
         table = effect.get("standard_error", {}) if errors else effect
         for key, value in table.items():
-            if key not in NO_VALUE:
+            if key not in BOOKKEEPING:
                 found |= {f"{effect['name']} {key}{place}": number for place, number in _numbers(value)}
     return found
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import importlib.util
 import os
 import pickle
 import pwd
@@ -21,6 +20,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from modules import imported
 
 from hydro.core import kernel_cache
 from hydro.core.errors import HydroNotice, HydroWarning
@@ -47,12 +47,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def module(tmp_path: Path) -> ModuleType:
     """A module with a function to compile."""
     (tmp_path / "made.py").write_text("def twice(x):\n    return 2.0 * x\n")
-    spec = importlib.util.spec_from_file_location("made", tmp_path / "made.py")
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    return imported(tmp_path / "made.py")
 
 
 def compiled(module: ModuleType, place: Path) -> tuple[float, int, list[str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +9,7 @@ from typing import Any
 
 import numba
 import pytest
+from modules import imported
 
 from hydro.core import kernel_cache, separate_code
 from hydro.core.errors import HydroNotice
@@ -28,12 +28,7 @@ def outer(x):
 @pytest.fixture
 def module(tmp_path: Path) -> ModuleType:
     (tmp_path / "nested.py").write_text(SOURCE)
-    spec = importlib.util.spec_from_file_location("nested", tmp_path / "nested.py")
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    return imported(tmp_path / "nested.py")
 
 
 @pytest.fixture

@@ -19,13 +19,12 @@ from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
 from hydro.core.errors import in_shell, listed
+from hydro.core.normal import NORMAL_95
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
 SURE = 0.95
 """Minimum probability at which directions and order are stated."""
-NORMAL = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 STATED = 3.0
 """Minimum deviation of the common scale from 1 that is stated [standard errors]: one false alarm in 370."""
 TOGETHER = 0.5
@@ -199,7 +198,7 @@ class ThrusterAudit:
         """Yield the common scale, and thrusters that are weaker."""
         scale, low, high = self.scale
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
-        if abs(np.log(scale)) > STATED / NORMAL * np.log(high / scale):
+        if abs(np.log(scale)) > STATED / NORMAL_95 * np.log(high / scale):
             yield f"common factor: {words}; check supply voltage, thrust curve, command scale and inertia"
         for i in _places(self.seen):
             if self._weak(i):
@@ -234,13 +233,13 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     scale, scale_error = _scale(signs * strength, covariance)
     common = _common_error(found)
     errors = np.sqrt(np.diagonal(covariance))
-    seen = (NORMAL * errors < scale) & ~found.idle
+    seen = (NORMAL_95 * errors < scale) & ~found.idle
     together = _groups(covariance, seen, found.idle, scale)
     plain = sum(chance for wiring, chance in ranked if wiring.is_plain)
     turned = _turned(ranked)
     clear = seen & (np.abs(turned - 0.5) >= SURE - 0.5)
     stated, probability, alternatives = _stated(ranked, turned, plain, seen)
-    half = NORMAL * np.hypot(errors, common * np.abs(strength))
+    half = NORMAL_95 * np.hypot(errors, common * np.abs(strength))
     return ThrusterAudit(
         wiring=_spread(stated, driven, count),
         probability=probability,
@@ -318,7 +317,7 @@ def _common_error(found: Balance) -> float:
 def _interval(middle: float, error: float) -> tuple[float, float, float]:
     """Return a positive number with its 95 % interval, from the standard error of its logarithm."""
     with np.errstate(over="ignore"):  # the interval of thrusters that never ran is infinite
-        factor = float(np.exp(NORMAL * error))
+        factor = float(np.exp(NORMAL_95 * error))
     return middle, middle / factor, middle * factor
 
 

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from hydro.core.history.change_points import LEVEL
 from hydro.core.history.changes import Change
 from hydro.core.history.parameters import BUOYANCY, DRAG, THRUST, Parameter
+from hydro.core.normal import NORMAL_95
 
 PERFECT = {"rose": "risen", "grew": "grown", "fell": "fallen"}
-CONFIDENCE = 1.96
-"""Half width of a 95 % interval in standard errors."""
 
 
 def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
@@ -76,4 +75,4 @@ def _verb(change: Change, up: str, down: str) -> str:
 
 def _half(error: float, digits: int = 0) -> str:
     """Return half of the 95 % interval, at least one unit of the last digit."""
-    return f"{max(CONFIDENCE * error, 10.0**-digits):.{digits}f}"
+    return f"{max(NORMAL_95 * error, 10.0**-digits):.{digits}f}"

@@ -23,6 +23,7 @@ from hydro.core.logs.agreement import Evidence, testable, tested, windows
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.importing import motion
 from hydro.core.logs.logmap import LogMap, measured
+from hydro.core.normal import NORMAL_95
 from hydro.core.recording.segments import GAP
 
 FARTHEST = 1.2
@@ -37,7 +38,6 @@ UNEXPLAINED = 0.7
 """Unexplained share of the motion at the best lag above which no lag is reported."""
 WIDEST = 0.5
 """Maximum half-width of a reported interval [s]."""
-NORMAL = 1.96
 PLAIN = 4.0
 """Standard errors above which a lag is significant."""
 LAGS = 3
@@ -65,7 +65,7 @@ class Offset:
     def plain(self) -> bool:
         """Whether the delay is significant: far from zero relative to its interval."""
         half = max(self.high - self.seconds, self.seconds - self.low)
-        return abs(self.seconds) > PLAIN / NORMAL * half
+        return abs(self.seconds) > PLAIN / NORMAL_95 * half
 
     @property
     def over_a_sample(self) -> bool:
@@ -166,12 +166,12 @@ def _estimated(
         Offset(
             block,
             float(lag),
-            float(lag - NORMAL * error),
-            float(lag + NORMAL * error),
+            float(lag - NORMAL_95 * error),
+            float(lag + NORMAL_95 * error),
             _step(logs, given, block),
         )
         for block, lag, error in zip(blocks, lags, _errors(J, r), strict=True)
-        if NORMAL * error < WIDEST and abs(lag) < FARTHEST
+        if NORMAL_95 * error < WIDEST and abs(lag) < FARTHEST
     ]
 
 
@@ -347,7 +347,7 @@ def _profiled(y: Array, Z: Array, drive: Callable[[int], Array], delays: Array, 
     chi2 = float(
         ((found[:, 0] - middle) ** 2 * weights).sum() / max(len(found) - 1, 1)
     )  # Birge's ratio, squared
-    half = NORMAL * float(np.sqrt(max(chi2, 1.0) / weights.sum()))
+    half = NORMAL_95 * float(np.sqrt(max(chi2, 1.0) / weights.sum()))
     return Offset("commands", middle, middle - half, middle + half, dt) if half < WIDEST else None
 
 
@@ -375,7 +375,7 @@ def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> t
         return None
     a, b, _ = np.polyfit(delays[best - 1 : best + 2], left[best - 1 : best + 2], 2)
     middle = -b / (2.0 * a) if a > 0.0 else delays[best]
-    return float(np.clip(middle, delays[best - 1], delays[best + 1])), float((high - low) / (2.0 * NORMAL))
+    return float(np.clip(middle, delays[best - 1], delays[best + 1])), float((high - low) / (2.0 * NORMAL_95))
 
 
 def _left(y: Array, drive: Array) -> Array:

@@ -26,8 +26,7 @@ def crew_of(vehicle: Vehicle) -> Mixing:
     Raises:
         DataError: A thruster's placement is missing or doubled, or an effect is invalid.
     """
-    crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
-    return with_servos(crew, servo_wrenches(vehicle))
+    return with_servos(_thrusters_of(vehicle), servo_wrenches(vehicle))
 
 
 def steered_by_fins(vehicle: Vehicle) -> bool:
@@ -36,8 +35,13 @@ def steered_by_fins(vehicle: Vehicle) -> bool:
     Raises:
         DataError: A thruster's placement is missing or doubled, or an effect is invalid.
     """
-    thrusters = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
-    return bool(thrusters.authority[YAW] == 0.0 and servo_wrenches(vehicle)[YAW].any())
+    turned = _thrusters_of(vehicle).authority[YAW] != 0.0
+    return bool(not turned and servo_wrenches(vehicle)[YAW].any())
+
+
+def _thrusters_of(vehicle: Vehicle) -> Mixing:
+    """Return the allocation of actions to thrusters alone."""
+    return mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
 
 
 @kernel

@@ -290,7 +290,7 @@ class Fleet:
     def _pass_waypoints(self, mask: Mask) -> NDArray[np.int64]:
         """Return the row of each course that is the goal, after vehicles of a mask passed their waypoints.
 
-        The distance from the new goal counts from here on, so that the change itself earns no reward.
+        The distance from the new goal counts from here on, so that a change of the goal gives no reward.
         """
         last = self._courses.shape[1] - 1
         away = np.linalg.norm(self.goals - self.plant.pose[:, :3], axis=1)

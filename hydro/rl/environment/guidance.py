@@ -68,7 +68,7 @@ class Guidance:
             meaningless.
         """
         cost = np.zeros(len(positions))
-        places = np.ascontiguousarray(positions)  # the kernel is compiled anew for each layout of an array
+        places = np.ascontiguousarray(positions)  # the kernel is compiled again for each layout of an array
         follow_kernel(mask, places, self.ways, self._along, self._ahead, self.off, cost, self._lead)
         return self._ahead.copy(), self._weight * cost
 
