@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
 
 import polars as pl
-from generate_benchmarks import results
 
 from hydro.report.proof import PILOT, Shown, draw
 from hydro.report.training import save
@@ -13,6 +13,8 @@ from hydro.study.proof_tables import pooled
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "images" / "proof.png"
+kept = runpy.run_path(str(Path(__file__).with_name("generate_benchmarks.py")))["results"]
+"""Function from the name of a kept table to its rows, with cells as text."""
 
 
 def number(text: str) -> float | None:
@@ -23,7 +25,7 @@ def number(text: str) -> float | None:
 def shown(change: str) -> Shown:
     """Return the results of one change, by the title in the kept tables."""
     errors, named, flights = (
-        [row for row in results(f"proof_{name}") if row["change"] == change]
+        [row for row in kept(f"proof_{name}") if row["change"] == change]
         for name in ("errors", "named", "flights")
     )
     numbers = ("given", "found", "low", "high", "true")
@@ -53,7 +55,7 @@ def shown(change: str) -> Shown:
 
 def main() -> None:
     """Draw the picture, a row for every change."""
-    changes = dict.fromkeys(row["change"] for row in results("proof_errors"))
+    changes = dict.fromkeys(row["change"] for row in kept("proof_errors"))
     save(draw({change: shown(change) for change in changes}), PICTURE)
 
 

@@ -56,7 +56,7 @@ LEVELS = {
         ("compiled",),
         ("extras", "kernel_cache"),
         ("separate_code",),
-        ("errors", "nesting", "normal", "progress"),
+        ("errors", "interval", "nesting", "progress"),
     ),
     "hydro.sim": (
         ("film", "gpu", "kernel_plant", "replay", "stonefish", "teacher_plant"),

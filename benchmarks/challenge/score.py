@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from benchmarks.challenge.layout import VELOCITY, Given
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 
 SURE = 0.9
 """Minimum confidence of a statement.  An effect without a confidence counts as one."""

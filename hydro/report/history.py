@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hydro.core.history.history import History
 from hydro.core.history.parameters import SHARE
 from hydro.core.history.sentences import limits
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 from hydro.io.table import Artefact
 from hydro.report.charts import Charts
 from hydro.report.rendering import rendered

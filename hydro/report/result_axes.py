@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.errors import UsageError
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 from hydro.report import words
 from hydro.report.figures import STYLE, error_bars
 from hydro.report.ladder import by_dataset

@@ -15,7 +15,7 @@ from hydro.core.columns import DOF, POSE, WRENCH
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
 from hydro.core.errors import DataError, listed
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {

@@ -10,7 +10,7 @@ import numpy as np
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.core.explanation.ladder import HORIZON
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 from hydro.study import proof
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
 from hydro.core.errors import in_shell, listed
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 

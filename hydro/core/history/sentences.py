@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from hydro.core.history.change_points import LEVEL
 from hydro.core.history.changes import Change
 from hydro.core.history.parameters import BUOYANCY, DRAG, THRUST, Parameter
-from hydro.core.normal import NORMAL_95
+from hydro.core.interval import NORMAL_95
 
 PERFECT = {"rose": "risen", "grew": "grown", "fell": "fallen"}
 

@@ -18,12 +18,12 @@ from itertools import pairwise
 import numpy as np
 
 from hydro.core.columns import Array, Rows
+from hydro.core.interval import NORMAL_95
 from hydro.core.logs import conventions
 from hydro.core.logs.agreement import Evidence, testable, tested, windows
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.importing import motion
 from hydro.core.logs.logmap import LogMap, measured
-from hydro.core.normal import NORMAL_95
 from hydro.core.recording.segments import GAP
 
 FARTHEST = 1.2
