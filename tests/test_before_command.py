@@ -164,7 +164,7 @@ def test_explain_in_python_makes_one_step_if_nothing_changed() -> None:
     study = hydro.explain(vehicle, hydro.read("same.parquet"), before=before)
     (step,) = study
     assert step.diagnosis["verdict"].to_list() == ["nothing_missing"]
-    assert "no change exceeds the error of the hull-force model" in step.diagnosis["advice"][0]
+    assert "no change stands out from the error of the hull-force model" in step.diagnosis["advice"][0]
     assert step.diagnosis.changed
     assert step.diagnosis.headline.startswith("Nothing has changed")
     assert "No change found" in repr(step.diagnosis)

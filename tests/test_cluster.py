@@ -20,6 +20,7 @@ from hydro.core.errors import DataError, UsageError
 from hydro.io import partitions, table
 from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
+from hydro.study.cluster import Cluster
 from hydro.study.steps import Runner, Step, StepFailed
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install 'deep-hydro-sim[ray]'")
@@ -33,6 +34,15 @@ NAMES = ("a", "b", "c", "d")
 def nodes() -> Iterator[two.Nodes]:
     with two.nodes() as found:
         yield found
+
+
+@pytest.fixture(scope="module")
+def cluster(nodes: two.Nodes) -> Iterator[Cluster]:
+    """One connection for the tests at the end of the module: Ray starts new workers for every connection."""
+    nodes.wait()
+    with Cluster(nodes.address) as connected:
+        connected.prepare()
+        yield connected
 
 
 @pytest.fixture(scope="module")
@@ -104,52 +114,11 @@ def failing(number: int) -> int:
     return number
 
 
-def test_both_nodes_work_each_with_the_threads_it_was_given(nodes):
-    from hydro.study.cluster import Cluster
-
-    nodes.wait()
-    with Cluster(nodes.address) as cluster:
-        assert cluster.slots == 2
-        cluster.prepare()
-        assert set(cluster.each(threads, [(1,), (2,)])) == {(1, "1")}
-        found = cluster.each(failing, [(number,) for number in range(4)])
-        assert [next(found), next(found)] == [0, 1]
-        with pytest.raises(DataError, match=r"^the third is at fault$"):
-            next(found)
-
-
 def test_benchmarks_run_their_tasks_on_the_cluster(nodes):
     parser = argparse.ArgumentParser()
     add_workers(parser)
     chosen = parser.parse_args(["--engine", "ray", "--address", nodes.address])
     assert sorted(done(abs, [(-1,), (2,), (-3,)], chosen)) == [1, 2, 3]
-
-
-def test_a_study_runs_its_steps_on_the_cluster(nodes, dives, tmp_path, capsys):
-    from hydro.study.cluster import Cluster
-
-    raw = partitions.place(dives, "a")
-    made = {
-        home: [tmp_path / home / name for name in ("labels.parquet", "split.parquet")] for home in ("h", "t")
-    }
-    steps = {
-        home: [
-            Step(("labels", str(raw), "--vehicle", VEHICLE, "-o", str(labels)), (raw,), (labels,)),
-            Step(("split", str(labels), "-o", str(split)), (labels,), (split,)),
-        ]
-        for home, (labels, split) in made.items()
-    }
-    bad = Step(("check", str(tmp_path / "none.toml")), (), (tmp_path / "x",))
-    with Cluster(nodes.address) as cluster:
-        assert Runner(tmp_path, cluster.execute).run(steps["t"], cluster.slots) == 2
-        with pytest.raises(StepFailed) as failed:
-            cluster.execute(bad)
-    assert failed.value.exit_code == 1
-    assert "none.toml: no such file" in capsys.readouterr().err
-    for step in steps["h"]:
-        step.writes[0].parent.mkdir(exist_ok=True)
-        assert cli.main(list(step.line)) == 0
-    assert [path.read_bytes() for path in made["t"]] == [path.read_bytes() for path in made["h"]]
 
 
 @pytest.mark.parametrize(
@@ -211,10 +180,41 @@ def test_a_cluster_is_refused_where_there_is_nothing_to_share_out(dives, tmp_pat
         assert words in capsys.readouterr().err
 
 
-def test_a_node_that_is_killed_on_the_way_costs_time_and_nothing_else(nodes, dives, tmp_path):
-    """The last of this module: the second node is gone afterwards."""
-    from hydro.study.cluster import Cluster
+def test_both_nodes_work_each_with_the_threads_it_was_given(cluster):
+    assert cluster.slots == 2
+    assert set(cluster.each(threads, [(1,), (2,)])) == {(1, "1")}
+    found = cluster.each(failing, [(number,) for number in range(4)])
+    assert [next(found), next(found)] == [0, 1]
+    with pytest.raises(DataError, match=r"^the third is at fault$"):
+        next(found)
 
+
+def test_a_study_runs_its_steps_on_the_cluster(cluster, dives, tmp_path, capsys):
+    raw = partitions.place(dives, "a")
+    made = {
+        home: [tmp_path / home / name for name in ("labels.parquet", "split.parquet")] for home in ("h", "t")
+    }
+    steps = {
+        home: [
+            Step(("labels", str(raw), "--vehicle", VEHICLE, "-o", str(labels)), (raw,), (labels,)),
+            Step(("split", str(labels), "-o", str(split)), (labels,), (split,)),
+        ]
+        for home, (labels, split) in made.items()
+    }
+    bad = Step(("check", str(tmp_path / "none.toml")), (), (tmp_path / "x",))
+    assert Runner(tmp_path, cluster.execute).run(steps["t"], cluster.slots) == 2
+    with pytest.raises(StepFailed) as failed:
+        cluster.execute(bad)
+    assert failed.value.exit_code == 1
+    assert "none.toml: no such file" in capsys.readouterr().err
+    for step in steps["h"]:
+        step.writes[0].parent.mkdir(exist_ok=True)
+        assert cli.main(list(step.line)) == 0
+    assert [path.read_bytes() for path in made["t"]] == [path.read_bytes() for path in made["h"]]
+
+
+def test_a_node_that_is_killed_on_the_way_costs_time_and_nothing_else(nodes, cluster, dives, tmp_path):
+    """The last of this module: the second node is gone afterwards."""
     marks = f"*.{two.SECOND}.begun"
 
     def kill() -> None:
@@ -222,13 +222,10 @@ def test_a_node_that_is_killed_on_the_way_costs_time_and_nothing_else(nodes, div
             time.sleep(0.05)
         nodes.kill(two.SECOND)
 
-    nodes.wait()
     killer = threading.Thread(target=kill, daemon=True)
-    with Cluster(nodes.address) as cluster:
-        cluster.prepare()
-        killer.start()
-        sources = [partitions.place(dives, name) for name in NAMES]
-        on = list(cluster.each(slow_copy, [(source, tmp_path) for source in sources]))
+    killer.start()
+    sources = [partitions.place(dives, name) for name in NAMES]
+    on = list(cluster.each(slow_copy, [(source, tmp_path) for source in sources]))
     killer.join()
     assert list(tmp_path.glob(marks)), "it had begun there"
     assert on.count(two.HEAD) >= 3

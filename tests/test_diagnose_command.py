@@ -263,8 +263,8 @@ def test_diagnose_prints_the_headline_first_and_stores_it(tmp_path: Path, capsys
     assert max(len(one) for one in told if not one.startswith(commands)) <= 80
     text = " ".join(told)
     assert "flows toward 323° (NW)" in text
-    assert "1. Thruster gain: certain, more than 98 %." in text
-    assert "3. New values of quadratic damping: certain, more than 98 %." in text
+    assert "1. Thruster gain: very likely, more than 98 %." in text
+    assert "3. New values of quadratic damping: very likely, more than 98 %." in text
     assert "Yaw drag is 1.3 times the file's value" in text
     assert "need not sum to 100 %" in text
     assert "Look up an effect: hydro effects thruster_gain" in told

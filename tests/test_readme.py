@@ -1,6 +1,6 @@
 """What README.md and docs/api.md tell a newcomer to type exists and runs.
 
-Checked are commands, options, targets, files and functions.
+Checked are commands, options, targets, files and functions.  The longest example runs in `test_docs_api`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from hydro import cli
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "datasets").glob("*.md")])
 README = (ROOT / "README.md").read_text()
-PYTHON = README + (ROOT / "docs" / "api.md").read_text()
+API = (ROOT / "docs" / "api.md").read_text()
+PYTHON = README + API
 """Pages whose Python examples run one after the other."""
 SCREENS = 6
 """Length of the report on a phone, in screens."""
@@ -92,10 +93,11 @@ def shorter(snippets: str) -> str:
 
 
 def snippets() -> tuple[str, str]:
-    """Return all shell of the README and all Python of both pages, each pasted one after the other."""
+    """Return all shell of the README, and the Python of both pages that no other test runs."""
+    other = API.split("\n## Results\n")[1]
     outside = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
     shell = "".join(f"{line}\n" for line in re.findall(r"^ {4}(\s*\S.*)$", outside, re.MULTILINE))
-    python = "\n".join(re.findall(r"```python\n(.*?)```", PYTHON, re.DOTALL))
+    python = "\n".join(re.findall(r"```python\n(.*?)```", README + other, re.DOTALL))
     return shell, python
 
 

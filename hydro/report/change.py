@@ -62,14 +62,15 @@ def learnt(before: Mapping[str, Any]) -> str:
     Args:
         before: Entry of the recording before in the parameters of a table.
     """
-    model = "with the hull-force model, on data that it was not fitted to"
+    model = "with the hull-force model, on stretches left out of its fit"
     if "network" in before:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"
     return (
-        f"Before the change ({before['recording']}), the squared error of short predictions is "
-        f"{before['given']:.3g} times that of noise alone with the file, and {before['left']:.3g} times "
-        f"{model}. A change that causes less error than this remains invisible."
+        f"On the earlier recording ({before['recording']}), the squared error of short predictions is "
+        f"{words.figure(before['given'])} times that of noise with the file alone, and "
+        f"{words.figure(before['left'])} times {model}. A change that adds less than this second error "
+        "cannot be found."
     )
 
 
@@ -91,8 +92,8 @@ def left(chi2: tuple[float, ...]) -> str:
     """
     found = f", and {chi2[-1]:.3g} times with the findings added" if chi2[-1] != chi2[0] else ""
     return (
-        f"After the change, the squared error is {chi2[0]:.3g} times that remaining error{found}; 1 means "
-        "that nothing else has changed."
+        f"On the recording after the change, the squared error with this model is {chi2[0]:.3g} times that "
+        f"before the change{found}; 1 means that nothing else has changed."
     )
 
 
@@ -103,30 +104,30 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
         comparison: Comparison table.
 
     Returns:
-        `axis`; errors of the file alone, before and after; errors with the hull-force model, before (`floor`)
-        and `after`; and `times`, the ratio of the last two.
+        `axis`; errors of the file alone, before and after; errors with the hull-force model, before and
+        after; and `ratio`, that of the last two.
     """
     rows = comparison.filter(level=LEVEL)
     table = rows.filter(pl.col("axis") != FLOOR).select("axis", "unit").unique(maintain_order=True)
     columns = {
         "file before": (ALONE, BEFORE),
         "file after": (ALONE, AFTER),
-        "floor": (BESIDE, BEFORE),
-        "after": (BESIDE, AFTER),
+        "model before": (BESIDE, BEFORE),
+        "model after": (BESIDE, AFTER),
     }
     for name, (by, place) in columns.items():
         told = rows.filter(by=by, place=place).select("axis", pl.col("rmse").alias(name))
         table = table.join(told, on="axis", how="left", maintain_order="left")
-    times = pl.col("after") / pl.col("floor")
+    ratio = pl.col("model after") / pl.col("model before")
     order = pl.col("axis").replace_strict({name: i for i, name in enumerate((*POSE, *VELOCITY))}, default=99)
-    return table.sort(order).select("axis", *columns, times.alias("times"), "unit")
+    return table.sort(order).select("axis", *columns, ratio.alias("ratio"), "unit")
 
 
 def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
     """Yield these errors as a table for a terminal, one row per axis."""
     shown = errors(comparison)
     seconds = comparison.filter(level=LEVEL)["horizon"][0]
-    columns = ("file before", "file after", "floor", "after", "times")
+    columns = ("file before", "file after", "model before", "model after", "ratio")
     yield from table(
         [f"Error {seconds:.2g} s ahead", *columns],
         (
@@ -134,7 +135,7 @@ def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
             for row in shown.iter_rows(named=True)
         ),
     )
-    yield Text("floor and after: with the hull-force model; times: after / floor.")
+    yield Text("model: the file with the hull-force model; ratio: model after / model before.")
 
 
 def fall(ladder: pl.DataFrame) -> Iterator[str]:

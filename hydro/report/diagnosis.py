@@ -45,6 +45,8 @@ MORE = "{count}, not shown: add --details."
 """Note on findings that do not fit on the screen."""
 SHARES = "Shares are of the squared error above the noise, and need not sum to 100 %."
 """Note on the shares of findings."""
+SURENESS = "very likely, likely, possible: probability that the name is right; ±: standard error."
+"""Note on the confidence and the standard errors of findings."""
 UNCONFIRMED = "Unconfirmed: the confidence in the name is below 90 %."
 """Note on findings whose title says so."""
 DIAGNOSE_ONLY = ("--discover", "--correct-thrusters", "--known")
@@ -111,7 +113,8 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    notes = [Text(SHARES)] * has_shares(rows) + [Text(UNCONFIRMED)] * has_unconfirmed(rows)
+    notes = [Text(SURENESS)] * any(sureness(row) for row in rows)
+    notes += [Text(SHARES)] * has_shares(rows) + [Text(UNCONFIRMED)] * has_unconfirmed(rows)
     notes += look_up([row["effect"] for row in rows])
     tail = [EMPTY, *notes] if notes else []
     tail += [EMPTY, Text(about.learned)] if about.learned else []
@@ -189,7 +192,15 @@ def errors(known: Prediction) -> Iterator[Text]:
     )
     if after:
         helps = " This does not lower the error, so hydro add refuses it." if known.refuted else ""
-        yield Text(f"after: findings added to the file; errors on stretches that the fits left out.{helps}")
+        yield Text(f"after: with the findings, on stretches left out of fits{_above(known)}.{helps}")
+
+
+def _above(known: Prediction) -> str:
+    """Return the remaining error in noise floors, as a clause; empty without a noise floor."""
+    if not known.floor:
+        return ""
+    times = known.added / known.floor
+    return "; at the noise floor" if times <= words.AT_FLOOR else f"; {words.figure(times)} times the floor"
 
 
 def _columns(after: bool, floor: bool) -> list[int]:

@@ -38,9 +38,13 @@ GLOSSARY = (
         "95 % interval",
         "range of the figure in 95 of 100 recordings resampled from blocks of this one",
     ),
+    (
+        "hull-force model",
+        "force of the water that the file lacks, fitted to the recording from before the change",
+    ),
     ("confidence", "estimated probability that the effect has the right name"),
     ("unconfirmed", "with a confidence below 90 %"),
     ("p-value", "probability that chance alone gives as large a share"),
-    ("standard error, ±", "standard deviation of a fitted value due to noise"),
+    ("standard error, ±", "standard deviation of a fitted value due to noise and to errors of the model"),
 )
 """Term and meaning."""

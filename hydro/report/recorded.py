@@ -67,5 +67,5 @@ def _listed(sources: Sources) -> pl.DataFrame:
 def _noise(sources: Sources) -> Iterator[tuple[str, str, str]]:
     """Yield each channel, its noise and its unit."""
     for row in _of_recording(sources).filter(by="all").iter_rows(named=True):
-        size = words.figure(row["rmse"], 2) if row["rmse"] > LEAST_NOISE else "none found"
+        size = words.figure(row["rmse"], 2) if row["rmse"] > LEAST_NOISE else f"< {LEAST_NOISE:g}"
         yield row["axis"], size, row["unit"]

@@ -18,9 +18,6 @@ from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
 
-AT_FLOOR = 1.05
-"""Ratio of an error to the noise floor up to which the floor is reached: both are estimates."""
-
 BY_COMMAND = {
     ADD: ", with `hydro add`",
     EXPLAIN: ", with `hydro explain`",
@@ -63,8 +60,8 @@ class Standing:
 
     @property
     def at_floor(self) -> bool:
-        """Whether the error is that of the noise, to within AT_FLOOR."""
-        return self.after is not None and self.after <= AT_FLOOR * self.noise
+        """Whether the error is that of the noise, to within `words.AT_FLOOR`."""
+        return self.after is not None and self.after <= words.AT_FLOOR * self.noise
 
 
 def chosen_step(sources: Sources) -> int | None:
@@ -193,11 +190,17 @@ def next_step(sources: Sources) -> str:
 
 
 def noise_line(sources: Sources) -> str:
-    """Return a sentence on the noise floor; empty without a comparison."""
+    """Return sentences on the noise floor and the error above it; empty without a comparison."""
     found = standings(sources)
     if not found:
         return ""
-    return f"The noise floor is {words.figure(found[0].noise, 2)} {found[0].unit}."
+    floor = f"The noise floor is {words.figure(found[0].noise, 2)} {found[0].unit}."
+    last = found[-1]
+    if last.after is None or last.at_floor:
+        return floor
+    if sources.ladder is not None and of_change(sources.ladder):
+        return f"{floor} The rest of the error is water force that the file lacked before the change too."
+    return f"{floor} The rest of the error is force that no added effect describes."
 
 
 def added_effects(sources: Sources) -> list[str]:

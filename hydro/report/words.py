@@ -43,10 +43,13 @@ OF_CHANGE = {
     "suspect": ("Unconfirmed", "The {effect} may have changed; the confidence is below 90 %."),
     "nothing_missing": (
         "No change found",
-        "No change exceeds the error of the hull-force model.",
+        "No change stands out from the error of the hull-force model.",
     ),
 }
 """Labels and sentences that differ for changes since an earlier recording."""
+
+AT_FLOOR = 1.05
+"""Ratio of an error to the noise floor up to which the floor is reached: both are estimates."""
 
 DATASETS = {"fit": "the recording", "holdout": "held-out data"}
 """Names of the data sets of a ladder."""

@@ -104,7 +104,7 @@ def test_an_answer_on_a_wide_terminal_fits_one_screen(found):
 
 def test_a_finding_has_its_confidence_share_rivals_and_one_command():
     text = answer([missing("thruster_gain", members=("thruster_gain", "payload"))])
-    assert "Thruster gain: certain, 97 %." in text
+    assert "Thruster gain: very likely, 97 %." in text
     told = " ".join(text.split())
     assert "Without it 60 % (50 to 70 %) of the squared error returns; payload fits as well." in told
     (following,) = pasted_from(text)

@@ -160,7 +160,7 @@ def test_a_simulated_path_is_broken_at_each_restart() -> None:
 def test_a_finding_has_its_confidence(page: dict[str, str]) -> None:
     told = page["findings"]
     assert "Without it 41 % (33 to 52 %) of the squared error returns; tether fits as well." in told
-    assert "(certain, 93 %)" in told
+    assert "(very likely, 93 %)" in told
     assert "Probability of such a share by chance: 0.0005." in told
     assert "v_N 0.260 ± 0.012 m/s" in told
     assert "Nothing missing Noise explains the remaining error." in told

@@ -90,7 +90,7 @@ def test_the_page_describes_the_recording():
     page = render(Sources(comparisons=(Named("one.parquet", made),)))
     text = " ".join(re.sub(r"<[^>]*>", " ", page.partition("<script>")[0]).split())
     assert "dive 7 1.50 10.0" in text
-    assert "u 0.012 m/s v none found m/s" in text
+    assert "u 0.012 m/s v &lt; 0.0001 m/s" in text
 
 
 def test_a_card_does_not_repeat_the_next_step(sources):

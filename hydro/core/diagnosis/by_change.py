@@ -163,8 +163,8 @@ class ByChange:
             dt = self.log.record.dt
             found += [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
         words = (
-            f"no {'further ' * self.further}change exceeds the error of the hull-force model: the mean "
-            f"squared residual is {given:.3g} times that of the model on the earlier recording"
+            f"no {'further ' * self.further}change stands out from the error of the hull-force model: the "
+            f"squared error is {given:.3g} times that before the change, and no effect clearly lowers it"
         )
         return found or [Finding("nothing_missing", advice=words)]
 

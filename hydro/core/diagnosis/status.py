@@ -58,7 +58,9 @@ def status(
         return Status("fault", "Nothing else was examined", tuple(faults))
     if changed:
         return Status(
-            "nothing", "Nothing has changed", ("No change exceeds the error of the hull model.", *faults)
+            "nothing",
+            "Nothing has changed",
+            ("No change stands out from the error of the hull-force model.", *faults),
         )
     noise = "The model predicts this log to within its noise."
     return Status("nothing", "Nothing is missing", (noise, *faults))
@@ -78,7 +80,7 @@ def in_words(confidence: float) -> str:
     """Return a confidence in words and percent; a formula, which has none, is possible."""
     if np.isnan(confidence):
         return "possible"
-    word = "certain" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
+    word = "very likely" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
     return f"{word}, {percent(confidence)}"
 
 

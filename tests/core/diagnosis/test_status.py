@@ -95,8 +95,8 @@ def test_the_headline_says_that_findings_do_not_lower_the_error(added):
 
 
 def test_confidence_in_words():
-    assert in_words(1.0) == "certain, more than 98 %"
-    assert in_words(0.97) == "certain, 97 %"
+    assert in_words(1.0) == "very likely, more than 98 %"
+    assert in_words(0.97) == "very likely, 97 %"
     assert in_words(SURE - 0.01) == "likely, 89 %"
     assert in_words(LIKELY - 0.01) == "possible, 59 %"
     assert in_words(0.0) == "possible, less than 1 %"
