@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
-from scipy.linalg import pinvh
+import scipy
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.effects.inertia import ADDED_MASS
@@ -315,7 +315,8 @@ class _Axis:
         whole = self.design(pushed)
         y, columns = self.filtered(self.left), self.filtered(whole)
         gram = columns.T @ columns
-        inverse = pinvh(gram + np.eye(len(gram)))  # of noise-free columns the priors vanish in rounding
+        # Of noise-free columns the priors vanish in rounding, so that the sum may be singular.
+        inverse = scipy.linalg.pinvh(gram + np.eye(len(gram)))
         beta = inverse @ (columns.T @ y)
         freedom = float((inverse * gram).sum())
         return self.left - whole @ beta, freedom

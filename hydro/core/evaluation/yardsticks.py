@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from scipy.optimize import nnls
+import scipy
 
 from hydro.core.columns import VELOCITY, Array, Rows
 from hydro.core.evaluation.misfit import Misfit
@@ -381,7 +381,7 @@ def _bounded(columns: Array, change: Array) -> tuple[float, Array]:
     ridge = np.diag(np.where(np.arange(len(size)) < PLAIN, 0.0, np.sqrt(RIDGE)))
     basis, triangle = np.linalg.qr(np.vstack([columns / size, ridge]))
     inside = basis.T @ np.concatenate([change, np.zeros(len(size))])
-    scaled, left = nnls(triangle, inside)
+    scaled, left = scipy.optimize.nnls(triangle, inside)
     return float(left**2 - inside @ inside), scaled / size
 
 
