@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations, product
 
 import numpy as np
@@ -244,6 +245,7 @@ def _cost(axes: Sequence[_Axis], pushed: Array) -> float:
 def _current(terms: _Terms, axes: Sequence[_Axis], pushed: Array) -> tuple[float, float]:
     """Search, from still water, for the most probable current north and east [m/s]."""
 
+    @cache  # a step back leads to a current that was tried
     def cost(current: tuple[float, float]) -> float:
         prior = (current[0] ** 2 + current[1] ** 2) / FLOW**2
         return prior + _cost(terms.axes(current, axes, HORIZONTAL), pushed)

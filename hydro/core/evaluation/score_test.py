@@ -174,5 +174,7 @@ def _forms(
     held = np.linalg.solve(inner, mixed.reshape(len(signs) * len(group), own).T).T.reshape(mixed.shape)
     each = spread - mixed @ held.transpose(0, 2, 1)
     each += FLOOR * np.trace(spread) / len(group) * np.eye(len(group))
-    form = np.einsum("fi,fi->f", flipped, np.linalg.solve(each, flipped[..., None])[..., 0])
-    return np.asarray(np.maximum(form, 0.0))
+    # LAPACK takes far longer than a division for a system of one equation, and most groups have one column
+    alone = len(group) == 1
+    amounts = flipped / each[..., 0] if alone else np.linalg.solve(each, flipped[..., None])[..., 0]
+    return np.asarray(np.maximum(np.einsum("fi,fi->f", flipped, amounts), 0.0))
