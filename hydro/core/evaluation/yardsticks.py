@@ -193,9 +193,9 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
         own = np.stack([-nu, -np.abs(nu) * nu], axis=1) * damping
         force = np.zeros(record.rows) if thrust is None else thrust
         windows = _over_windows(np.column_stack([own, force, steady, -steady, cross, -cross, nu]), record)
-        change = windows[:, -1] - _over_windows(np.column_stack([known, nu]), record)[:, 0]
-        values = _bounded(windows[:, :-1], change)[1]
-        return float(((change - windows[:, :-1] @ values) ** 2).sum())
+        windows[:, -1] -= _over_windows(np.column_stack([known, nu]), record)[:, 0]
+        values = _bounded(windows)[1]
+        return float(((windows @ np.append(values, -1.0)) ** 2).sum())
 
     nothing, none = np.zeros(record.rows), np.zeros((record.rows, 0))
     with_others = ", ".join(VELOCITY[j] for j in np.flatnonzero(fit.cross)) if fit.cross else ""
@@ -390,7 +390,7 @@ def _bounded(windows: Array) -> tuple[float, Array]:
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     ridge = np.diag(np.where(np.arange(len(size)) < PLAIN, 0.0, np.sqrt(RIDGE)))
     whole = np.block([[columns / size, change], [ridge, np.zeros((len(size), 1))]])
-    triangle = np.linalg.qr(whole, mode="r")[: len(size)]
+    triangle = _triangle(whole)[: len(size)]
     inside = triangle[:, -1]
     scaled, left = scipy.optimize.nnls(triangle[:, :-1], inside)
     return float(left**2 - inside @ inside), scaled / size
