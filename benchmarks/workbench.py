@@ -157,8 +157,10 @@ def served(*files: str) -> Iterator[tuple[int, str, float]]:
 
 
 def _family(process: int) -> list[int]:
-    """Return a process and its children."""
-    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    """Return a process and its children, by whichever thread they were started."""
+    children = [
+        child for one in Path(f"/proc/{process}/task").glob("*/children") for child in one.read_text().split()
+    ]
     return [process, *(one for child in children for one in _family(int(child)))]
 
 
