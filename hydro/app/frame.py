@@ -46,7 +46,7 @@ class Frame:
 
     Attributes:
         steps: Place of the steps.
-        what: Label for the vehicle and the recording.
+        title: Label for the vehicle and the recording.
         busy: Place of the progress of work.
         error: Place of the error of the vehicle on the page.
         history: Place of the buttons for undo and redo.
@@ -62,7 +62,7 @@ class Frame:
                 with ui.element("div") as self.steps, ui.element("nav").classes("steps"):
                     for number, title in enumerate(STEPS, 1):
                         ui.button(f"{number} {title}", color=None).props("flat dense no-caps disable")
-                self.what = ui.label().classes("what")
+                self.title = ui.label().classes("what")
                 with ui.element("div") as self.busy:
                     ui.label(LOADING).classes("busy")
                 self.error = ui.html("", sanitize=False).classes("error").mark("error")

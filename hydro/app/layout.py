@@ -109,7 +109,7 @@ class Layout:
     def _head(self) -> None:
         session, bench = self.bench.session, self.bench
         if session.opened is not None:
-            self.frame.what.set_text(f"{session.present.name} · {session.opened.name}")
+            self.frame.title.set_text(f"{session.present.name} · {session.opened.name}")
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
         self.refresh_error()
