@@ -8,7 +8,8 @@ COPY . .
 RUN pip install --no-cache-dir build && python -m build --wheel --outdir /wheels
 
 FROM python:3.11-slim
-# One of these serves the networks of `hydro demo` too: [learn]; the default needs a quarter of the space.
+# Extras of the distribution. `--build-arg EXTRAS=logs,learn` adds torch, which trains the networks of the second part of
+# `hydro demo`; without it the image needs a quarter of the space.
 ARG EXTRAS=logs
 COPY --from=build /wheels /wheels
 RUN pip install --no-cache-dir "$(ls /wheels/*.whl)[$EXTRAS]" && rm -r /wheels \

@@ -34,6 +34,8 @@ SESSIONS = 10
 """Number of sessions of 60 s."""
 TICK = os.sysconf("SC_CLK_TCK")
 READY = "workbench at "
+DRAWN = "Number(document.body.dataset.drawn || 0)"
+"""Number of times that the page has drawn its curves, in JavaScript."""
 REPEATS = 15
 """Number of computations that are timed."""
 Row = dict[str, str]
@@ -107,7 +109,9 @@ def shown(path: Path, moves: int) -> list[Row]:
         begun = time.perf_counter()
         tab.visit(link, "document.querySelector('.bench') !== null")
         first, loaded = time.perf_counter() - begun, _processor(server)
-        tab.wait("Number(document.body.dataset.drawn || 0) >= 2")
+        tab.wait(f"{DRAWN} >= 1")
+        drawn, filled = time.perf_counter() - begun, sum(_processor(one) for one in _family(server))
+        tab.wait(f"{DRAWN} >= 2")
         tab.press("4")
         tab.wait("document.querySelector('input[data-slide]') !== null")
         used = _processor(server) + _processor(os.getpid(), children=True)
@@ -125,6 +129,7 @@ def shown(path: Path, moves: int) -> list[Row]:
     return [
         _row("slider to redraw in the browser, median", used / moves, median(delays[1:]) / 1000.0),
         _row("command to first page (processor time: server)", loaded, started + first),
+        _row("command to first curves (processor time: server and worker)", filled, started + drawn),
         {
             "quantity": "peak memory of server and worker",
             "processor time": "",
@@ -152,8 +157,10 @@ def served(*files: str) -> Iterator[tuple[int, str, float]]:
 
 
 def _family(process: int) -> list[int]:
-    """Return a process and its children."""
-    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    """Return a process and its children, by whichever thread they were started."""
+    children = [
+        child for one in Path(f"/proc/{process}/task").glob("*/children") for child in one.read_text().split()
+    ]
     return [process, *(one for child in children for one in _family(int(child)))]
 
 

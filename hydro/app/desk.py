@@ -75,6 +75,7 @@ class Desk:
         uploaded: Files that the page has uploaded, by every tab.
         worker: Maker of the worker of a tab.
         tabs: Tabs by name, the one that was used last at the end.
+        spare: Worker that has been started for the next new tab; None without one.
     """
 
     places: Places
@@ -85,6 +86,12 @@ class Desk:
     uploaded: list[str] = field(default_factory=list)
     worker: Callable[[], Worker] = Worker
     tabs: dict[str, Tab] = field(default_factory=dict)
+    spare: Worker | None = None
+
+    def prepare(self) -> None:
+        """Start the worker of the first tab, which loads its libraries while the browser opens the page."""
+        self.spare = self.worker()
+        self.spare.start()
 
     def tab(self, name: str) -> Tab:
         """Return a tab by its name, or a new one with the files of the command line."""
@@ -92,7 +99,8 @@ class Desk:
 
         if (found := self.tabs.pop(name, None)) is None:
             choice = Choice(self.vehicle, tuple(self.logs), self.map)
-            found = Tab(secrets.token_urlsafe(6), choice, Session(), self.worker())
+            worker, self.spare = self.spare or self.worker(), None
+            found = Tab(secrets.token_urlsafe(6), choice, Session(), worker)
         self.tabs[found.name] = found
         while len(self.tabs) > MOST_TABS:
             oldest = next(iter(self.tabs))
@@ -101,6 +109,7 @@ class Desk:
 
     def close(self) -> None:
         """End the worker processes and remove the uploads."""
-        for tab in self.tabs.values():
-            tab.worker.close()
+        for worker in (self.spare, *(tab.worker for tab in self.tabs.values())):
+            if worker is not None:
+                worker.close()
         self.places.close()

@@ -1,4 +1,4 @@
-"""Parts of the page: top bar, panel of the present step, track, ladder and curves."""
+"""Parts of the page of a tab: steps, progress, undo, panel, error and ladder, in the places of the frame."""
 
 from __future__ import annotations
 
@@ -10,77 +10,36 @@ from nicegui import events, ui
 
 from hydro.app import panel_compare, panel_keep, panel_learn, panel_load, panel_tune
 from hydro.app.bench import Bench
+from hydro.app.frame import STEPS, Frame
 from hydro.report import words
 
-STEPS = (
-    ("Load", panel_load.show),
-    ("Compare", panel_compare.show),
-    ("Learn", panel_learn.show),
-    ("Add and tune", panel_tune.show),
-    ("Keep", panel_keep.show),
-)
-"""Title and panel of each step."""
-PRIMARY = "#1769aa"
-"""Colour of buttons and of predicted curves."""
+PANELS = (panel_load.show, panel_compare.show, panel_learn.show, panel_tune.show, panel_keep.show)
+"""Panel of each step."""
 REFRESH = 0.4
 """Interval at which the progress of work is shown [s]."""
-MAIN = """
-<div class="upper">
-  <div class="trackbox">
-    <canvas id="track" tabindex="0" aria-label="track of the vehicle"></canvas>
-    <div class="playback">
-      <button id="play" title="play or pause (space)">▶</button>
-      <input id="seek" type="range" min="0" max="1" step="0.05" value="0" aria-label="time">
-      <select id="speed" aria-label="speed">
-        <option value="0.5">0.5 x</option><option value="1" selected>1 x</option>
-        <option value="4">4 x</option><option value="16">16 x</option>
-      </select>
-      <span id="clock"></span>
-    </div>
-  </div>
-  <div class="ladder" id="ladder"></div>
-</div>
-<div class="legend"><span><i style="color:#39424e"></i>measured</span>
-    <span><i style="color:#1769aa"></i>predicted</span><span><i class="band"></i>noise floor</span>
-    <span>drag to zoom, double-click for all; space plays, arrows step</span></div>
-<div class="plotbox">
-  <div id="curves"></div>
-  <canvas id="overlay"></canvas>
-  <div class="cursor" id="cursor0"></div>
-  <div class="cursor" id="cursor1"></div>
-  <div class="cursor" id="cursor2"></div>
-</div>
-"""
 
 
 class Layout:
     """The parts of the page of one tab."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, frame: Frame) -> None:
         """Connect the page's events with the actions of the tab."""
-        self.bench = bench
+        self.bench, self.frame = bench, frame
         bench.refresh = self.refresh
         bench.refresh_error = self.refresh_error
 
-    def lay_out(self) -> None:
-        """Make all elements."""
-        ui.colors(primary=PRIMARY)
-        with ui.element("div").classes("bench"):
-            with ui.element("header").classes("top"):
-                ui.label("hydro").classes("brand")
-                self._steps()
-                self.what = ui.label().classes("what")
-                self._busy()
-                self.error = ui.html("", sanitize=False).classes("error").mark("error")
-                self.undo = ui.button(icon="undo", on_click=lambda: self._undo("undo")).props(
-                    "flat dense round size=sm aria-label=undo"
-                )
-                self.redo = ui.button(icon="redo", on_click=lambda: self._undo("redo")).props(
-                    "flat dense round size=sm aria-label=redo"
-                )
-            with ui.element("aside").classes("panel"):
-                self._panel()
-            ui.html(MAIN, sanitize=False).classes("main")
+    def fill(self) -> None:
+        """Make the elements in the places of the frame."""
+        frame = self.frame
+        for place, show in (
+            (frame.steps, self._steps),
+            (frame.busy, self._busy),
+            (frame.history, self._history),
+            (frame.panel, self._panel),
+        ):
+            place.clear()
+            with place:
+                show()
         for name, handler in (
             ("window", self._window),
             ("slide", self._slide),
@@ -107,21 +66,28 @@ class Layout:
 
     def refresh_error(self) -> None:
         """Show the error of the vehicle on the page."""
-        self.error.set_content(_error(self.bench))
+        self.frame.error.set_content(_error(self.bench))
 
     @ui.refreshable_method
     def _steps(self) -> None:
         with ui.element("nav").classes("steps"):
-            for number, (title, _) in enumerate(STEPS, 1):
+            for number, title in enumerate(STEPS, 1):
                 here = "here" if number == self.bench.tab.step else ""
                 ui.button(f"{number} {title}", on_click=lambda n=number: self._show(n), color=None).props(
                     "flat dense no-caps"
                 ).classes(here)
 
+    def _history(self) -> None:
+        self.undo, self.redo = (
+            ui.button(icon=way, on_click=lambda w=way: self._undo(w)).props(
+                f"flat dense round size=sm aria-label={way}"
+            )
+            for way in ("undo", "redo")
+        )
+
     @ui.refreshable_method
     def _panel(self) -> None:
-        _, show = STEPS[self.bench.tab.step - 1]
-        show(self.bench)
+        PANELS[self.bench.tab.step - 1](self.bench)
 
     @ui.refreshable_method
     def _busy(self) -> None:
@@ -143,7 +109,7 @@ class Layout:
     def _head(self) -> None:
         session, bench = self.bench.session, self.bench
         if session.opened is not None:
-            self.what.set_text(f"{session.present.name} · {session.opened.name}")
+            self.frame.title.set_text(f"{session.present.name} · {session.opened.name}")
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
         self.refresh_error()

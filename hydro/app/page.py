@@ -1,4 +1,4 @@
-"""The page: it appears at once, and is filled as soon as the libraries of the physics are loaded."""
+"""The page: its frame appears at once, and is filled as soon as the libraries of the physics are loaded."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from importlib import import_module
 from nicegui import ui
 
 from hydro.app.desk import Desk
+from hydro.app.frame import Frame
 
 STATIC = "/static"
 """Address of the page's script and style."""
@@ -17,7 +18,6 @@ PARTS = "hydro.app.layout"
 """Module of the parts of the page, which loads numba, scipy and the physics."""
 HEAD = """
 <link rel="stylesheet" href="{0}/workbench.css?{1}">
-<script src="/plotly.min.js"></script>
 <script src="{0}/workbench.js?{1}"></script>
 """
 
@@ -34,15 +34,14 @@ def build(desk: Desk, version: str) -> None:
     async def index(tab: str = "") -> None:
         """Show a tab: the one that the address names, or a new one."""
         ui.add_head_html(HEAD.format(STATIC, version))
-        waiting = ui.label("loading …").classes("loading")
+        frame = Frame()
         await ui.context.client.connected(timeout=PATIENCE)
         await asyncio.to_thread(import_module, PARTS)
         from hydro.app.bench import Bench
         from hydro.app.layout import Layout
 
         bench = Bench(desk, desk.tab(tab))
-        waiting.delete()
-        Layout(bench).lay_out()
+        Layout(bench, frame).fill()
         ui.run_javascript(f"history.replaceState(null, '', '/?tab={bench.tab.name}'); workbench.listen()")
         await bench.start()
 

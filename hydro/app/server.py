@@ -5,10 +5,8 @@ from __future__ import annotations
 import ipaddress
 import secrets
 import socket
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -146,7 +144,6 @@ def application(desk: Desk, address: Address) -> Guard:
         tailwind=False,
         show_welcome_message=False,
     )
-    threading.Thread(target=import_module, args=(page.PARTS,), daemon=True).start()
     return Guard(inner, address.token, address.hosts, desk.largest + SLACK)
 
 
@@ -162,11 +159,12 @@ def serve(desk: Desk, address: Address, listening: socket.socket, ready: Callabl
     import uvicorn
 
     class Server(uvicorn.Server):
-        """Server that calls `ready` once it answers."""
+        """Server that prepares the work, and calls `ready`, once it answers."""
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-            """Start, and call `ready`."""
+            """Start the server and the worker of the first tab, and call `ready`."""
             await super().startup(sockets)
+            desk.prepare()
             ready()
 
     config = uvicorn.Config(

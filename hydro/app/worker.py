@@ -10,6 +10,7 @@ import multiprocessing
 import signal
 import threading
 from collections.abc import Callable
+from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -17,6 +18,8 @@ from hydro.core.errors import DataError, HydroError
 
 Report = Callable[[str, Any], None]
 """Called with the kind of a message, `progress` or `provisional`, and its content."""
+WORK = "hydro.app.jobs"
+"""Module of the work, with all its libraries."""
 PATIENCE = 5.0
 """Time that a cancelled process has to end before it is killed [s]."""
 
@@ -34,6 +37,10 @@ class Worker:
         self._process: Any = None
         self._pipe: Connection | None = None
         self._cancelled = False
+
+    def start(self) -> None:
+        """Start the process ahead of its first work, so that the libraries are loaded by then."""
+        self._started(WORK)
 
     def run(self, work: Callable[..., Any], *arguments: Any, report: Report | None = None) -> Any:
         """Run a function of a module in the process, and wait for its result.
@@ -77,12 +84,12 @@ class Worker:
         """End the process."""
         self._end()
 
-    def _started(self) -> Connection:
+    def _started(self, module: str = __name__) -> Connection:
         with self._ends:
             if self._pipe is None:
                 context = multiprocessing.get_context("spawn")
                 self._pipe, other = context.Pipe()
-                self._process = context.Process(target=serve, args=(other,), daemon=True)
+                self._process = context.Process(target=serve, args=(other, module), daemon=True)
                 self._process.start()
                 other.close()
             return self._pipe
@@ -99,9 +106,10 @@ class Worker:
             pipe.close()
 
 
-def serve(pipe: Connection) -> None:
-    """Run functions as they come through a pipe, until its other end closes."""
+def serve(pipe: Connection, module: str) -> None:
+    """Load a module, and run functions as they come through a pipe, until its other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
+    import_module(module)
     while True:
         try:
             work, arguments = pipe.recv()

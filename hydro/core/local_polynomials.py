@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.ndimage import convolve1d
+import scipy
 
 from hydro.core.columns import Array
 
@@ -46,7 +46,7 @@ def savitzky_golay(values: Array, width: int, degree: int, *, deriv: int = 0, dt
     Returns:
         The smoothed samples, in the shape of `values`.
     """
-    out = convolve1d(
+    out = scipy.ndimage.convolve1d(
         values, savitzky_golay_weights(width, degree, deriv=deriv, dt=dt), axis=0, mode="constant"
     )
     half = width // 2

@@ -16,7 +16,7 @@ from msgspec import structs
 
 from hydro.core.errors import DataError
 from hydro.io import file_kind, parquet, partitions, provenance, schema, vehicle
-from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
+from hydro.io.files import Source, name_of, read_bytes, shown, whole_file, write_bytes
 from hydro.io.partitions import Dataset, Part
 from hydro.io.provenance import Input, Provenance
 
@@ -204,7 +204,13 @@ def write(artefact: Artefact, destination: Source) -> None:
         BrokenPipeError: The reader of the stream has closed.
     """
     schema.suited(artefact.kind, artefact.frame).check(artefact.frame, name_of(destination, "stdout"))
-    write_bytes(_encode(artefact), destination)
+    if isinstance(destination, str | Path):
+        with whole_file(destination) as stream:
+            _encode(artefact, stream)
+    else:
+        sink = pa.BufferOutputStream()
+        _encode(artefact, sink)
+        write_bytes(memoryview(sink.getvalue()), destination)
 
 
 def write_all(parts: Mapping[Path, Artefact]) -> None:
@@ -230,15 +236,13 @@ def write_all(parts: Mapping[Path, Artefact]) -> None:
         raise
 
 
-def _encode(artefact: Artefact) -> memoryview:
-    """Return the Parquet bytes of an artefact, independent of the chunks of its frame."""
+def _encode(artefact: Artefact, sink: Any) -> None:
+    """Write the Parquet bytes of an artefact, independent of the chunks of its frame, to a file or buffer."""
     arrow = artefact.frame.rechunk().to_arrow(compat_level=pl.CompatLevel.oldest())
     texts = [name for name, dtype in artefact.frame.schema.items() if dtype == pl.String]
-    sink = pa.BufferOutputStream()
     writer = pq.ParquetWriter(
         sink, arrow.schema, compression="zstd", compression_level=1, use_dictionary=texts
     )
     with writer:
         writer.write_table(arrow, row_group_size=ROWS_PER_GROUP)
         writer.add_key_value_metadata({provenance.FOOTER_KEY: artefact.provenance.to_json()})
-    return memoryview(sink.getvalue())

@@ -1,12 +1,17 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from hydro.app.desk import Desk
+from hydro.app.places import Places
 from hydro.app.worker import Cancelled, Report, Worker
 from hydro.core.errors import DataError
 
@@ -52,3 +57,45 @@ def test_work_reports_progress_fails_in_one_line_and_is_cancelled() -> None:
         assert time.monotonic() - begun < 30.0
     finally:
         worker.close()
+
+
+class Noted(Worker):
+    """Worker that notes what is asked of it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started = self.closed = False
+
+    def start(self) -> None:
+        self.started = True
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_the_first_tab_takes_the_worker_that_was_started_ahead(tmp_path: Path) -> None:
+    desk = Desk(Places.of([tmp_path]), worker=Noted)
+    desk.prepare()
+    ahead = desk.spare
+    assert isinstance(ahead, Noted)
+    assert ahead.started
+    assert desk.tab("").worker is ahead
+    assert desk.tab("").worker is not ahead
+    desk.prepare()
+    every = [desk.spare, *(tab.worker for tab in desk.tabs.values())]
+    desk.close()
+    assert all(isinstance(one, Noted) and one.closed for one in every)
+
+
+def test_the_server_answers_before_the_physics_is_loaded() -> None:
+    """What is loaded is counted, for timing depends on the machine."""
+    script = (
+        "import sys; from hydro.app import server; from hydro.app.desk import Desk; "
+        "from hydro.app.places import Places; "
+        "desk = Desk(Places.of(['.'])); server.application(desk, server.Address('127.0.0.1', 1, 'token')); "
+        "print(*sys.modules); desk.close()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = {name.split(".")[0] for name in done.stdout.split()}
+    assert "nicegui" in loaded
+    assert not loaded & {"numpy", "scipy", "polars", "numba"}

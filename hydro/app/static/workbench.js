@@ -58,7 +58,22 @@ var workbench = (() => {
     return made;
   }
 
-  async function begin(config) {
+  /* Plotly is by far the largest script, so that it is loaded after the page is shown. */
+  let plotly = null, begun = null;
+  function load() {
+    plotly = plotly || new Promise((done, failed) => {
+      const script = document.createElement("script");
+      script.src = "/plotly.min.js"; script.onload = done; script.onerror = failed;
+      document.head.append(script);
+    });
+    return plotly;
+  }
+  window.addEventListener("load", load);
+
+  function begin(config) { begun = started(config); }
+
+  async function started(config) {
+    await load();
     plot = document.getElementById("curves");
     end = config.end; cursor = 0; window_ = config.window; hull = config.hull;
     track = config.track; predicted = null;
@@ -97,6 +112,7 @@ var workbench = (() => {
 
   /* Draw new arrays: those of the whole window, or the predictions alone. */
   async function curves(sent) {
+    await begun;
     if (!plot || !plot.data) return;
     const x = [], y = [], which = [];
     const put = (trace, curve) => { which.push(trace); x.push(curve.x); y.push(curve.y); };

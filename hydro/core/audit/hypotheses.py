@@ -22,7 +22,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from hydro.core.audit.momentum_balance import AXES, GEOMETRY, Balance
 from hydro.core.audit.wiring import Wiring
@@ -178,7 +178,7 @@ def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
         for axis in range(AXES):
             squares = np.maximum(np.diagonal(found.gram[axis])[own], 1e-300)
             likeness[i] += found.arms[axis, i] * found.score[axis, own] / np.sqrt(squares)
-    rows, columns = linear_sum_assignment(-np.abs(likeness))
+    rows, columns = scipy.optimize.linear_sum_assignment(-np.abs(likeness))
     yield tuple(int(columns[i]) for i in np.argsort(rows))
 
 

@@ -24,10 +24,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations, product
 
 import numpy as np
-from scipy.linalg import pinvh
+import scipy
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.effects.inertia import ADDED_MASS
@@ -244,6 +245,7 @@ def _cost(axes: Sequence[_Axis], pushed: Array) -> float:
 def _current(terms: _Terms, axes: Sequence[_Axis], pushed: Array) -> tuple[float, float]:
     """Search, from still water, for the most probable current north and east [m/s]."""
 
+    @cache  # a step back leads to a current that was tried
     def cost(current: tuple[float, float]) -> float:
         prior = (current[0] ** 2 + current[1] ** 2) / FLOW**2
         return prior + _cost(terms.axes(current, axes, HORIZONTAL), pushed)
@@ -315,7 +317,8 @@ class _Axis:
         whole = self.design(pushed)
         y, columns = self.filtered(self.left), self.filtered(whole)
         gram = columns.T @ columns
-        inverse = pinvh(gram + np.eye(len(gram)))  # of noise-free columns the priors vanish in rounding
+        # Of noise-free columns the priors vanish in rounding, so that the sum may be singular.
+        inverse = scipy.linalg.pinvh(gram + np.eye(len(gram)))
         beta = inverse @ (columns.T @ y)
         freedom = float((inverse * gram).sum())
         return self.left - whole @ beta, freedom

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
+import scipy
 
 from hydro.core.diagnosis.baseline import (
     Baseline,
@@ -333,7 +333,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         if cost < much and not absurd:
             continue
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
-        p = float(fdtrc(len(entries), max(blocks - len(entries), 1), wald))
+        p = float(scipy.special.fdtrc(len(entries), max(blocks - len(entries), 1), wald))
         if p <= ALPHA or absurd:
             values, errors = _joint(outcome).table(name)
             frequency = change_frequency(model.normal, entries, change)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.findings import Finding
@@ -93,5 +93,5 @@ def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
 def _differ(one: KinematicTest, other: KinematicTest) -> bool:
     """Return whether two recordings differ in an error, by more than chance and a negligible amount."""
     away, spread = one.estimate - other.estimate, one.covariance + other.covariance
-    chance = float(chdtrc(len(away), away @ np.linalg.solve(spread, away)))
+    chance = float(scipy.special.chdtrc(len(away), away @ np.linalg.solve(spread, away)))
     return chance <= VETO and bool((np.abs(away) > one.negligible).any())

@@ -292,6 +292,8 @@ def heed(commands: Array, s: Array) -> None:
         s[layout.COMMANDS + i] = commands[i]
 
 
+BEYOND = 10_000
+"""Number of lines before generated source: more than this file has."""
 _LOOP = """
 def {name}({arguments}):
     c = flat[{constants}:{constants_end}]
@@ -310,7 +312,8 @@ def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], slices:
 
     Effects without a function are skipped.  The functions are inlined.  Numba cannot cache calls through a
     table of functions on disk, so the source is generated.  It has this file's name, by which Numba finds the
-    cache.
+    cache.  Its lines are numbered beyond the end of this file, where `inspect` finds no source; from Python
+    3.13 on, it fails at other lines that happen to have the numbers.
     """
     source = _LOOP.format(
         name=name,
@@ -327,7 +330,7 @@ def _dispatcher(name: str, arguments: str, functions: Mapping[int, Any], slices:
     namespace: dict[str, Any] = {"__name__": __name__} | {
         f"effect_{i}": inlined_copy(f) for i, f in functions.items()
     }
-    exec(compile(source, __file__, "exec"), namespace)
+    exec(compile("\n" * BEYOND + source, __file__, "exec"), namespace)
     return separate(namespace[name])
 
 

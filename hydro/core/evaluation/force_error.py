@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import dct, idct
+import scipy
 
 from hydro.core.columns import WRENCH, WRENCH_UNITS, Array
 from hydro.core.effects.layout import MASS_MATRIX
@@ -118,13 +118,13 @@ def missing_wrench(
 
 def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, float]]) -> Iterator[Array]:
     """Yield the parts of a wrench (N, 6) in each band; each segment is extended by its mirror image."""
-    spectra = [dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
+    spectra = [scipy.fft.dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
     for _, low, high in bands:
         out = np.empty_like(wrench)
         for (a, b), spectrum in zip(record.segments, spectra, strict=True):
             frequency = np.arange(b - a) / (2.0 * (b - a) * record.dt)
             inside = (frequency >= low) & (frequency < high)
-            out[a:b] = idct(spectrum * inside[:, None], axis=0, norm="ortho")
+            out[a:b] = scipy.fft.idct(spectrum * inside[:, None], axis=0, norm="ortho")
         yield out
 
 

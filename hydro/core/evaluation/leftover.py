@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.special import stdtr, stdtrit
+import scipy
 
 from hydro.core.columns import POSE, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Mask, Rows
 from hydro.core.effects import columns
@@ -221,7 +221,7 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
         return mean, None, blocks
     errors = np.bincount(number, rows * (values - mean))
     variance = np.sum(errors**2 / (1.0 - count / whole)) / whole**2
-    return mean, float(stdtrit(blocks - 1.0, LEVEL) * np.sqrt(variance)), blocks
+    return mean, float(scipy.special.stdtrit(blocks - 1.0, LEVEL) * np.sqrt(variance)), blocks
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
@@ -232,8 +232,8 @@ def stands_out(bins: pl.DataFrame) -> pl.Series:
     """
     force, high, blocks = bins.select(pl.col("force", "high", "blocks").cast(pl.Float64).fill_null(np.nan))
     freedom = blocks.to_numpy() - 1.0
-    size = np.abs(force.to_numpy()) / (high - force).to_numpy() * stdtrit(freedom, LEVEL)
-    chance = np.nan_to_num(2.0 * stdtr(freedom, -size), nan=1.0)
+    size = np.abs(force.to_numpy()) / (high - force).to_numpy() * scipy.special.stdtrit(freedom, LEVEL)
+    chance = np.nan_to_num(2.0 * scipy.special.stdtr(freedom, -size), nan=1.0)
     return pl.Series(chance * bins.height < 2.0 * (1.0 - LEVEL))
 
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtri
 
 from hydro.core.columns import Array
 from hydro.core.prediction.normal_equations import Normal, block_length
@@ -143,9 +143,11 @@ def _deviates(form: Array, columns: int) -> Array:
     """Convert quadratic forms of so many columns, of which the first is observed, to normal deviates."""
     form = form * (columns / max(float(form[1:].mean()), 1e-300))
     with np.errstate(divide="ignore"):
-        tail = np.log(chdtrc(columns, form))
+        tail = np.log(scipy.special.chdtrc(columns, form))
     # Beyond the range of a double the form itself keeps the order.
-    deviates: Array = np.where(tail > -700.0, -ndtri(np.exp(np.maximum(tail, -700.0))), np.sqrt(form))
+    deviates: Array = np.where(
+        tail > -700.0, -scipy.special.ndtri(np.exp(np.maximum(tail, -700.0))), np.sqrt(form)
+    )
     return deviates
 
 
@@ -172,5 +174,7 @@ def _forms(
     held = np.linalg.solve(inner, mixed.reshape(len(signs) * len(group), own).T).T.reshape(mixed.shape)
     each = spread - mixed @ held.transpose(0, 2, 1)
     each += FLOOR * np.trace(spread) / len(group) * np.eye(len(group))
-    form = np.einsum("fi,fi->f", flipped, np.linalg.solve(each, flipped[..., None])[..., 0])
-    return np.asarray(np.maximum(form, 0.0))
+    # LAPACK takes far longer than a division for a system of one equation, and most groups have one column
+    alone = len(group) == 1
+    amounts = flipped / each[..., 0] if alone else np.linalg.solve(each, flipped[..., None])[..., 0]
+    return np.asarray(np.maximum(np.einsum("fi,fi->f", flipped, amounts), 0.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from hydro.core.columns import Array, Mask
 from hydro.core.recording import smoothing
@@ -91,14 +91,15 @@ def turned(attitude: Array) -> Array:
     Args:
         attitude: phi, theta, psi of consecutive rows, (n, 3) [rad].
     """
-    R = Rotation.from_euler("ZYX", attitude[:, ::-1])
+    R = scipy.spatial.transform.Rotation.from_euler("ZYX", attitude[:, ::-1])
     steps = (R[:-1].inv() * R[1:]).as_rotvec()
     return np.concatenate([np.zeros((1, 3)), steps.cumsum(axis=0)])
 
 
 def _turned_back(attitude: Array, correction: Array) -> Array:
     """Return phi, theta, psi (N, 3) after small turns (N, 3) about body axes [rad]."""
-    R = Rotation.from_euler("ZYX", attitude[:, ::-1]) * Rotation.from_rotvec(correction)
+    turn = scipy.spatial.transform.Rotation
+    R = turn.from_euler("ZYX", attitude[:, ::-1]) * turn.from_rotvec(correction)
     return euler_from_quaternion(np.roll(R.as_quat(), 1, axis=1))
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from scipy.optimize import nnls
+import scipy
 
 from hydro.core.columns import VELOCITY, Array, Rows
 from hydro.core.evaluation.misfit import Misfit
@@ -193,9 +193,9 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
         own = np.stack([-nu, -np.abs(nu) * nu], axis=1) * damping
         force = np.zeros(record.rows) if thrust is None else thrust
         windows = _over_windows(np.column_stack([own, force, steady, -steady, cross, -cross, nu]), record)
-        change = windows[:, -1] - _over_windows(np.column_stack([known, nu]), record)[:, 0]
-        values = _bounded(windows[:, :-1], change)[1]
-        return float(((change - windows[:, :-1] @ values) ** 2).sum())
+        windows[:, -1] -= _over_windows(np.column_stack([known, nu]), record)[:, 0]
+        values = _bounded(windows)[1]
+        return float(((windows @ np.append(values, -1.0)) ** 2).sum())
 
     nothing, none = np.zeros(record.rows), np.zeros((record.rows, 0))
     with_others = ", ".join(VELOCITY[j] for j in np.flatnonzero(fit.cross)) if fit.cross else ""
@@ -337,12 +337,11 @@ def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damp
     """
     nu, steady = record.nu[:, axis], np.ones(record.rows)
     others = np.delete(np.arange(6), axis)
+    same = _over_windows(np.stack([-nu, -np.abs(nu) * nu, steady, -steady, nu], axis=1), record)
     found: list[tuple[float, float, Array]] = []
     for delay in DELAYS:
-        thrust = _delayed(tau[:, axis], record, delay)
-        rates = np.stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, nu], axis=1)
-        windows = _over_windows(rates, record)
-        left, values = _bounded(windows[:, :-1], windows[:, -1])
+        thrust = _over_windows(np.stack([_delayed(tau[:, axis], record, delay), nu], axis=1), record)
+        left, values = _bounded(_triangle(np.column_stack([same[:, :2], thrust[:, 0], same[:, 2:]])))
         found.append((left, float(delay), values))
     _, delay, values = min(found, key=lambda one: one[0])
     plain = Damped(-values[0], -values[1], values[2], values[3] - values[4], delay)
@@ -350,38 +349,50 @@ def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damp
     beside = record.nu[:, others]
     rates = np.column_stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, beside, -beside, nu])
     windows = _over_windows(rates, record)
-    if not _improves_with_cross_terms(windows, fold):
+    folds = [_triangle(windows[fold == number]) for number in np.unique(fold)]
+    if not _improves_with_cross_terms(folds):
         return plain
-    values = _bounded(windows[:, :-1], windows[:, -1])[1]
+    values = _bounded(np.vstack(folds))[1]
     cross = np.insert(values[PLAIN : PLAIN + 5] - values[PLAIN + 5 :], axis, 0.0)
     return Damped(-values[0], -values[1], values[2], values[3] - values[4], delay, tuple(map(float, cross)))
 
 
-def _improves_with_cross_terms(windows: Array, fold: Rows) -> bool:
-    """Return whether cross terms lower the squared error of held-out folds."""
+def _improves_with_cross_terms(folds: Sequence[Array]) -> bool:
+    """Return whether cross terms lower the squared error of held-out folds, each a `_triangle`."""
     lost = np.zeros(2)
-    for number in np.unique(fold):
-        out = fold == number
-        for which, count in enumerate((PLAIN, windows.shape[1] - 1)):
-            values = _bounded(windows[~out][:, :count], windows[~out][:, -1])[1]
-            lost[which] += ((windows[out][:, -1] - windows[out][:, :count] @ values) ** 2).sum()
+    for number, held_out in enumerate(folds):
+        rest = np.vstack([*folds[:number], *folds[number + 1 :]])
+        for which, columns in enumerate((np.r_[:PLAIN, -1], np.r_[: rest.shape[1]])):
+            values = _bounded(rest[:, columns])[1]
+            lost[which] += ((held_out[:, columns] @ np.append(values, -1.0)) ** 2).sum()
     return bool(lost[1] < lost[0])
 
 
-def _bounded(columns: Array, change: Array) -> tuple[float, Array]:
+def _triangle(windows: Array) -> Array:
+    """Return a triangle with the products of all regressors and changes (W, K + 1), at most (K + 1, K + 1).
+
+    It stands for the windows in a fit: squared residuals are equal.  Triangles of several parts of a
+    recording stand, one below the other, for all of them.
+    """
+    return np.asarray(np.linalg.qr(windows, mode="r"))
+
+
+def _bounded(windows: Array) -> tuple[float, Array]:
     """Fit nonnegative parameters by least squares, with a ridge on cross terms.
 
     Returns the squared residual, up to a constant, and the parameters, (K,).
 
     Args:
-        columns: Regressors, (W, K); those beyond PLAIN are cross terms.
-        change: Changes of velocity, (W,).
+        windows: Regressors and change of velocity, (W, K + 1), or their `_triangle`; regressors beyond PLAIN
+            are cross terms.
     """
+    columns, change = windows[:, :-1], windows[:, -1:]
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     ridge = np.diag(np.where(np.arange(len(size)) < PLAIN, 0.0, np.sqrt(RIDGE)))
-    basis, triangle = np.linalg.qr(np.vstack([columns / size, ridge]))
-    inside = basis.T @ np.concatenate([change, np.zeros(len(size))])
-    scaled, left = nnls(triangle, inside)
+    whole = np.block([[columns / size, change], [ridge, np.zeros((len(size), 1))]])
+    triangle = _triangle(whole)[: len(size)]
+    inside = triangle[:, -1]
+    scaled, left = scipy.optimize.nnls(triangle[:, :-1], inside)
     return float(left**2 - inside @ inside), scaled / size
 
 

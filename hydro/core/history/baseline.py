@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
-from scipy.optimize import lsq_linear
+import scipy
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import stable_shots
@@ -129,7 +129,7 @@ def drag_of(vehicle: Vehicle, shots: Shots, law: Regression) -> Drag:
         size = np.sqrt((columns**2).mean(axis=0)) + 1e-12
         low = np.full(columns.shape[1], -np.inf)
         low[:2] = 0.0
-        found = lsq_linear(columns / size, -force[:, axis], (low, np.inf)).x / size
+        found = scipy.optimize.lsq_linear(columns / size, -force[:, axis], (low, np.inf)).x / size
         part = columns[:, :2] @ found[:2]
         if np.std(part) >= LEAST_DRAG * np.std(force[:, axis] + part) and np.std(part) > 0.0:
             linear[axis], quadratic[axis] = found[:2]

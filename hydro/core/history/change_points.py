@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import digamma, polygamma, stdtr
+import scipy
 
 from hydro.core.columns import Array, Mask, Rows
 
@@ -118,11 +118,11 @@ def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
     shift = mean[1] - mean[0]
     with np.errstate(divide="ignore", invalid="ignore"):
         t = shift / np.sqrt(np.maximum(factor, 1.0) * (1.0 / total).sum(axis=0))
-        p = np.where(tested, 2.0 * stdtr(degrees, -np.abs(t)), np.nan)
+        p = np.where(tested, 2.0 * scipy.special.stdtr(degrees, -np.abs(t)), np.nan)
     for row, column in zip(*np.nonzero(p < LEVEL), strict=True):
         inner = _inner_shift(values[row], there[row], int(dates[column]), np.sign(shift[row, column]))
         share = min(max(inner, 0.0) / abs(shift[row, column]), 1.0)
-        p[row, column] = 2.0 * stdtr(degrees[row, column], -share * abs(t[row, column]))
+        p[row, column] = 2.0 * scipy.special.stdtr(degrees[row, column], -share * abs(t[row, column]))
     return Shifts(dates, p)
 
 
@@ -155,14 +155,14 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
     d = np.maximum(freedom, 1.0)
     own = np.maximum(squares / d, 1e-12)
     many = tested.sum(axis=0)
-    e = np.where(tested, np.log(own) - digamma(0.5 * d) + np.log(0.5 * d), 0.0)
+    e = np.where(tested, np.log(own) - scipy.special.digamma(0.5 * d) + np.log(0.5 * d), 0.0)
     mean = e.sum(axis=0) / np.maximum(many, 1)
     spread = (np.where(tested, (e - mean) ** 2, 0.0)).sum(axis=0) / np.maximum(many - 1, 1)
-    chance = np.where(tested, polygamma(1, 0.5 * d), 0.0).sum(axis=0) / np.maximum(many, 1)
+    chance = np.where(tested, scipy.special.polygamma(1, 0.5 * d), 0.0).sum(axis=0) / np.maximum(many, 1)
     prior = np.minimum(2.0 * inverse_trigamma(np.maximum(spread - chance, 1e-6)), MOST_PRIOR)
     prior = np.where(many > 1, prior, 0.0)
     half = 0.5 * np.maximum(prior, 1e-6)
-    common = np.exp(mean + digamma(half) - np.log(half))
+    common = np.exp(mean + scipy.special.digamma(half) - np.log(half))
     factor: Array = (prior * common + d * own) / (prior + d)
     return factor, prior + d
 
@@ -171,8 +171,8 @@ def inverse_trigamma(y: Array) -> Array:
     """Return x > 0 with trigamma(x) = y > 0, by Newton's method on 1 / trigamma (Smyth 2004, appendix)."""
     x = 0.5 + 1.0 / y
     for _ in range(20):
-        value = polygamma(1, x)
-        x = x + value * (1.0 - value / y) / polygamma(2, x)
+        value = scipy.special.polygamma(1, x)
+        x = x + value * (1.0 - value / y) / scipy.special.polygamma(2, x)
     return np.asarray(x)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
@@ -224,7 +224,7 @@ def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[n
     if not left.size or not change.any():
         return values
     share = np.linalg.solve(spread[np.ix_(left, left)], change)
-    if change @ share > chdtri(len(left), 1.0 - CONTRADICTED):
+    if change @ share > scipy.special.chdtri(len(left), 1.0 - CONTRADICTED):
         return values
     moved = values + spread[:, left] @ share
     moved[left] = start[left]

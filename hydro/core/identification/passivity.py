@@ -10,9 +10,8 @@ until none is violated (Kelley, The cutting-plane method for solving convex prog
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import nnls
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, validate
@@ -75,7 +74,7 @@ def _nearest(unknown: Free, values: Array, information: Array) -> Array:
     """Return the best values (P,) that satisfy passivity and the bounds."""
     scales, count = unknown.scales, len(values)
     here, answers = _sums(unknown.at(values)), _answers(unknown, values)
-    root = cholesky(information)
+    root = scipy.linalg.cholesky(information)
     low, high = (bound - values for bound in unknown.bounds)
     sides, edges = (
         np.vstack([np.eye(count), -np.eye(count)]),
@@ -99,12 +98,14 @@ def _nearest(unknown: Free, values: Array, information: Array) -> Array:
 
 def _least_distance(root: Array, sides: Array, edges: Array) -> Array:
     """Return the step d of least |root d| with `sides` d >= `edges`; root is upper triangular."""
-    normal = solve_triangular(root, sides.T, trans="T").T
+    normal = scipy.linalg.solve_triangular(root, sides.T, trans="T").T
     size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
     dual = np.vstack([(normal / size[:, None]).T, edges / size])
     target = np.append(np.zeros(len(root)), 1.0)
-    left = dual @ nnls(dual, target)[0] - target
-    step: Array = solve_triangular(root, -left[:-1] / left[-1]) if left[-1] else np.zeros(len(root))
+    left = dual @ scipy.optimize.nnls(dual, target)[0] - target
+    step: Array = (
+        scipy.linalg.solve_triangular(root, -left[:-1] / left[-1]) if left[-1] else np.zeros(len(root))
+    )
     return step
 
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import msgspec
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from hydro.core.columns import Array, Mask
 from hydro.core.logs import conventions
@@ -111,10 +111,7 @@ class Evidence:
 
         @cache
         def turning(block: Attitude) -> Array:
-            R = attitude(block)
-            step = np.swapaxes(R[:, :-1], -1, -2) @ R[:, 1:]
-            turns = Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec().reshape(count, rows - 1, 3)
-            return np.asarray(turns.sum(axis=1) / self.length)
+            return np.asarray(_turns(attitude(block)).sum(axis=1) / self.length)
 
         @cache
         def velocity(block: Velocity) -> Array:
@@ -216,9 +213,7 @@ class Evidence:
                 pose = pose[..., 2:]
             found[0] = self._beyond_noise(pose, self.velocity(given.velocity))
         if given.attitude is not None and given.rates is not None:
-            R = self.attitude(given.attitude)
-            step = np.swapaxes(R[:, :-1], -1, -2) @ R[:, 1:]
-            turns = Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec().reshape(*step.shape[:2], 3)
+            turns = _turns(self.attitude(given.attitude))
             found[1] = self._beyond_noise(turns, self.spinning(given.rates))
         return np.array(found)
 
@@ -244,6 +239,13 @@ class Evidence:
         if block is None:
             return 0.0
         return float((self.placed(block)[..., 2] < -CLEARLY).mean())
+
+
+def _turns(attitudes: Array) -> Array:
+    """Return the rotation vectors from each attitude (W, m, 3, 3) of a window to the next, (W, m - 1, 3)."""
+    step = np.swapaxes(attitudes[:, :-1], -1, -2) @ attitudes[:, 1:]
+    vectors = scipy.spatial.transform.Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec()
+    return np.asarray(vectors.reshape(*step.shape[:2], 3))
 
 
 def _levels(block: Position) -> Mask:

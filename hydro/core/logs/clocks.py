@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
@@ -126,8 +126,8 @@ def _line(t: Array) -> tuple[Array, float]:
     number = np.arange(len(t), dtype=float)
     line = number / max(len(t) - 1, 1) * (t[-1] - t[0]) + t[0]
     try:
-        hull = ConvexHull(np.column_stack([number, t - line]))
-    except QhullError:  # all on one line
+        hull = scipy.spatial.ConvexHull(np.column_stack([number, t - line]))
+    except scipy.spatial.QhullError:  # all on one line
         return line, float((t[-1] - t[0]) / (len(t) - 1))
     below = hull.equations[hull.equations[:, 1] < 0.0]
     heights = -(below[:, :1] * number.mean() + below[:, 2:]) / below[:, 1:2]

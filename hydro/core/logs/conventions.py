@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
@@ -283,7 +283,7 @@ def _euler(log: SessionLog, block: Attitude, at: Array) -> Array:
         for axis, source in zip("XYZ", block.columns or (), strict=True)
     }
     angles = np.stack([about[axis] for axis in block.order], axis=1)
-    return np.asarray(Rotation.from_euler(block.order, angles).as_matrix())
+    return np.asarray(scipy.spatial.transform.Rotation.from_euler(block.order, angles).as_matrix())
 
 
 def _quaternions(log: SessionLog, block: Attitude, at: Array) -> Array:
@@ -295,5 +295,6 @@ def _quaternions(log: SessionLog, block: Attitude, at: Array) -> Array:
         q = q[:, [1, 2, 3, 0]]
     if len(q) and not np.linalg.norm(q, axis=1).min() > 1e-6:
         raise DataError("attitude.quaternion: a quaternion of length 0 is no rotation; leave its cells empty")
-    matrices: Array = Rotation.from_quat(q).as_matrix() if len(q) else np.empty((0, 3, 3))
+    of_quaternion = scipy.spatial.transform.Rotation.from_quat
+    matrices: Array = of_quaternion(q).as_matrix() if len(q) else np.empty((0, 3, 3))
     return matrices if block.turns == "body to world" else np.swapaxes(matrices, 1, 2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
@@ -21,9 +21,8 @@ def turn(mount: Mount) -> Array:
     """Return the rotation from the sensor's axes to the body's, (3, 3)."""
     if mount.matrix is not None:
         return np.array(mount.matrix, float)
-    return np.asarray(
-        Rotation.from_euler("ZYX", [mount.yaw, mount.pitch, mount.roll], degrees=True).as_matrix()
-    )
+    of_angles = scipy.spatial.transform.Rotation.from_euler
+    return np.asarray(of_angles("ZYX", [mount.yaw, mount.pitch, mount.roll], degrees=True).as_matrix())
 
 
 def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
@@ -83,7 +82,7 @@ def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tup
     t = log.channel(first).t
     if len(t) < SLOPE_SAMPLES:
         return t, np.full((len(t), 3), np.nan)
-    R = Rotation.from_matrix(conventions.attitude(log, block, t))
+    R = scipy.spatial.transform.Rotation.from_matrix(conventions.attitude(log, block, t))
     step = float(np.median(np.diff(t)))
     reach = 0.5 * (window if window is not None else (SLOPE_SAMPLES - 1) * step)
     limit = 1.001 * max(reach, step)

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
 from hydro.core.columns import Array
 
@@ -165,12 +164,12 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
         return score
     scale = 1.0 / np.sqrt(np.diag(matrix))
     upper = np.linalg.cholesky(matrix * np.outer(scale, scale)).T
-    target = solve_triangular(upper.T, score * scale, lower=True)
-    free: Array = solve_triangular(upper, target) * scale
+    target = scipy.linalg.solve_triangular(upper.T, score * scale, lower=True)
+    free: Array = scipy.linalg.solve_triangular(upper, target) * scale
     if ((free >= low) & (free <= high)).all():
         return free
     wide = np.maximum(high / scale, low / scale + 1e-12)
-    solved = lsq_linear(upper, target, (low / scale, wide), method="bvls")
+    solved = scipy.optimize.lsq_linear(upper, target, (low / scale, wide), method="bvls")
     return np.clip(np.asarray(solved.x) * scale, low, high)
 
 

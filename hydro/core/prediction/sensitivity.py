@@ -113,9 +113,9 @@ def linearise(
         if (counted := shots.weights(part)) is not None:
             columns[~counted] = 0.0
         flat = columns.reshape(len(states), shots.residuals, CHANNELS + count + 1)
-        tame = np.abs(flat) < ENDLESS
-        lost = ~tame[..., -1].all(axis=1)
-        flat[~tame.all(axis=(1, 2)), :, :-1] = 0.0  # close to divergence: no derivative available
+        lost = ~(np.abs(flat[..., -1]) < ENDLESS).all(axis=1)
+        wild = ~((flat.max(axis=(1, 2)) < ENDLESS) & (flat.min(axis=(1, 2)) > -ENDLESS))
+        flat[wild, :, :-1] = 0.0  # close to divergence: no derivative available
         flat[lost] = 0.0
         flat = shots.calmed(flat, part)
         whole = np.stack([one.T @ one for one in flat])[:, order[:, None], order]

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
@@ -164,7 +164,7 @@ class Windows:
         count, length = len(self.starts), self.test.size
         window = (self.starts[:, None] + np.arange(length)).ravel()
         weights = (np.tile(self.test, count), window, np.arange(count + 1) * length)
-        found: Array = csr_array(weights, shape=(count, len(values))) @ values
+        found: Array = scipy.sparse.csr_array(weights, shape=(count, len(values))) @ values
         return found
 
     def changes(self, values: Array) -> Array:

@@ -18,9 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.linalg import eigh
-from scipy.special import chdtrc, fdtrc, ndtri
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
@@ -90,7 +88,7 @@ class KinematicTest:
     @property
     def visible(self) -> Array:
         """Size at which each component alone would be shown with a probability of 0.9, (p,)."""
-        size: Array = (ndtri(SEEN) - ndtri(0.5 * SHOWN)) * self.standard_error
+        size: Array = (scipy.special.ndtri(SEEN) - scipy.special.ndtri(0.5 * SHOWN)) * self.standard_error
         return np.maximum(size, self.negligible)
 
     @property
@@ -121,7 +119,9 @@ class KinematicTest:
     def chance(self, claimed: Array) -> float:
         """Return the p-value of the estimate under claimed values."""
         entries = len(self.estimate)
-        return float(fdtrc(entries, max(self.blocks - entries, 1), self.distance(claimed) / entries))
+        return float(
+            scipy.special.fdtrc(entries, max(self.blocks - entries, 1), self.distance(claimed) / entries)
+        )
 
 
 def shown(test: KinematicTest) -> bool:
@@ -129,7 +129,7 @@ def shown(test: KinematicTest) -> bool:
     size, error = test.estimate, test.standard_error
     if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
         return False  # impossible for a DVL: the pose is late, not the DVL
-    clear = np.abs(size) > test.negligible - ndtri(0.5 * SHOWN) * error
+    clear = np.abs(size) > test.negligible - scipy.special.ndtri(0.5 * SHOWN) * error
     return test.p_value <= SHOWN and bool(clear.any()) and _missed(test)
 
 
@@ -139,7 +139,7 @@ def _missed(test: KinematicTest) -> bool:
     For motion along one line, scales and angles may be exchanged for one another.  The estimate is then large
     and its linearised errors are small, but the fit without it is equally good.
     """
-    return float(chdtrc(len(test.estimate), test.missed)) <= SHOWN
+    return float(scipy.special.chdtrc(len(test.estimate), test.missed)) <= SHOWN
 
 
 def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
@@ -282,7 +282,7 @@ def _spare(gram: Array, shared: Array) -> float:
     known = gram[np.ix_(others, others)] + PLAIN_SIZE**-2 * np.eye(len(others))
     both = gram[np.ix_(others, mount)]
     told = gram[np.ix_(mount, mount)] - both.T @ np.linalg.solve(known, both)
-    least = eigh(told, shared[np.ix_(mount, mount)], eigvals_only=True)[0]
+    least = scipy.linalg.eigh(told, shared[np.ix_(mount, mount)], eigvals_only=True)[0]
     return float(np.clip(least, 0.0, 1.0))
 
 
@@ -343,7 +343,7 @@ def _mount_derivatives(log: Array) -> Array:
 
 def _reading(log: Array, mount: Array, turned: Array, nu: Array, t: Array) -> tuple[Array, Array]:
     """Return the velocity of CO from the DVL output, (N, 3), and its parameter derivatives, (LOG, N, 3)."""
-    path = CubicSpline(t, nu[:, :3])
+    path = scipy.interpolate.CubicSpline(t, nu[:, :3])
     now, before, after = (path(np.clip(t + log[DELAY] + shift, t[0], t[-1])) for shift in (0.0, -BOX, BOX))
     now -= log[BIAS]
     columns = now @ turned.transpose(0, 2, 1)

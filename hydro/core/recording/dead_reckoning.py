@@ -7,7 +7,7 @@ A constant difference of the turn is a gyro's bias.  Linear velocities have more
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtri
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.recording.arrays import Recording
@@ -56,6 +56,6 @@ def rate_bias(record: Recording) -> Array:
         columns = np.column_stack([np.ones(len(starts)), rate[:, axis]])
         found, *_ = np.linalg.lstsq(columns, error[:, axis], rcond=None)
         spread = np.linalg.pinv(columns.T @ columns) * np.var(error[:, axis] - columns @ found)
-        if abs(found[0]) > max(PLAIN_BIAS, -ndtri(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
+        if abs(found[0]) > max(PLAIN_BIAS, -scipy.special.ndtri(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
             bias[axis] = found[0]
     return bias

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtr
+import scipy
 
 from hydro.core.columns import DOF, POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import Recording
@@ -177,7 +177,7 @@ def _chance(problem: _Problem, laws: Array) -> float:
     blocks = np.add.reduceat(gain, starts)
     with np.errstate(divide="ignore", invalid="ignore"):
         size = blocks.mean() / (blocks.std(ddof=1) / np.sqrt(len(blocks)))
-    p = float(stdtr(len(blocks) - 1, -size))
+    p = float(scipy.special.stdtr(len(blocks) - 1, -size))
     return p if np.isfinite(p) else 1.0
 
 

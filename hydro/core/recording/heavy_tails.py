@@ -38,7 +38,7 @@ from functools import cache
 
 import numpy as np
 import polars as pl
-from scipy.special import gamma, kv, stdtr
+import scipy
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask
 from hydro.core.local_polynomials import savitzky_golay, savitzky_golay_weights
@@ -108,7 +108,7 @@ class Tail:
 
     def plausible(self, error: Array, count: int) -> Mask:
         """Return which errors are plausible as the largest of `count` samples."""
-        beyond = count * 2.0 * stdtr(self.freedom, -np.abs(error) / self.scale)
+        beyond = count * 2.0 * scipy.special.stdtr(self.freedom, -np.abs(error) / self.scale)
         return np.asarray(beyond >= PLAUSIBLE)
 
 
@@ -313,7 +313,7 @@ def _characteristic(t: Array, freedom: float) -> Array:
     if not np.isfinite(freedom):
         return np.asarray(np.exp(-0.5 * t**2))
     half, way = 0.5 * freedom, np.sqrt(freedom) * np.maximum(t, 1e-9)
-    value: Array = kv(half, way) * way**half / (gamma(half) * 2.0 ** (half - 1.0))
+    value: Array = scipy.special.kv(half, way) * way**half / (scipy.special.gamma(half) * 2.0 ** (half - 1.0))
     return np.where(t > 1e-9, value, 1.0)
 
 

@@ -5,9 +5,11 @@ nu_i is measured with variance R.  The gains depend on one dimensionless number,
 below 1 the filter averages over many rows; far above 1 it follows every row, and the smoother becomes the
 natural cubic spline through the data.
 
-The filter and the Rauch-Tung-Striebel smoother are designed with `filterpy`, in units of sqrt(R) and dt.  The
-gains depend only on the number of rows since the start of the segment, and converge; so compiled code applies
-them.  A segment starts at its first measurement with an unknown acceleration.
+The gains of the filter and of the Rauch-Tung-Striebel smoother equal those of `filterpy`, in units of sqrt(R)
+and dt.  They are computed here because that package loads all of `scipy.stats`, which takes a third of a
+second of every start of a command.  The gains depend only on the number of rows since the start of the
+segment, and converge; so compiled code applies them.  A segment starts at its first measurement with an
+unknown acceleration.
 """
 
 from __future__ import annotations
@@ -80,7 +82,7 @@ class Gains(NamedTuple):
 
 
 def gains(design: Design) -> Gains:
-    """Design the filter and the smoother of every axis with `filterpy`, until their gains have converged."""
+    """Design the filter and the smoother of every axis, until their gains have converged."""
     designed = {ratio: _unit_gains(ratio) for ratio in set(design.ratio)}
     axes = [designed[ratio] for ratio in design.ratio]
     rows = max(len(forward) for forward, _ in axes)
@@ -92,27 +94,31 @@ def gains(design: Design) -> Gains:
 
 @functools.lru_cache(maxsize=len(RATIOS))  # designs are recomputed at each use, but their ratios are few
 def _unit_gains(ratio: float) -> tuple[Array, Array]:
-    """Return forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1."""
-    from filterpy.common import Q_continuous_white_noise
-    from filterpy.kalman import KalmanFilter
+    """Return forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1.
 
-    axis = KalmanFilter(dim_x=2, dim_z=1)
-    axis.F = np.array([[1.0, 1.0], [0.0, 1.0]])
-    axis.H = np.array([[1.0, 0.0]])
-    axis.R = np.eye(1)
-    axis.Q = Q_continuous_white_noise(dim=2, dt=1.0, spectral_density=ratio)
-    axis.P = np.diag([1.0, DIFFUSE * max(1.0, ratio)])
-    forward, covariances = [np.array([1.0, 0.0])], [axis.P.copy()]
-    while len(forward) < MOST_ROWS:
-        axis.predict()
-        axis.update(0.0)
-        forward.append(axis.K[:, 0].copy())
-        covariances.append(axis.P.copy())
-        if np.all(np.abs(forward[-1] - forward[-2]) <= SETTLED_GAIN * np.abs(forward[-1])):
-            break
-    covariances.append(axis.P.copy())
-    _, _, backward, _ = axis.rts_smoother(np.zeros((len(covariances), 2)), np.array(covariances))
-    return np.array(forward), backward[:-1].reshape(-1, 4)
+    The model is F = [[1, 1], [0, 1]] with white jerk, Q = ratio [[1/3, 1/2], [1/2, 1]].
+    """
+    forward, backward = [(1.0, 0.0)], list[tuple[float, ...]]()
+    p, q, r = 1.0, 0.0, DIFFUSE * max(1.0, ratio)  # covariance P = [[p, q], [q, r]] of (nu, nu_dot)
+    while True:
+        # predicted covariance [[a, b], [b, c]] = F P F^T + Q; no digits cancel in this sum, its determinant
+        a, b, c = p + 2.0 * q + r + ratio / 3.0, q + r + 0.5 * ratio, r + ratio
+        area = (p * r - q * q) + ratio**2 / 12.0 + ratio * (p + q + r / 3.0)
+        # gain of the smoother: P F^T = [[p + q, q], [q + r, r]] times the inverse of the predicted covariance
+        rows = ((p + q) / area, q / area), ((q + r) / area, r / area)
+        backward.append(tuple(one for x, y in rows for one in (x * c - y * b, y * a - x * b)))
+        if len(forward) == MOST_ROWS or (len(forward) > 1 and _settled(forward[-2], forward[-1])):
+            return np.array(forward), np.array(backward)
+        # gain of the filter, and the corrected covariance in Joseph's form
+        k, m = a / (a + 1.0), b / (a + 1.0)
+        forward.append((k, m))
+        p, q = (1.0 - k) ** 2 * a + k * k, (1.0 - k) * (b - m * a) + k * m
+        r = c - 2.0 * m * b + m * m * (a + 1.0)
+
+
+def _settled(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
+    """Return whether no gain changes any more."""
+    return all(abs(b - a) <= SETTLED_GAIN * abs(b) for a, b in zip(before, now, strict=True))
 
 
 def _hold_last(values: Array, rows: int) -> Array:
@@ -322,8 +328,7 @@ def windows(bounds: Rows) -> Rows:
 def _unit_design(ratio: float, rows: int) -> Array:
     """Return gains and innovation variance (k_1, k_2, s) of each row for R = dt = 1, shape (rows, 3).
 
-    This is the recursion of `_unit_gains` in compiled form; `filterpy` would take seconds for a search over
-    ratios.
+    This is the recursion of `_unit_gains` in compiled form, for a search over ratios.
     """
     design = np.zeros((rows, 3))
     p11, p12, p22 = 1.0, 0.0, DIFFUSE * max(1.0, ratio)

@@ -25,8 +25,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr, stdtrit
 
 from hydro.core.columns import Array, Rows
 from hydro.core.identification.levenberg_marquardt import Prior
@@ -118,4 +118,4 @@ def widening(parts: Array, freedoms: Array) -> Array:
     """
     total = parts.sum(axis=0)
     freedom = total**2 / np.maximum((parts**2 / freedoms).sum(axis=0), np.finfo(float).tiny)
-    return np.asarray(stdtrit(np.maximum(freedom, 1.0), ndtr(HELD)) / HELD)
+    return np.asarray(scipy.special.stdtrit(np.maximum(freedom, 1.0), scipy.special.ndtr(HELD)) / HELD)

@@ -20,8 +20,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.polynomial.legendre import legvander
-from scipy import sparse
 
 from hydro.core.columns import Array, Rows
 from hydro.core.effects.waves import elevation_spectrum
@@ -115,7 +115,7 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
         fine = np.arange(1, FINER * (numbers[-1] + NEIGHBOURS) + 1) * 2.0 * math.pi / (FINER * seconds)
         depths = np.maximum(record.eta[begin:end, 2], 0.0)
         decay = _depth_decay(fine, depths, taper, gravity)
-        response = _taper_response(taper, numbers, len(fine)) @ sparse.diags(fine**2 * decay)
+        response = _taper_response(taper, numbers, len(fine)) @ scipy.sparse.diags(fine**2 * decay)
         parts.append((2.0 * math.pi * numbers / seconds, spectrum, fine, response))
     if sum(len(omega) for omega, *_ in parts) < LEAST_FREQUENCIES:
         return None
@@ -124,7 +124,7 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
         np.concatenate(omegas),
         np.concatenate(spectra),
         np.concatenate(fines),
-        sparse.block_diag(responses, format="csr"),
+        scipy.sparse.block_diag(responses, format="csr"),
         longest,
         min(float(omega[0]) for omega in omegas),
     )
@@ -153,7 +153,7 @@ def _taper_response(taper: Array, numbers: Rows, count: int) -> Any:
     )
     there = columns >= 0
     values = np.broadcast_to(share, columns.shape)[there]
-    return sparse.csr_array((values, (rows[there], columns[there])), shape=(numbers.size, count))
+    return scipy.sparse.csr_array((values, (rows[there], columns[there])), shape=(numbers.size, count))
 
 
 def unlikely(

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import OptimizeResult, minimize
-from scipy.special import chdtrc
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.effects.waves import COMPONENTS, WAVES, harmonics
@@ -107,7 +106,7 @@ class SeaState:
     @property
     def p_value(self) -> float:
         """Probability that a continuum alone has this likelihood ratio at any of the initial periods."""
-        return float(min(STARTS * chdtrc(len(self.values), max(self.telling, 0.0)), 1.0))
+        return float(min(STARTS * scipy.special.chdtrc(len(self.values), max(self.telling, 0.0)), 1.0))
 
     @property
     def errors(self) -> dict[str, float]:
@@ -199,10 +198,10 @@ def _bounds(slowest: float) -> list[tuple[float | None, float | None]]:
 
 def _minimised(
     unlikely: Callable[[Array], tuple[float, Array]], begin: Array, bounds: Sequence[Any] = ()
-) -> OptimizeResult:
+) -> scipy.optimize.OptimizeResult:
     """Minimise a negative log likelihood from initial values; the bounds are those of the last values."""
     free = [(None, None)] * (len(begin) - len(bounds))
-    return minimize(
+    return scipy.optimize.minimize(
         unlikely, begin, jac=True, method="L-BFGS-B", bounds=[*free, *bounds], options=FIT_OPTIONS
     )
 

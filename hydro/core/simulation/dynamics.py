@@ -120,11 +120,14 @@ def thrust_of(row: Array, rotor: float, s: Array) -> float:
 def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
     """Add tau_prop = B f to `tau`, f the thrusts from lag states `rotors` (n,) and inflow."""
     begin = int(flat[THRUSTER_TABLE])
+    # six variables, since elements of an array would be stored and loaded again for every thruster
+    x, y, z, k, m, n = tau[0], tau[1], tau[2], tau[3], tau[4], tau[5]
     for i in range(int(flat[THRUSTER_COUNT])):
         row = flat[begin + i * COLUMNS : begin + (i + 1) * COLUMNS]
         thrust = thrust_of(row, rotors[i], s)
-        for j in range(6):
-            tau[j] += row[j] * thrust
+        x, y, z = x + row[0] * thrust, y + row[1] * thrust, z + row[2] * thrust
+        k, m, n = k + row[3] * thrust, m + row[4] * thrust, n + row[5] * thrust
+    tau[0], tau[1], tau[2], tau[3], tau[4], tau[5] = x, y, z, k, m, n
 
 
 @kernel

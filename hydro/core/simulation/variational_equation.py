@@ -275,7 +275,7 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
     changes, own, gone = deviations.changes, deviations.own, deviations.gone
     x, lost = y[BODY:], -1
     for j in range(changes.kinds.size):
-        kind, share, at = changes.kinds[j], changes.shares[j], changes.where[j]
+        kind, per_unit, at = changes.kinds[j], 1.0 / changes.shares[j], changes.where[j]
         program = changes.programs[at[0] : at[1]]
         changed[:] = 0.0
         tau[:] = 0.0
@@ -285,7 +285,7 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
             accelerate(program, s, x, changed[BODY:], tau, changed[7:BODY])
             relative_to_water(flat, s)
             for i in range(push.shape[0]):
-                push[i, j] = (changed[7 + i] - rates[7 + i]) / share
+                push[i, j] = (changed[7 + i] - rates[7 + i]) * per_unit
             continue
         if kind == THRUST:
             propel(program, s, rotors, tau)
@@ -304,7 +304,7 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
             else:
                 now, middle, slopes = own[0, begin:end], own[1, begin:end], own[2, begin:end]
                 _remembering(program, s, h, now, middle, slopes, changed[:6], tau)
-        _accelerated(flat, tau, share, push[:, j])
+        _accelerated(flat, tau, per_unit, push[:, j])
 
 
 @kernel
@@ -321,14 +321,14 @@ def _remembering(
 
 
 @kernel
-def _accelerated(flat: Array, tau: Array, share: float, out: Array) -> None:
-    """Write the change of nu_dot by a wrench per unit of its share; internal states are not affected."""
+def _accelerated(flat: Array, tau: Array, per_unit: float, out: Array) -> None:
+    """Write the change of nu_dot by a wrench, per unit of a parameter; internal states are not affected."""
     out[:] = 0.0
     for i in range(6):
         row, total = HEADER + INVERSE_MASS_MATRIX + 6 * i, 0.0
         for k in range(6):
             total += flat[row + k] * tau[k]
-        out[i] = total / share
+        out[i] = total * per_unit
 
 
 @kernel

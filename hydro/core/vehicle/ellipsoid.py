@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.special import elliprd
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
@@ -32,7 +31,8 @@ def lamb_constants(semi_axes: Sequence[float]) -> Array:
     """
     a, b, c = _checked(semi_axes)
     a2, b2, c2 = a * a, b * b, c * c
-    return 2.0 / 3.0 * a * b * c * np.array([elliprd(b2, c2, a2), elliprd(c2, a2, b2), elliprd(a2, b2, c2)])
+    r_d = scipy.special.elliprd
+    return 2.0 / 3.0 * a * b * c * np.array([r_d(b2, c2, a2), r_d(c2, a2, b2), r_d(a2, b2, c2)])
 
 
 def lamb_factors(semi_axes: Sequence[float]) -> Array:
@@ -93,7 +93,7 @@ def _rotational_factor(axis: float, b: float, c: float) -> float:
         return float(s / (((b2 + s) * (c2 + s)) ** 1.5 * np.sqrt(a2 + s)))
 
     knots = sorted({float(np.log(square)) for square in (a2, b2, c2)})
-    integral, _ = quad(
+    integral, _ = scipy.integrate.quad(
         integrand, knots[0] - 40.0, knots[-1] + 20.0, points=knots, epsabs=0.0, epsrel=1e-12, limit=400
     )
     ratio = np.sqrt(a2 * b2 * c2) * integral

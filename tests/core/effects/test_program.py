@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numba
 import numpy as np
@@ -16,7 +18,7 @@ from numba import types
 from strategies import numbers, spd_matrices, states, vectors, velocities
 
 from hydro.core.effects import assemble, effect_wrenches, inertia_matrix, layout, validate
-from hydro.core.effects.program import HEADER, start, thrusters_of, wrench
+from hydro.core.effects.program import HEADER, rates, start, thrusters_of, wrench
 from hydro.core.errors import DataError
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle import rigid_body
@@ -175,3 +177,10 @@ def test_energy_never_rises_without_thrust(effects, state, added):
         + 0.5 * 4.0 * stretch**2
     )
     assert np.diff(energy).max() <= 1e-7 * (1.0 + 0.5 * nu @ mass @ nu)
+
+
+@pytest.mark.parametrize("loop", [wrench, rates, start])
+def test_generated_code_has_no_lines_of_its_file(loop: Any) -> None:
+    """Numba asks for them to keep compiled code; from Python 3.13 on, lines of other code are an error."""
+    with pytest.raises(OSError, match=r"lineno|source"):
+        inspect.getsourcelines(getattr(loop, "py_func", loop))
