@@ -4,17 +4,17 @@ The forecast of a study is the confidence in the first effect that its diagnosis
 that effect is hidden.  A name is wrong where nothing is hidden, or something that the catalogue lacks.  A
 diagnosis that names nothing makes no forecast; it is right where nothing of the catalogue is hidden.  *Before
 calibration* is the number that the confidence was computed from: the share of resamples that the effect
-wins, or the share of held-out error that it removes.  The slope is that of the least-squares line of right (1)
-or wrong (0) over the confidence: 1 if confidence is a probability, less if certain names are too certain or
-doubtful names too doubtful.
+wins, or the share of held-out error that it removes.  The slope is that of the least-squares line of right
+names (1) and wrong ones (0) over their confidence: 1 if confidence is a probability, less if doubtful names
+are too doubtful or certain ones too certain.
 
     python -m benchmarks.calibration report clean.parquet logs.parquet --plot reliability.png
     python -m benchmarks.calibration report benchmarks/results/judge-7389b25.parquet --decide --seeds odd
     python -m benchmarks.calibration write clean.parquet logs.parquet --commit 1234567
 
 Results files are those of `benchmarks.judge`; studies with seeds for development are left out.  `write` makes
-benchmarks/results/calibration.csv, its picture and the page of the documentation that shows both.  `--decide`
-repeats the decisions on the kept candidates with the present code, see `benchmarks.judge.rescore`.
+benchmarks/results/calibration.csv (or that of another --name), its picture and the page that shows both.
+`--decide` repeats the decisions on the kept candidates with the present code, see `benchmarks.judge.rescore`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ RESAMPLES = 2000
 """Number of bootstrap resamples of a slope: its interval is known to 5 % of its width."""
 PARITIES = {"even": 0, "odd": 1}
 """Halves of the studies, by the remainder of their seed: a law fitted on one is tested on the other."""
-PICTURE = ROOT / "docs" / "images" / "calibration.png"
+PICTURES = ROOT / "docs" / "images"
 
 
 def read(paths: Iterable[Path], decide: bool = False) -> pl.DataFrame:
@@ -128,8 +128,8 @@ def pairs(those: pl.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
 def slope(those: pl.DataFrame, column: str) -> tuple[float, float, float]:
     """Return the slope of the least-squares line of truth over one forecast, with its 95 % interval.
 
-    Studies of one seed share their vehicle, so whole seeds are resampled (Bayesian bootstrap, Rubin 1981).  NaN
-    where all forecasts are equal.
+    Studies of one seed share their vehicle, so whole seeds are resampled (Bayesian bootstrap, Rubin 1981).
+    NaN where all forecasts are equal.
     """
     told = those.filter("named").drop_nulls(column)
     stated, right = pairs(those, column)
@@ -244,11 +244,19 @@ def draw(those: pl.DataFrame, path: Path) -> None:
     figure.savefig(path, metadata={"Software": ""} if path.suffix == ".png" else None)
 
 
-def write(those: pl.DataFrame, names: Sequence[str], commit: str) -> None:
-    """Write the kept table, its picture, and the page that shows them."""
-    draw(those, PICTURE)
-    whence = origin(those, f"python -m benchmarks.calibration write {' '.join(names)}", commit)
-    keep("calibration", [row | whence for row in (*scores(those), *reliability(those))])
+def write(those: pl.DataFrame, name: str, words: str, commit: str) -> None:
+    """Write a kept table, its picture if there are several bins, and the page that shows them.
+
+    Args:
+        those: Forecasts.
+        name: Name of the table.
+        words: Arguments of the command that made it.
+        commit: Commit of the code that was measured.
+    """
+    if len(bins(pairs(those, "confidence")[0])) > 1:
+        draw(those, PICTURES / f"{name}.png")
+    whence = origin(those, f"python -m benchmarks.calibration write {words}", commit)
+    keep(name, [row | whence for row in (*scores(those), *reliability(those))])
 
 
 def main() -> None:
@@ -262,6 +270,7 @@ def main() -> None:
     one = commands.add_parser("report", help="print the tables", parents=[common])
     one.add_argument("--plot", type=Path, help="draw the reliability diagram, as .png or .svg")
     two = commands.add_parser("write", help="keep table and picture for the pages", parents=[common])
+    two.add_argument("--name", default="calibration", help="of the kept table")
     two.add_argument("--commit", required=True, help="of the code that was measured")
     chosen = top.parse_args()
     found = read(chosen.results, chosen.decide)
@@ -271,7 +280,9 @@ def main() -> None:
         raise SystemExit("nothing was named with a confidence on held-back seeds; run more studies")
     print(summary(found), end="")
     if chosen.command == "write":
-        write(found, [path.name for path in chosen.results], chosen.commit)
+        words = [*(path.name for path in chosen.results), *(["--decide"] if chosen.decide else [])]
+        words += [] if chosen.name == "calibration" else [f"--name {chosen.name}"]
+        write(found, chosen.name, " ".join(words), chosen.commit)
     elif chosen.plot:
         draw(found, chosen.plot)
 

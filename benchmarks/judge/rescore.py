@@ -43,6 +43,8 @@ CONSTANTS = (
     "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
+RIGHT_ABOVE = settings.RIGHT_ABOVE
+"""Factor of kept confidences where no model was right; a smaller factor has another cause."""
 ROUNDING = 1e-6
 """Difference of confidences that kept digits cause."""
 MODULES = (settings, by_change, by_evidence, confidence, contenders, findings, transfer)
@@ -127,18 +129,20 @@ def _discounted(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, fl
     Feedback and unexplained error lower a confidence by a factor that candidates do not show.  It shows where
     a finding has less confidence than its support gives.
     """
-    told = {row["effect"]: row for row in rows if row["role"] == "finding" and row["support"]}
-    part = {name: (row["confidence"] or 0.0) / row["support"] for name, row in told.items()}
-    lowered = {name: one for name, one in part.items() if one < settings.RIGHT_ABOVE - ROUNDING}
+    told = [row for row in rows if row["role"] == "finding" and row["support"]]
+    part = {
+        row["effect"]: row["confidence"] / row["support"] for row in told if row["confidence"] is not None
+    }
+    lowered = {name: one for name, one in part.items() if one < RIGHT_ABOVE - ROUNDING}
     return {name: sure * lowered.get(name, 1.0) for name, sure in names.items()}
 
 
 def _limited(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, float]:
     """Return confidences with those of values that physics excludes limited to DOUBTFUL.
 
-    A kept candidate tells whether its values lie in their range.  Where a model fits, the diagnosis limits the
-    confidence only beyond the range and several standard errors.  So a name that it gave more confidence is
-    not limited.
+    A kept candidate tells whether its values lie in their range.  Where a model fits, the diagnosis limits
+    the confidence only beyond the range and several standard errors.  So a name that it gave more confidence
+    is not limited.
     """
     told = {row["effect"]: row["confidence"] or 0.0 for row in rows if row["role"] == "finding"}
     beyond = {row["effect"] for row in rows if row["role"] == "candidate" and not row["plausible"]}

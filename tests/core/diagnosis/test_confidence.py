@@ -238,7 +238,7 @@ def test_smaller_findings_lose_confidence_if_no_model_fits():
 
 @pytest.mark.parametrize("seen", [0.0, 0.3, 1.0, 2.5])
 def test_confidence_is_the_share_of_equal_leads_that_are_not_due_to_chance(seen):
-    """Differences between two candidates are drawn, and chance adds the difference of two exponential leads."""
+    """Chance adds the difference of two exponential leads to the true difference of two candidates."""
     draw = np.random.default_rng(5)
     true = draw.uniform(-12.0, 12.0, 400_000)
     lead = true + draw.exponential(size=true.size) - draw.exponential(size=true.size)
