@@ -13,7 +13,7 @@ are too doubtful or certain ones too certain.
     python -m benchmarks.calibration write clean.parquet logs.parquet --commit 1234567
 
 Results files are those of `benchmarks.judge`; studies with seeds for development are left out.  `write` makes
-benchmarks/results/calibration.csv (or that of another --name), its picture and the page that shows both.
+benchmarks/results/calibration.csv, its picture and the page of the documentation that shows both.
 `--decide` repeats the decisions on the kept candidates with the present code, see `benchmarks.judge.rescore`.
 """
 
@@ -49,7 +49,7 @@ RESAMPLES = 2000
 """Number of bootstrap resamples of a slope: its interval is known to 5 % of its width."""
 PARITIES = {"even": 0, "odd": 1}
 """Halves of the studies, by the remainder of their seed: a law fitted on one is tested on the other."""
-PICTURES = ROOT / "docs" / "images"
+PICTURE = ROOT / "docs" / "images" / "calibration.png"
 
 
 def read(paths: Iterable[Path], decide: bool = False) -> pl.DataFrame:
@@ -244,19 +244,11 @@ def draw(those: pl.DataFrame, path: Path) -> None:
     figure.savefig(path, metadata={"Software": ""} if path.suffix == ".png" else None)
 
 
-def write(those: pl.DataFrame, name: str, words: str, commit: str) -> None:
-    """Write a kept table, its picture if there are several bins, and the page that shows them.
-
-    Args:
-        those: Forecasts.
-        name: Name of the table.
-        words: Arguments of the command that made it.
-        commit: Commit of the code that was measured.
-    """
-    if len(bins(pairs(those, "confidence")[0])) > 1:
-        draw(those, PICTURES / f"{name}.png")
-    whence = origin(those, f"python -m benchmarks.calibration write {words}", commit)
-    keep(name, [row | whence for row in (*scores(those), *reliability(those))])
+def write(those: pl.DataFrame, names: Sequence[str], commit: str) -> None:
+    """Write the kept table, its picture, and the page that shows them."""
+    draw(those, PICTURE)
+    whence = origin(those, f"python -m benchmarks.calibration write {' '.join(names)}", commit)
+    keep("calibration", [row | whence for row in (*scores(those), *reliability(those))])
 
 
 def main() -> None:
@@ -266,11 +258,11 @@ def main() -> None:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("results", type=Path, nargs="+")
     common.add_argument("--decide", action="store_true", help="decide again with the present code")
-    common.add_argument("--seeds", choices=PARITIES, help="one half of the studies; by default all")
     one = commands.add_parser("report", help="print the tables", parents=[common])
     one.add_argument("--plot", type=Path, help="draw the reliability diagram, as .png or .svg")
+    one.add_argument("--seeds", choices=PARITIES, help="one half of the studies; by default all")
     two = commands.add_parser("write", help="keep table and picture for the pages", parents=[common])
-    two.add_argument("--name", default="calibration", help="of the kept table")
+    two.set_defaults(seeds=None)
     two.add_argument("--commit", required=True, help="of the code that was measured")
     chosen = top.parse_args()
     found = read(chosen.results, chosen.decide)
@@ -280,9 +272,8 @@ def main() -> None:
         raise SystemExit("nothing was named with a confidence on held-back seeds; run more studies")
     print(summary(found), end="")
     if chosen.command == "write":
-        words = [*(path.name for path in chosen.results), *(["--decide"] if chosen.decide else [])]
-        words += [] if chosen.name == "calibration" else [f"--name {chosen.name}"]
-        write(found, chosen.name, " ".join(words), chosen.commit)
+        names = [*(path.name for path in chosen.results), *(["--decide"] if chosen.decide else [])]
+        write(found, names, chosen.commit)
     elif chosen.plot:
         draw(found, chosen.plot)
 
