@@ -4,13 +4,17 @@ The forecast of a study is the confidence in the first effect that its diagnosis
 that effect is hidden.  A name is wrong where nothing is hidden, or something that the catalogue lacks.  A
 diagnosis that names nothing makes no forecast; it is right where nothing of the catalogue is hidden.  *Before
 calibration* is the number that the confidence was computed from: the share of resamples that the effect
-wins, or the share of held-out error that it removes.
+wins, or the share of held-out error that it removes.  The slope is that of the least-squares line of right
+names (1) and wrong ones (0) over their confidence: 1 if confidence is a probability, less if doubtful names
+are too doubtful or certain ones too certain.
 
     python -m benchmarks.calibration report clean.parquet logs.parquet --plot reliability.png
+    python -m benchmarks.calibration report benchmarks/results/judge-7389b25.parquet --decide --seeds odd
     python -m benchmarks.calibration write clean.parquet logs.parquet --commit 1234567
 
 Results files are those of `benchmarks.judge`; studies with seeds for development are left out.  `write` makes
 benchmarks/results/calibration.csv, its picture and the page of the documentation that shows both.
+`--decide` repeats the decisions on the kept candidates with the present code, see `benchmarks.judge.rescore`.
 """
 
 from __future__ import annotations
@@ -23,10 +27,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from benchmarks.judge import results
-from benchmarks.judge.scores import Score, scored
+from benchmarks.judge import rescore, results
+from benchmarks.judge.scores import SURE, Score, scored
 from benchmarks.kept_tables import ROOT, Row, keep, markdown, origin
 from benchmarks.shares import interval, rate
+from hydro.core.evaluation.block_resampling import weights
 
 HELD_BACK = 10_000
 """First seed that is not for development."""
@@ -40,16 +45,25 @@ SCHEMA: dict[str, Any] = {
 FORECASTS = {"as stated": "confidence", "before calibration": "support"}
 COLOURS = {"as stated": "#0072B2", "before calibration": "#D55E00"}
 ALL = "all lists"
+RESAMPLES = 2000
+"""Number of bootstrap resamples of a slope: its interval is known to 5 % of its width."""
+PARITIES = {"even": 0, "odd": 1}
+"""Halves of the studies, by the remainder of their seed: a law fitted on one is tested on the other."""
 PICTURE = ROOT / "docs" / "images" / "calibration.png"
 
 
-def read(paths: Iterable[Path]) -> pl.DataFrame:
+def read(paths: Iterable[Path], decide: bool = False) -> pl.DataFrame:
     """Return the forecasts of results files, each study once.
+
+    Args:
+        paths: Results files.
+        decide: Whether the present code decides again on the kept candidates.
 
     Raises:
         SystemExit: A file holds no results of `benchmarks.judge`.
     """
-    return forecasts(scored(results.read(paths)))
+    table = results.read(paths)
+    return forecasts(rescore.rescored(table, {}) if decide else scored(table))
 
 
 def forecasts(studies: Sequence[Score]) -> pl.DataFrame:
@@ -111,6 +125,29 @@ def pairs(those: pl.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
     return told[column].to_numpy().clip(0.0, 1.0), told["right"].cast(pl.Float64).to_numpy()
 
 
+def slope(those: pl.DataFrame, column: str) -> tuple[float, float, float]:
+    """Return the slope of the least-squares line of truth over one forecast, with its 95 % interval.
+
+    Studies of one seed share their vehicle, so whole seeds are resampled (Bayesian bootstrap, Rubin 1981).
+    NaN where all forecasts are equal.
+    """
+    told = those.filter("named").drop_nulls(column)
+    stated, right = pairs(those, column)
+    if not stated.size or not np.ptp(stated) > 0.0:
+        return float("nan"), float("nan"), float("nan")
+    _, seed = np.unique(told["seed"].to_numpy(), return_inverse=True)
+    drawn = weights(int(seed.max()) + 1, RESAMPLES, 0)[:, seed]
+    slopes = [_weighted_slope(stated, right, each) for each in (np.ones(stated.size), *drawn)]
+    low, high = np.quantile(slopes[1:], [0.025, 0.975])
+    return slopes[0], float(low), float(high)
+
+
+def _weighted_slope(stated: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
+    """Return the slope of the line through weighted points."""
+    away = stated - np.average(stated, weights=weight)
+    return float((weight * away * right).sum() / (weight * away**2).sum())
+
+
 def base_rate(right: np.ndarray) -> float:
     """Return the Brier score of a constant forecast, the share of right names: the baseline."""
     return brier(np.full(right.size, right.mean()), right) if right.size else float("nan")
@@ -132,6 +169,9 @@ def scores(those: pl.DataFrame) -> Iterator[Row]:
                     "Brier score": f"{brier(stated, right):.4f}",
                     "of the base rate": f"{base_rate(right):.4f}",
                 },
+                **({"slope": "{:.2f} [{:.2f}, {:.2f}]".format(*slope(part, column))} if name == ALL else {}),
+                f"right names at {SURE:g}": rate((stated >= SURE)[right == 1.0]),
+                f"wrong names at {SURE:g}": rate((right == 0.0)[stated >= SURE]),
                 **(studies if column == "confidence" else {}),
             }
 
@@ -217,17 +257,23 @@ def main() -> None:
     commands = top.add_subparsers(required=True, dest="command")
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("results", type=Path, nargs="+")
+    common.add_argument("--decide", action="store_true", help="decide again with the present code")
     one = commands.add_parser("report", help="print the tables", parents=[common])
     one.add_argument("--plot", type=Path, help="draw the reliability diagram, as .png or .svg")
+    one.add_argument("--seeds", choices=PARITIES, help="one half of the studies; by default all")
     two = commands.add_parser("write", help="keep table and picture for the pages", parents=[common])
+    two.set_defaults(seeds=None)
     two.add_argument("--commit", required=True, help="of the code that was measured")
     chosen = top.parse_args()
-    found = read(chosen.results)
+    found = read(chosen.results, chosen.decide)
+    if chosen.seeds:
+        found = found.filter(pl.col("seed") % 2 == PARITIES[chosen.seeds])
     if found.filter("named").drop_nulls("confidence").is_empty():
         raise SystemExit("nothing was named with a confidence on held-back seeds; run more studies")
     print(summary(found), end="")
     if chosen.command == "write":
-        write(found, [path.name for path in chosen.results], chosen.commit)
+        names = [*(path.name for path in chosen.results), *(["--decide"] if chosen.decide else [])]
+        write(found, names, chosen.commit)
     elif chosen.plot:
         draw(found, chosen.plot)
 

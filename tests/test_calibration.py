@@ -62,6 +62,40 @@ def test_before_calibration_is_scored_by_what_the_confidence_was_made_from():
     assert calibration.held(forecasts(calibrated()), "support") == [False]
 
 
+@pytest.mark.parametrize(("part", "expected"), [(1.0, 1.0), (0.5, 2.0), (1.25, 0.8)])
+def test_the_slope_is_the_ratio_of_true_and_stated_differences(part, expected):
+    """Confidences are moved from their mean of 0.55 by a part of their distance, and the truth stays."""
+    levels = [(true, 0.55 + part * (true - 0.55)) for true in (0.2, 0.4, 0.6, 0.8, 0.75)]
+    found = forecasts(
+        [
+            study(10_000 + 100 * place + number, ("missing", effect, told, 1.0))
+            for place, (true, told) in enumerate(levels)
+            for number in range(100)
+            for effect in ["payload" if number < round(100 * true) else "tether"]
+        ]
+    )
+    middle, low, high = calibration.slope(found, "confidence")
+    assert middle == pytest.approx(expected)
+    assert low < middle < high
+    assert np.isnan(calibration.slope(found, "support")).all()
+
+
+def test_the_shares_at_a_confidence_of_nine_tenths_are_those_of_right_and_of_stated_names():
+    row = first_row(forecasts(calibrated()))
+    assert row["right names at 0.9"].endswith("(90 of 200)")
+    assert row["wrong names at 0.9"].endswith("(10 of 100)")
+
+
+def test_kept_studies_are_decided_again_by_the_present_code(tmp_path, monkeypatch):
+    path = tmp_path / "kept.parquet"
+    found = [row for each in calibrated() for row in each]
+    pl.DataFrame(found, schema=rows.SCHEMA).write_parquet(path)
+    half = study(10_000, ("missing", "payload", 0.75, 1.0))
+    monkeypatch.setattr(calibration.rescore, "rescored", lambda table, values: [score(half)] * (not values))
+    assert calibration.read([path], decide=True)["confidence"].to_list() == [0.75]
+    assert calibration.read([path]).height == 300
+
+
 def test_equal_confidences_share_a_bin_of_at_least_a_hundred():
     found = forecasts(calibrated(130, ((0.3, 0.2), (0.5, 0.2), (1.0, 1.0))))
     rows = [row for row in calibration.reliability(found) if row["forecast"] == "as stated"]

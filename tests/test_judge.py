@@ -339,6 +339,43 @@ def test_decisions_on_kept_candidates_are_those_of_the_diagnosis(results: Path):
     assert again.named[0].confidence == pytest.approx(stated.named[0].confidence, abs=0.05)
 
 
+def candidate(effect: str, **more: object) -> dict:
+    return BASE | {"role": "candidate", "effect": effect, "plausible": True} | more
+
+
+def again(names: dict[str, float], *told: dict) -> dict[str, float]:
+    """Return the findings that other confidences give, in order."""
+    return {row["effect"]: row["confidence"] for row in rescore._renamed(told, names)}
+
+
+def test_findings_keep_their_order_and_new_names_take_the_places_of_old_ones():
+    error = finding("sensor_bias", 1.0)
+    told = (error, finding("payload", 0.9), finding("tether", 0.8), candidate("payload"), candidate("tether"))
+    assert list(again({"tether": 0.7, "payload": 0.6}, *told)) == ["sensor_bias", "payload", "tether"]
+    found = again({"added_mass": 0.7, "tether": 0.6}, *told)
+    assert found == {"sensor_bias": 1.0, "added_mass": 0.7, "tether": 0.6}
+    assert list(again({"added_mass": 0.7, "payload": 0.6, "tether": 0.5}, *told))[-1] == "added_mass"
+    assert list(again({}, *told)) == ["sensor_bias"]
+
+
+@pytest.mark.parametrize(("told", "expected"), [(0.95, 0.97), (0.5, 0.5), (0.1, 0.5)])
+def test_a_name_beyond_its_range_is_limited_unless_the_diagnosis_was_surer(told, expected):
+    rows_ = (finding("payload", told), candidate("payload", plausible=False), candidate("tether"))
+    assert rescore._limited(rows_, {"payload": 0.97, "tether": 0.9}) == {"payload": expected, "tether": 0.9}
+
+
+@pytest.mark.parametrize(("told", "part"), [(0.4, 0.4), (0.86441, 1.0), (1.0, 1.0), (None, 1.0)])
+def test_a_discount_that_candidates_do_not_show_is_that_of_the_diagnosis(told, part):
+    rows_ = (finding("payload", told, support=1.0), finding("tether", 0.1))
+    found = rescore._discounted(rows_, {"payload": 0.9, "tether": 0.8})
+    assert found == pytest.approx({"payload": 0.9 * part, "tether": 0.8})
+
+
+def test_a_name_without_a_confidence_has_no_brier_score():
+    assert score([finding("payload", None, "retune")]).brier is None
+    assert score([finding("payload", 0.0)]).brier == 1.0
+
+
 def test_another_constant_changes_the_decision_and_is_set_back(results: Path):
     table, kept = pl.read_parquet(results), settings.RIGHT_ABOVE
     again = rescore.rescored(table, {"settings.RIGHT_ABOVE": 0.1, "settings.RIGHT": 0.0})[0]

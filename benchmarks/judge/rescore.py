@@ -43,6 +43,10 @@ CONSTANTS = (
     "settings.SURE",
 )
 """Constants that decisions on kept candidates use."""
+RIGHT_ABOVE = settings.RIGHT_ABOVE
+"""Factor of kept confidences where no model was right; a smaller factor has another cause."""
+ROUNDING = 1e-6
+"""Difference of confidences that kept digits cause."""
 MODULES = (settings, by_change, by_evidence, confidence, contenders, findings, transfer)
 """Modules that read these constants, each under the same name."""
 
@@ -109,34 +113,75 @@ def decided(rows: Sequence[Row]) -> list[Row]:
     tried = [row for row in rows if row["role"] == "candidate"]
     engine = tried[0]["engine"] if tried else None
     if engine == "likelihood":
-        names = dict(_by_likelihood(tried))
+        names = _discounted(rows, dict(_by_likelihood(tried)))
     elif engine == "change":
         names = dict(_by_change(tried))
     elif engine == "transfer":
         names = dict(_by_transfer(tried, {row["effect"] for row in rows if row["role"] == "finding"}))
     else:
         return list(rows)
-    return [*_renamed(rows, names), *tried] or list(rows)
+    return [*_renamed(rows, _limited(rows, names)), *tried] or list(rows)
+
+
+def _discounted(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, float]:
+    """Return confidences of a search by likelihood with the discounts of the diagnosis.
+
+    Feedback and unexplained error lower a confidence by a factor that candidates do not show.  It shows where
+    a finding has less confidence than its support gives.
+    """
+    told = [row for row in rows if row["role"] == "finding" and row["support"]]
+    part = {
+        row["effect"]: row["confidence"] / row["support"] for row in told if row["confidence"] is not None
+    }
+    lowered = {name: one for name, one in part.items() if one < RIGHT_ABOVE - ROUNDING}
+    return {name: sure * lowered.get(name, 1.0) for name, sure in names.items()}
+
+
+def _limited(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, float]:
+    """Return confidences with those of values that physics excludes limited to DOUBTFUL.
+
+    A kept candidate tells whether its values lie in their range.  Where a model fits, the diagnosis limits
+    the confidence only beyond the range and several standard errors.  So a name that it gave more confidence
+    is not limited.
+    """
+    told = {row["effect"]: row["confidence"] or 0.0 for row in rows if row["role"] == "finding"}
+    beyond = {row["effect"] for row in rows if row["role"] == "candidate" and not row["plausible"]}
+    within = [name for name in names if name not in beyond or told.get(name, 0.0) > settings.DOUBTFUL]
+    return {name: sure if name in within else min(sure, settings.DOUBTFUL) for name, sure in names.items()}
 
 
 def _renamed(rows: Sequence[Row], names: Mapping[str, float]) -> Iterator[Row]:
-    """Yield the findings with new confidences; new names take the places of the old ones."""
+    """Yield the findings with new confidences, in the order of the diagnosis.
+
+    New names take the places of names that are no longer found.
+    """
     told = [row for row in rows if row["role"] == "finding"]
     old = {row["effect"]: row for row in told}
     searched = {row["effect"] for row in rows if row["role"] == "candidate"}
-    for effect, sure in names.items():
-        plain = {"verdict": "missing", "members": [effect], "off": None, "affected": None}
-        row = old.get(effect) or dict(told[0] if told else rows[0]) | plain | {
-            "role": "finding",
-            "effect": effect,
-        }
-        verdict = row["verdict"]
-        if verdict in ("missing", "suspect"):
-            verdict = "missing" if sure >= settings.SURE else "suspect"
-        yield row | {"verdict": verdict, "confidence": sure}
+    new = [name for name in names if name not in old]
     for row in told:
-        if row["effect"] not in names and (row["effect"] not in searched or row["confidence"] is None):
+        if row["effect"] in names:
+            yield _with_confidence(row, names[row["effect"]])
+        elif row["effect"] not in searched or row["confidence"] is None:
             yield row
+        elif new:
+            yield _added(rows, new[0], names[new.pop(0)])
+    for name in new:
+        yield _added(rows, name, names[name])
+
+
+def _added(rows: Sequence[Row], name: str, sure: float) -> Row:
+    """Return the finding of a name that the diagnosis did not find."""
+    plain = {"role": "finding", "verdict": "missing", "effect": name, "members": [name]}
+    return _with_confidence(dict(rows[0]) | plain | {"off": None, "affected": None}, sure)
+
+
+def _with_confidence(row: Row, sure: float) -> Row:
+    """Return a finding with another confidence, confirmed or not accordingly."""
+    verdict = row["verdict"]
+    if verdict in ("missing", "suspect"):
+        verdict = "missing" if sure >= settings.SURE else "suspect"
+    return row | {"verdict": verdict, "confidence": sure}
 
 
 def _steps(tried: Sequence[Row]) -> Iterator[tuple[Row, list[Row]]]:
@@ -165,7 +210,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / settings.RESAMPLES
         frequency = float(wins[rivals.index(best)])
         sure = confidence.by_likelihood_confidence(frequency, left)
-        yield best["effect"], sure if best["plausible"] else min(sure, settings.DOUBTFUL)
+        yield best["effect"], sure
         if not best["chosen"]:
             return
 
@@ -188,8 +233,7 @@ def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
             break
         row = next(each for each in rows if each["effect"] == best.effect)
         found.append(change)
-        sure = change.confidence(given)
-        yield change.best.effect, sure if row["plausible"] else min(sure, settings.DOUBTFUL)
+        yield change.best.effect, change.confidence(given)
         if not row["chosen"]:
             break
 
@@ -203,16 +247,16 @@ def _contender(row: Row) -> Contender:
 def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, float]]:
     """Yield the name and confidence of a survey by transfer or evidence.
 
-    Candidates that the diagnosis passed over for their values or their size are passed over again.
+    Candidates that the diagnosis passed over for their values are passed over again.
     """
     chosen = next((row for row in tried if row["chosen"]), None)
     if chosen is None:
         return
     leaders = tried[: tried.index(chosen)]
-    passed = {row["effect"] for row in leaders}
+    passed = {row["effect"] for row in leaders if not row["plausible"] and _transfers(row)}
     by_evidence = any(row["evidence"] is not None for row in tried)
     rest = [row for row in tried if row["effect"] not in passed and row is not chosen]
-    if (chosen["left_out"] or 0.0) < settings.MATERIAL:
+    if not _transfers(chosen):
         return
     if by_evidence:
         gap = {row["effect"]: settings.LEAST_EVIDENCE for row in tried if _hull_law(row)}
@@ -222,7 +266,12 @@ def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, f
         sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
     if leaders or chosen["own"]:
         sure = min(sure, settings.DOUBTFUL)
-    yield chosen["effect"], sure if chosen["plausible"] else min(sure, settings.DOUBTFUL)
+    yield chosen["effect"], sure
+
+
+def _transfers(row: Row) -> bool:
+    """Return whether an effect removes enough held-out error to be named."""
+    return (row["left_out"] or 0.0) >= settings.MATERIAL
 
 
 def _hull_law(row: Row) -> bool:

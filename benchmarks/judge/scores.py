@@ -144,7 +144,7 @@ class Score:
     def brier(self) -> float | None:
         """Return the Brier score of the first name's confidence; None without a confidence."""
         answer = self.answer
-        if answer is None or answer.right is None:
+        if answer is None or answer.right is None or answer.unsure:
             return None
         return float((answer.confidence - answer.right) ** 2)
 

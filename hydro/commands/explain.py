@@ -99,7 +99,7 @@ def explain(
     columns contradict the file, nothing is added.
 
     A confirmed finding (confidence of 90 % or more) makes a step. Without one, unconfirmed findings and other
-    candidate effects of the catalogue are tried, if a finding has a confidence of 20 % or more or no model
+    candidate effects of the catalogue are tried, if a finding has a confidence of 50 % or more or no model
     comes near the noise. The one with the best predictions 5 s ahead, on data that its fit leaves out, is
     added if it lowers their error by 2 % or more. Such a step is unconfirmed: it predicts better, but its
     name may be wrong. A study has six steps at most. Without --holdout, parts of the recording are left out
@@ -113,7 +113,7 @@ def explain(
     same folder replaces it.
 
     With --before a hull-force model is fitted to the recording before the change. The model and the file's
-    own values are held fixed. A step adds a change with a confidence of 20 % or more, a confirmed one
+    own values are held fixed. A step adds a change with a confidence of 50 % or more, a confirmed one
     first, and refits it together with earlier changes. Errors are in units of the error of the hull-force
     model on parts of the first recording that it was not fitted to. --holdout is then a recording of the
     changed vehicle.

@@ -17,7 +17,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
-from hydro.core.diagnosis.confidence import folds, led, stated
+from hydro.core.diagnosis.confidence import folds, lead_confidence, stated
 from hydro.core.diagnosis.contenders import (
     Compared,
     Contender,
@@ -231,10 +231,11 @@ class Change:
         return float(1.0 - self.best.left / self.whole.sum())
 
     @property
-    def margin(self) -> float:
-        """Lead of the best over the next candidate, or over no change, in penalised cost and floors."""
+    def leads(self) -> tuple[float, float]:
+        """Leads of the best over the next candidate and over no change, in penalised cost and floors."""
+        best, none = self.penalised(self.best), float(self.whole.sum())
         others = [self.penalised(one) for one in self.rivals.values() if one.effect != self.best.effect]
-        return float(min([*others, self.whole.sum()]) - self.penalised(self.best)) / self.floor
+        return (min(others, default=np.inf) - best) / self.floor, (none - best) / self.floor
 
     @property
     def relative_gain(self) -> float:
@@ -246,7 +247,7 @@ class Change:
         """Return the probability that the best candidate is the change.
 
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
-        due to chance (`led`).
+        due to chance (`lead_confidence`).
 
         Args:
             given: Squared residual of the file as given, in floors.
@@ -254,7 +255,7 @@ class Change:
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
         by_chance = CHANCE * (1.0 + removed) + UNKNOWN * beyond
-        return self.wins()[self.best.effect] * led(self.margin, by_chance)
+        return self.wins()[self.best.effect] * lead_confidence(*self.leads, by_chance)
 
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named, as the first or a further one."""

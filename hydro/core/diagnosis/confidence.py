@@ -292,31 +292,36 @@ def by_likelihood_confidence(frequency: float, left: float) -> float:
     return frequency if left <= RIGHT else RIGHT_ABOVE * frequency
 
 
-def led(lead: float, by_chance: float) -> float:
-    """Return the probability that the lead of a candidate is not due to chance.
+def lead_confidence(over_next: float, over_none: float, by_chance: float) -> float:
+    """Return the probability that the lead of the best candidate is not due to chance.
 
-    Leads by chance have an exponential distribution.
+    Of two candidates either may lead by chance, so the difference has a Laplace distribution: without a lead
+    each is right with a probability of one half.  A lead over no effect has an exponential distribution:
+    without a lead there is no effect.
 
     Args:
-        lead: Lead over the next candidate, or over none.
+        over_next: Lead over the next candidate; infinite without one.
+        over_none: Lead over the model without any candidate.
         by_chance: Mean lead by chance, in the same unit.
     """
-    return -math.expm1(-max(lead, 0.0) / by_chance)
+    half = 0.5 * math.exp(-abs(over_next) / by_chance)
+    preferred = 1.0 - half if over_next >= 0.0 else half
+    return -preferred * math.expm1(-max(over_none, 0.0) / by_chance)
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """Return the probability that a name by transfer is right, where no model reaches the noise.
 
-    The lead is the share of the next best's residual that the best removes: where many effects remove nearly
+    A lead is the share of the other model's residual that the best removes: where many effects remove nearly
     all of an error, any of them could be right.
 
     Args:
         score: Share of the held-out error that the effect removes, see `diagnosis.transfer`.
         others: Scores of all others.
     """
-    next_best = max(others, default=0.0)
+    next_best = max(others, default=-math.inf)
     lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
-    return min(max(score, 0.0), 1.0) * led(lead, CHANGED)
+    return min(max(score, 0.0), 1.0) * lead_confidence(lead, score, CHANGED)
 
 
 def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
@@ -330,4 +335,5 @@ def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
         evidence: Log evidence of the effect, see `residual.allowance`.
         others: Log evidence of all others.
     """
-    return led(evidence - max([0.0, *others]), LEAST_EVIDENCE + CHANGED * max(evidence, 0.0))
+    by_chance = LEAST_EVIDENCE + CHANGED * max(evidence, 0.0)
+    return lead_confidence(evidence - max(others, default=-math.inf), evidence, by_chance)

@@ -128,7 +128,8 @@ MOST_STATED = 0.98
 1.000 were right (`benchmarks/results/calibration.csv`): the 95 % interval of their share begins at 98.9 %."""
 DOUBTFUL = 0.5
 """Maximum confidence of a name that may stand for another effect: physics excludes its values, or it is named
-by transfer although another effect is first or the file has it already."""
+by transfer although another effect is first or the file has it already.  Also the confidence from which
+`explain` tries unconfirmed effects where none is confirmed: held-out data decide which stay."""
 RIGHT_ABOVE = 102.0 / 118.0
 """Share of names by likelihood that were right where a model is not: above 1.35 times the noise, 102 of 118
 (seeds 80000 to 84059).  In the frozen table all five between 1.35 and RIGHT are right."""
@@ -153,6 +154,3 @@ MOST_STEPS = 6
 """Maximum number of steps of an explanation, and of terms of a formula: it bounds the time."""
 AXIS_LEVEL = 0.05
 """Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
-LIKELY_STEP = 0.2
-"""Confidence from which unconfirmed effects are tried where none is confirmed: held-out data decide which
-stay."""

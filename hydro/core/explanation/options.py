@@ -13,7 +13,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import STATED, tables
-from hydro.core.diagnosis.settings import LIKELY_STEP
+from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.with_hull import FLOOR
@@ -120,7 +120,7 @@ def _suspected(step: Step) -> pl.DataFrame:
 def _likely(step: Step) -> list[str]:
     """Return the names of these findings, if at least one of them is likely."""
     suspected = _suspected(step)
-    likely = suspected.filter(pl.col("confidence") >= LIKELY_STEP)
+    likely = suspected.filter(pl.col("confidence") >= DOUBTFUL)
     return [] if likely.is_empty() else suspected["effect"].to_list()
 
 

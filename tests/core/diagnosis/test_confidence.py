@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hydro.core.diagnosis import confidence
 from hydro.core.diagnosis.confidence import (
@@ -13,6 +15,7 @@ from hydro.core.diagnosis.confidence import (
     discounted_by_largest,
     discounted_by_unexplained,
     folds,
+    lead_confidence,
     left_out_costs,
     left_out_share,
     shared,
@@ -231,3 +234,32 @@ def test_smaller_findings_lose_confidence_if_no_model_fits():
     assert discounted_by_largest([first, second], 1.5) == [first, second]
     assert discounted_by_largest([second, first], 5.0) == [replace(second, confidence=0.86 / 4), first]
     assert discounted_by_largest([], 5.0) == []
+
+
+@pytest.mark.parametrize("seen", [0.0, 0.3, 1.0, 2.5])
+def test_confidence_is_the_share_of_equal_leads_that_are_not_due_to_chance(seen):
+    """Chance adds the difference of two exponential leads to the true difference of two candidates."""
+    draw = np.random.default_rng(5)
+    true = draw.uniform(-12.0, 12.0, 400_000)
+    lead = true + draw.exponential(size=true.size) - draw.exponential(size=true.size)
+    equal = np.abs(lead - seen) < 0.05
+    assert lead_confidence(seen, np.inf, 1.0) == pytest.approx(np.mean(true[equal] > 0.0), abs=0.03)
+
+
+LEADS = st.floats(-50.0, 50.0)
+
+
+@given(LEADS, LEADS, st.floats(0.0, 10.0), st.floats(0.01, 5.0))
+def test_confidence_grows_with_both_leads_and_two_candidates_share_one(over_next, over_none, more, by_chance):
+    here = lead_confidence(over_next, over_none, by_chance)
+    assert 0.0 <= here <= 1.0
+    assert here <= lead_confidence(over_next + more, over_none, by_chance)
+    assert here <= lead_confidence(over_next, over_none + more, by_chance)
+    assert here <= lead_confidence(np.inf, over_none, by_chance)
+    both = here + lead_confidence(-over_next, over_none, by_chance)
+    assert both == pytest.approx(lead_confidence(np.inf, over_none, by_chance))
+
+
+def test_without_a_lead_over_no_effect_nothing_is_believed():
+    assert lead_confidence(5.0, 0.0, 1.0) == lead_confidence(5.0, -1.0, 1.0) == 0.0
+    assert lead_confidence(0.0, np.inf, 1.0) == 0.5
