@@ -28,7 +28,7 @@ from hydro.core.diagnosis.contenders import (
 )
 from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, held_at
+from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
@@ -47,6 +47,7 @@ from hydro.core.diagnosis.settings import (
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError, listed
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
@@ -60,6 +61,7 @@ from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations
 from hydro.core.residual.joint_posterior import joint_posterior
+from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
@@ -153,8 +155,14 @@ class ByChange:
         return Changes(tuple(reconsidered(self.compared, self.first, [*changes.found, change])))
 
     def findings(self, changes: Changes) -> list[Finding]:
-        """Return sensor errors and changes; or that nothing has changed."""
+        """Return sensor errors and changes; or that nothing has changed.
+
+        Raises:
+            DataError: The changes were there before, see `require_new`.
+        """
         compared, first = self.compared, self.first
+        if changes.found and not (self.further or self.errors):
+            require_new(compared, self.file, self._last(changes))
         given, left = compared.chi2(first), compared.chi2(self._last(changes))
         found = self._sensor_findings()
         if changes.found:
@@ -190,6 +198,35 @@ class ByChange:
     def _last(self, changes: Changes) -> Model:
         """Return the model with all changes."""
         return changes.found[-1].best.model if changes.found else self.first
+
+
+def require_new(compared: Compared, file: Vehicle, changed: Model) -> None:
+    """Refuse changes that describe the earlier recording better than the hull-force model does.
+
+    The vehicle did not have them then, so they must fit that recording worse than the model.  Otherwise the
+    file is so far from the vehicle that the model could not be learnt, and nothing is known of a change.
+
+    Args:
+        compared: Recordings.
+        file: Vehicle file.
+        changed: File with all changes.
+
+    Raises:
+        DataError: The changes fit the earlier recording better; the message says what to fit first.
+    """
+    sigma = compared.problem.shots.sigma
+    then = compared.hull.measured.weighed(sigma).at_measured_states(changed.vehicle)
+    model = unfitted(file, compared.unchanged).costs
+    weight = robust(model)
+    if not weight @ unfitted(changed.vehicle, then).costs < weight @ model:
+        return
+    names = list(dict.fromkeys(entry.effect for entry in changed.unknown.entries))
+    raise DataError(
+        f"the earlier recording needs {listed([name.replace('_', ' ') for name in names])} as well, so that "
+        "this is no change: the vehicle file is too far from the vehicle for a comparison. First fit it to the "
+        f"earlier recording: hydro fit VEHICLE BEFORE {' '.join(f'--effect {name}' for name in names)} "
+        "-o fitted.toml"
+    )
 
 
 @dataclass(frozen=True)

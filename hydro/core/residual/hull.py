@@ -43,6 +43,7 @@ class Hull:
         given: Reduced chi-square of the file without the law.
         left: Reduced chi-square of held-out stretches with the law.
         unchanged: The shots corrected by the law, each by a fit that did not use it.
+        measured: The shots as measured, without the law.
     """
 
     law: Law
@@ -52,6 +53,7 @@ class Hull:
     given: float
     left: float
     unchanged: OutputError
+    measured: OutputError
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
@@ -93,7 +95,8 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
     weight = robust(left.gram[:, -1, -1])
     weight /= weight.mean()
     level, alone = (replace(one, channels=one.channels * weight[:, None]).rms for one in (left, given))
-    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), alone, given.chi2, left.chi2, corrected)
+    floor, sigma = np.maximum(level, 1.0), problem.shots.sigma
+    return Hull(law, sigma, floor, alone, given.chi2, left.chi2, corrected, problem)
 
 
 def stretches(shots: Shots) -> Rows:

@@ -86,6 +86,21 @@ def test_a_too_short_earlier_recording_raises_an_error(before):
         hull_of(damped(), before.head(1000))
 
 
+class _Nothing:
+    """Hull-force model that has learnt nothing."""
+
+    def wrench(self, vehicle, shots):
+        return np.zeros((len(shots.record.t), 6))
+
+
+def test_an_effect_that_the_earlier_recording_needs_as_well_is_no_change(before):
+    """Beside a hull model that fails, any effect that the file lacks looks like a change."""
+    bare = synthetic.vehicle()
+    failed = hull_of(bare, half(before), _Nothing())
+    with pytest.raises(DataError, match=r"needs .* as well, so that this is no change: .* --effect"):
+        diagnosed(bare, half(flown(seed=70)), failed)
+
+
 def test_a_changed_nonlinear_effect_of_the_file_is_named():
     late = {"name": "command_delay", "d": 0.02}
     later = late | {"d": 0.2}
