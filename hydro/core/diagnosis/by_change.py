@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from hydro.core.columns import Array
@@ -47,7 +48,7 @@ from hydro.core.diagnosis.settings import (
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
-from hydro.core.errors import DataError, listed
+from hydro.core.errors import listed
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
@@ -155,16 +156,12 @@ class ByChange:
         return Changes(tuple(reconsidered(self.compared, self.first, [*changes.found, change])))
 
     def findings(self, changes: Changes) -> list[Finding]:
-        """Return sensor errors and changes; or that nothing has changed.
-
-        Raises:
-            DataError: The changes were there before, see `require_new`.
-        """
+        """Return sensor errors and changes; or that nothing has changed, or was there before."""
         compared, first = self.compared, self.first
-        if changes.found and not (self.further or self.errors):
-            require_new(compared, self.file, self._last(changes))
         given, left = compared.chi2(first), compared.chi2(self._last(changes))
         found = self._sensor_findings()
+        if self.known_before(changes):
+            return [*found, _needed_before(changes.found)]
         if changes.found:
             entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
             fit = joint_fit(compared, first.vehicle, self._last(changes).vehicle, entries)
@@ -175,6 +172,17 @@ class ByChange:
             f"squared residual is {given:.3g} times that of the model on the earlier recording"
         )
         return found or [Finding("nothing_missing", advice=words)]
+
+    def known_before(self, changes: Changes) -> bool:
+        """Return whether the vehicle had the first changes already in the earlier recording."""
+        if self.further or not changes.found:
+            return False
+        changed = self._last(changes).vehicle
+        names = [one.effect for one in self.errors]
+        plain = msgspec.structs.replace(
+            changed, effect=tuple(table for table in changed.effect if table["name"] not in names)
+        )
+        return were_there_before(self.compared, self.file, plain)
 
     def result(self, changes: Changes, findings: Sequence[Finding]) -> Result:
         """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
@@ -200,8 +208,8 @@ class ByChange:
         return changes.found[-1].best.model if changes.found else self.first
 
 
-def require_new(compared: Compared, file: Vehicle, changed: Model) -> None:
-    """Refuse changes that describe the earlier recording better than the hull-force model does.
+def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bool:
+    """Return whether changes describe the earlier recording better than the hull-force model does.
 
     The vehicle did not have them then, so they must fit that recording worse than the model.  Otherwise the
     file is so far from the vehicle that the model could not be learnt, and nothing is known of a change.
@@ -210,23 +218,23 @@ def require_new(compared: Compared, file: Vehicle, changed: Model) -> None:
         compared: Recordings.
         file: Vehicle file.
         changed: File with all changes.
-
-    Raises:
-        DataError: The changes fit the earlier recording better; the message says what to fit first.
     """
     sigma = compared.problem.shots.sigma
-    then = compared.hull.measured.weighed(sigma).at_measured_states(changed.vehicle)
+    then = compared.hull.measured.weighed(sigma).at_measured_states(changed)
     model = unfitted(file, compared.unchanged).costs
     weight = robust(model)
-    if not weight @ unfitted(changed.vehicle, then).costs < weight @ model:
-        return
-    names = list(dict.fromkeys(entry.effect for entry in changed.unknown.entries))
-    raise DataError(
-        f"the earlier recording needs {listed([name.replace('_', ' ') for name in names])} as well, so that "
-        "this is no change: the vehicle file is too far from the vehicle for a comparison. First fit it to the "
-        f"earlier recording: hydro fit VEHICLE BEFORE {' '.join(f'--effect {name}' for name in names)} "
-        "-o fitted.toml"
+    return bool(weight @ unfitted(changed, then).costs < weight @ model)
+
+
+def _needed_before(changes: Sequence[Change]) -> Finding:
+    """Return the finding that the earlier recording needs the same effects, so that they are no change."""
+    effects = tuple(change.best.effect for change in changes)
+    words = (
+        f"the earlier recording needs {listed([name.replace('_', ' ') for name in effects])} as well: the "
+        "vehicle file is too far from the vehicle for a comparison. Fit it to the earlier recording first: "
+        f"hydro fit VEHICLE BEFORE {' '.join(f'--effect {name}' for name in effects)} -o fitted.toml"
     )
+    return Finding("none_of_the_known", members=effects, advice=words)
 
 
 @dataclass(frozen=True)
