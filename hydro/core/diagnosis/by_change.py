@@ -36,6 +36,7 @@ from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
     CHANCE,
     CHANGED,
+    DOUBTFUL,
     FURTHER,
     MATERIAL,
     MOST_FINDINGS,
@@ -48,6 +49,7 @@ from hydro.core.diagnosis.settings import (
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.case import CLEAR
 from hydro.core.errors import listed
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
@@ -411,11 +413,17 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
     known = bool(file.effects(name))
     if known:
         own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == name]
-        greatest = greatest_change(file, [fit.free.entries[i] for i in own], fit.values[own])
+        entries = [fit.free.entries[i] for i in own]
+        greatest = greatest_change(file, entries, fit.values[own])
         words = f"{advice.having_changed(name, greatest)}; {words}"
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
+    if (
+        known
+        and not (np.abs(fit.values[own] - in_file(file, entries)) > CLEAR * fit.standard_errors[own]).any()
+    ):
+        sure = min(sure, DOUBTFUL)  # the file's values may be right after all
     found = Finding(
         "retune" if known else "missing",
         name,

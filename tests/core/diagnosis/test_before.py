@@ -21,6 +21,7 @@ from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
+from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import told_apart
 
 FIN = {
@@ -75,6 +76,25 @@ def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
         listed = before_._candidates(compared, model, Changes((change,), refused))
         chosen = [(one.step, one.effect) for one in listed if one.chosen]
         assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
+def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
+    late = {"name": "command_delay", "d": 0.02}
+    file = damped(late)
+    entries = free(file, ["command_delay"], reach=np.zeros((1, 3))).entries
+    fit = SimpleNamespace(
+        free=SimpleNamespace(entries=entries),
+        values=np.array([0.2]),
+        standard_errors=np.array([error]),
+        vehicle=damped(late | {"d": 0.2}),
+        table=lambda _: ({"d": 0.2}, {"d": error}),
+    )
+    model = cast(Any, SimpleNamespace(vehicle=file, values=np.zeros(1)))
+    best = Contender("command_delay", model, np.full(8, 1e-3))
+    change = Change(best, {"command_delay": best}, np.full(8, 100.0), 8.0)
+    found = before_._finding(change, file, cast(Any, fit), 0.02, 100.0, 1.0)
+    assert found.verdict == verdict
 
 
 def test_the_hull_model_halves_the_residual_of_the_file(hull):
