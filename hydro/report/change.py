@@ -9,7 +9,7 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.explanation.with_hull import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
-from hydro.core.residual.hull import Hull
+from hydro.core.residual.hull import ACCEPTABLE, Hull
 from hydro.report import words
 from hydro.report.screen import Text, table
 from hydro.report.sources import Named, Sources
@@ -66,10 +66,13 @@ def learnt(before: Mapping[str, Any]) -> str:
     if "network" in before:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"
+    fails = ""
+    if before["left"] > max(before["given"], ACCEPTABLE):
+        fails = " The model does not describe the vehicle, so no change is certain: improve the file first."
     return (
         f"Before the change ({before['recording']}), the squared error of short predictions is "
         f"{before['given']:.3g} times that of noise alone with the file, and {before['left']:.3g} times "
-        f"{model}. A change that causes less error than this remains invisible."
+        f"{model}. A change that causes less error than this remains invisible.{fails}"
     )
 
 

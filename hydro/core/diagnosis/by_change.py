@@ -27,7 +27,7 @@ from hydro.core.diagnosis.contenders import (
     fitted_together,
     with_hull_response,
 )
-from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
+from hydro.core.diagnosis.findings import STATED, Finding, Result, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.provisional import Provisional, Told
@@ -168,7 +168,8 @@ class ByChange:
             entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
             fit = joint_fit(compared, first.vehicle, self._last(changes).vehicle, entries)
             dt = self.log.record.dt
-            found += [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
+            new = [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
+            found += new if compared.hull.describes else [_unconfirmed(one) for one in new]
         words = (
             f"no {'further ' * self.further}change exceeds the error of the hull-force model: the mean "
             f"squared residual is {given:.3g} times that of the model on the earlier recording"
@@ -439,6 +440,14 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
+
+
+def _unconfirmed(one: Finding) -> Finding:
+    """Return a finding beside a hull-force model that describes nothing, so that no change is certain."""
+    sure, words = min(one.confidence, DOUBTFUL), one.advice
+    if one.verdict in STATED:
+        words = advice.suspecting(one.effect, words)
+    return replace(one, verdict="suspect", confidence=sure, advice=words)
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:

@@ -20,6 +20,8 @@ STRETCH = 10.0
 """Length of a held-out stretch [s]."""
 FOLDS = 8
 """Number of cross-validation folds; each holds stretches of every session."""
+ACCEPTABLE = 3.0
+"""Maximum reduced chi-square of an acceptable prediction, as of a diagnosis (`diagnosis.settings.FIT`)."""
 LEAST_SECONDS = 64.0
 """Minimum total length of the shots from which a hull is learned [s]."""
 
@@ -54,6 +56,11 @@ class Hull:
     left: float
     unchanged: OutputError
     measured: OutputError
+
+    @property
+    def describes(self) -> bool:
+        """Whether the law predicts held-out data better than the file alone, or the file needs no law."""
+        return self.left <= max(self.given, ACCEPTABLE)
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,13 +17,15 @@ from hydro.core.diagnosis import by_change as before_
 from hydro.core.diagnosis import contenders, log_faults
 from hydro.core.diagnosis.by_change import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
-from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, RIGHT, SURE
+from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, DOUBTFUL, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import told_apart
+from hydro.report import change
 
 FIN = {
     "name": "control_surface",
@@ -95,6 +98,20 @@ def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict
     change = Change(best, {"command_delay": best}, np.full(8, 100.0), 8.0)
     found = before_._finding(change, file, cast(Any, fit), 0.02, 100.0, 1.0)
     assert found.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("given", "left", "describes"), [(200.0, 6.0, True), (1.0, 1.1, True), (12_000.0, 17_000.0, False)]
+)
+def test_no_change_is_certain_beside_a_hull_model_that_predicts_worse_than_the_file(
+    hull, given, left, describes
+):
+    assert replace(hull, given=given, left=left).describes == describes
+    known = Finding("missing", GAINS, (GAINS,), confidence=0.99, advice="add it")
+    doubted = before_._unconfirmed(known)
+    assert (doubted.verdict, doubted.confidence) == ("suspect", DOUBTFUL)
+    told = change.learnt({"recording": "earlier", "given": given, "left": left})
+    assert ("no change is certain" in told) == (not describes)
 
 
 def test_the_hull_model_halves_the_residual_of_the_file(hull):
