@@ -13,7 +13,7 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.diagnosis.settings import MOST_SHOTS
+from hydro.core.diagnosis.settings import COMPARED_SECONDS, MOST_SHOTS
 from hydro.core.errors import DataError
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError
@@ -27,10 +27,6 @@ from hydro.core.recording.shots import SHOT_SECONDS, Shots, make_shots
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
-
-COMPARED_SECONDS = 0.5 * SHOT_SECONDS
-"""Length of the predictions that compare two orders of the commands [s]: an undamped file turns over within
-SHOT_SECONDS with any order."""
 
 
 @dataclass(frozen=True)
