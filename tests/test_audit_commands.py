@@ -80,6 +80,17 @@ def test_check_reads_a_log_by_its_map(capsys, tmp_path) -> None:
     assert "warning: thrusters 1 and 5 push opposite to the file" in capsys.readouterr().err
 
 
+def test_import_audits_no_thrusters_while_a_sensor_contradicts_its_frame(capsys, tmp_path) -> None:
+    """A velocity along FLU that is read as FRD looks like swapped and reversed thrusters."""
+    hydro.read("raw.parquet").with_columns(-pl.col("v", "w")).write_csv(tmp_path / "log.csv")
+    line = [tmp_path / "log.csv", "--vehicle", "vehicle.toml", "-o", tmp_path / "raw.parquet"]
+    assert run("import", *line) == 0
+    told = capsys.readouterr().err
+    assert "velocity looks FLU, not FRD as declared" in told
+    assert "note: the thrusters are not audited: first correct the map as the warnings say" in told
+    assert "drives thruster" not in told
+
+
 def test_diagnose_names_no_effect_where_directions_are_wrong(capsys) -> None:
     assert run("diagnose", "vehicle.toml", "turned.parquet", "-o", "found.parquet") == 0
     (finding,) = hydro.read("found.parquet").iter_rows(named=True)

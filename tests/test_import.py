@@ -102,6 +102,26 @@ def test_without_a_map_it_says_what_it_guessed_and_what_the_data_contradict(
     assert not output.exists()
 
 
+def test_the_blanks_of_a_draft_are_an_error_that_says_where(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    columns = {"clock": [0.0, 0.1], "depth": [1.0, 1.1], "turn": [0.0, 0.0], "port": [0.0, 0.1]}
+    pl.DataFrame(columns).rename({"clock": "t"}).write_csv(tmp_path / "log.csv")
+    run(capsys, tmp_path / "log.csv", "--write-map", tmp_path / "map.toml")
+    code, error = run(
+        capsys,
+        tmp_path / "log.csv",
+        "--map",
+        tmp_path / "map.toml",
+        "--vehicle",
+        VEHICLE,
+        "-o",
+        tmp_path / "raw",
+    )
+    assert code == 1
+    assert "a column name in [attitude], [velocity], [rates] and [commands] is empty: fill in" in error
+
+
 def test_a_raw_table_as_csv_needs_no_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     raw = logs.raw(8.0, noise=logs.ORDINARY)
     raw.write_csv(tmp_path / "raw.csv")

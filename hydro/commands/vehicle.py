@@ -416,7 +416,9 @@ def _tell(found: Estimate, place: str) -> None:
 
     known = found.vehicle
     if place != STREAM:
-        by = f"{len(known.thruster)} thrusters, a hull like a {found.form.shape}"
+        count, shape = len(known.thruster), found.form.shape
+        article = "an" if shape[0] in "aeiou" else "a"
+        by = f"{count} thruster{'s' * (count != 1)}, a hull like {article} {shape}"
         typer.echo(f"hydro: {place}: {by}, full to {found.form.fullness:.0%} of its box", err=True)
     weight = known.rigid_body.mass * known.environment.gravity
     if abs(known.buoyancy.force - weight) > UNEVEN * weight:

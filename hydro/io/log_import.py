@@ -157,11 +157,17 @@ def import_log(
 def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
     """Yield the contradictions and limits that the thruster audit finds.
 
+    A wrong frame of a sensor looks like reversed or swapped thrusters.  So nothing is audited before the map
+    agrees with the motion.
+
     Args:
         report: Import of the log.
         vehicle: Vehicle with as many thrusters as there are commands.
         file: Name of the vehicle file.
     """
+    if report.verdict.contradictions:
+        yield "note: the thrusters are not audited: first correct the map as the warnings say"
+        return
     try:
         found = audit(vehicle, on_time(recording(vehicle, report.imported.frame)))
     except DataError as error:

@@ -10,8 +10,8 @@ import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hydro.core.errors import DataError
-from hydro.core.logs.logmap import BLOCKS, blocks_of
+from hydro.core.errors import DataError, listed
+from hydro.core.logs.logmap import BLOCKS, LogMap, blocks_of, columns_of, sensors_of
 from hydro.core.logs.mixer import thrusters
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import file_kind, log_files, log_import, provenance, table, vehicle
@@ -65,6 +65,7 @@ def imported(
                 f"note: no column name identifies {', '.join(unknown)}, so they are null; if the log has "
                 "them, name their columns in a map (--write-map FILE begins one)"
             )
+    _require_names(meaning, str(map_))
     known, text = _read_vehicle(vehicle_file, thrusters(meaning.mixer, len(meaning.commands.columns)))
     report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
@@ -73,6 +74,20 @@ def imported(
         for line in log_import.audited(report, known, str(vehicle_file)):
             tell(line)
     return _artefact(source, report, text)
+
+
+def _require_names(meaning: LogMap, name: str) -> None:
+    """Refuse the blanks of a draft.
+
+    Raises:
+        DataError: A table has an empty column name.
+    """
+    empty = [f"[{block}]" for block, sensor in sensors_of(meaning).items() if "" in columns_of(sensor)]
+    if empty:
+        raise DataError(
+            f"{name}: a column name in {listed(empty)} is empty: fill in the names of the log's columns, or "
+            "leave out the table of a sensor that the log lacks"
+        )
 
 
 def _read_vehicle(file: Path | None, count: int) -> tuple[Vehicle | None, str | None]:

@@ -9,7 +9,7 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.explanation.with_hull import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
-from hydro.core.residual.hull import Hull
+from hydro.core.residual.hull import ACCEPTABLE, Hull
 from hydro.report import words
 from hydro.report.screen import Text, table
 from hydro.report.sources import Named, Sources
@@ -66,11 +66,14 @@ def learnt(before: Mapping[str, Any]) -> str:
     if "network" in before:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"
+    fails = ""
+    if before["left"] > max(before["given"], ACCEPTABLE):
+        fails = " The model does not describe the vehicle, so no change is certain: improve the file first."
     return (
         f"On the earlier recording ({before['recording']}), the squared error of short predictions is "
         f"{words.figure(before['given'])} times that of noise with the file alone, and "
         f"{words.figure(before['left'])} times {model}. A change that adds less than this second error "
-        "cannot be found."
+        f"cannot be found.{fails}"
     )
 
 

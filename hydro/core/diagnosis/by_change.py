@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from hydro.core.columns import Array
@@ -26,15 +27,16 @@ from hydro.core.diagnosis.contenders import (
     fitted_together,
     with_hull_response,
 )
-from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
+from hydro.core.diagnosis.findings import STATED, Finding, Result, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, held_at
+from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
     CHANCE,
     CHANGED,
+    DOUBTFUL,
     FURTHER,
     MATERIAL,
     MOST_FINDINGS,
@@ -47,6 +49,8 @@ from hydro.core.diagnosis.settings import (
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.case import CLEAR
+from hydro.core.errors import listed
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
@@ -60,6 +64,7 @@ from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations
 from hydro.core.residual.joint_posterior import joint_posterior
+from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
@@ -153,20 +158,34 @@ class ByChange:
         return Changes(tuple(reconsidered(self.compared, self.first, [*changes.found, change])))
 
     def findings(self, changes: Changes) -> list[Finding]:
-        """Return sensor errors and changes; or that nothing has changed."""
+        """Return sensor errors and changes; or that nothing has changed, or was there before."""
         compared, first = self.compared, self.first
         given, left = compared.chi2(first), compared.chi2(self._last(changes))
         found = self._sensor_findings()
+        if self.known_before(changes):
+            return [*found, _needed_before(changes.found)]
         if changes.found:
             entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
             fit = joint_fit(compared, first.vehicle, self._last(changes).vehicle, entries)
             dt = self.log.record.dt
-            found += [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
+            new = [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
+            found += new if compared.hull.describes else [_unconfirmed(one) for one in new]
         words = (
             f"no {'further ' * self.further}change stands out from the error of the hull-force model: the "
             f"squared error is {given:.3g} times that before the change, and no effect clearly lowers it"
         )
         return found or [Finding("nothing_missing", advice=words)]
+
+    def known_before(self, changes: Changes) -> bool:
+        """Return whether the vehicle had the first changes already in the earlier recording."""
+        if self.further or not changes.found:
+            return False
+        changed = self._last(changes).vehicle
+        names = [one.effect for one in self.errors]
+        plain = msgspec.structs.replace(
+            changed, effect=tuple(table for table in changed.effect if table["name"] not in names)
+        )
+        return were_there_before(self.compared, self.file, plain)
 
     def result(self, changes: Changes, findings: Sequence[Finding]) -> Result:
         """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
@@ -190,6 +209,36 @@ class ByChange:
     def _last(self, changes: Changes) -> Model:
         """Return the model with all changes."""
         return changes.found[-1].best.model if changes.found else self.first
+
+
+def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bool:
+    """Return whether changes describe the earlier recording better than the hull-force model does.
+
+    The vehicle did not have them then, so they must fit that recording worse than the model.  Otherwise the
+    file is so far from the vehicle that the model could not be learnt, and nothing is known of a change.
+
+    Args:
+        compared: Recordings.
+        file: Vehicle file.
+        changed: File with all changes.
+    """
+    sigma = compared.problem.shots.sigma
+    then = compared.hull.measured.weighed(sigma).at_measured_states(changed)
+    model = unfitted(file, compared.unchanged).costs
+    weight = robust(model)
+    return bool(weight @ unfitted(changed, then).costs < weight @ model)
+
+
+def _needed_before(changes: Sequence[Change]) -> Finding:
+    """Return the finding that the earlier recording needs the same effects, so that they are no change."""
+    effects = tuple(change.best.effect for change in changes)
+    words = (
+        f"the earlier recording needs {listed([name.replace('_', ' ') for name in effects])} as well: the "
+        "vehicle file is too far from the vehicle for a comparison. Fit it to the earlier recording first: "
+        f"hydro fit VEHICLE BEFORE {' '.join(f'--effect {name}' for name in effects)} "
+        "-o fitted.toml, and compare with that file"
+    )
+    return Finding("none_of_the_known", members=effects, advice=words)
 
 
 @dataclass(frozen=True)
@@ -367,11 +416,17 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
     known = bool(file.effects(name))
     if known:
         own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == name]
-        greatest = greatest_change(file, [fit.free.entries[i] for i in own], fit.values[own])
+        entries = [fit.free.entries[i] for i in own]
+        greatest = greatest_change(file, entries, fit.values[own])
         words = f"{advice.having_changed(name, greatest)}; {words}"
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
+    if (
+        known
+        and not (np.abs(fit.values[own] - in_file(file, entries)) > CLEAR * fit.standard_errors[own]).any()
+    ):
+        sure = min(sure, DOUBTFUL)  # the file's values may be right after all
     found = Finding(
         "retune" if known else "missing",
         name,
@@ -387,6 +442,14 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
+
+
+def _unconfirmed(one: Finding) -> Finding:
+    """Return a finding beside a hull-force model that describes nothing, so that no change is certain."""
+    sure, words = min(one.confidence, DOUBTFUL), one.advice
+    if one.verdict in STATED:
+        words = advice.suspecting(one.effect, words)
+    return replace(one, verdict="suspect", confidence=sure, advice=words)
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:

@@ -312,7 +312,10 @@ def _finding(
     least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
-    named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
+    named = _suspect(rival, model, without, fit, words)
+    if named.share <= 0.0:  # the hull forces alone profit from it
+        sure = min(sure, DOUBTFUL)
+    named = replace(named, confidence=sure)
     if sure < SURE:
         return named
     return replace(named, verdict="retune" if rival.own else "missing", advice=words)

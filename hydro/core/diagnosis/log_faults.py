@@ -13,8 +13,10 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.diagnosis.settings import MOST_SHOTS
+from hydro.core.diagnosis.settings import COMPARED_SECONDS, MOST_SHOTS
 from hydro.core.errors import DataError
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.late_velocities import lateness, on_time
@@ -23,6 +25,7 @@ from hydro.core.recording.arrays import Recording, noise, recording
 from hydro.core.recording.heavy_tails import Tail
 from hydro.core.recording.shots import SHOT_SECONDS, Shots, make_shots
 from hydro.core.residual.hull import Hull
+from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -147,6 +150,8 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     if found is None or not found.wrong:
         return replace(plain, audit=found)
     ordered = _ordered(vehicle, log, found.wiring)
+    if hull is not None and not _predicts_better(vehicle, ordered, plain, hull):
+        return plain  # the hull-force model misled the audit
     return replace(
         ordered,
         faults=(_misdirected(found), *ordered.faults),
@@ -195,6 +200,28 @@ def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
         return hull.law.wrench(vehicle, log.shots(SHOT_SECONDS))
     except DataError:
         return None
+
+
+def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocessed, hull: Hull) -> bool:
+    """Return whether most predictions of a recording are better with another order of the commands.
+
+    The audit compares accelerations at one time, where the error of a poor hull-force model can look like an
+    exchange.  Predictions contradict it, because exchanged columns drive the vehicle elsewhere.  Without a
+    gap-free stretch for a prediction, the audit alone decides.
+    """
+    try:
+        given, other = (_costs(vehicle, one, hull) for one in (plain, ordered))
+    except DataError:
+        return True
+    return bool((other < given).sum() > (given < other).sum())
+
+
+def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array:
+    """Return the squared residual of each prediction with the hull-force model, (S,)."""
+    shots = log.shots(COMPARED_SECONDS)
+    transitions = Transitions.of(candidate(vehicle), shots)
+    problem = OutputError(transitions.corrected(hull.law.wrench(vehicle, shots)))
+    return np.asarray(problem.linearise(vehicle, [], []).gram[:, -1, -1])
 
 
 def _misdirected(found: ThrusterAudit) -> Finding:

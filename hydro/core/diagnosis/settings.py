@@ -13,6 +13,9 @@ import numpy as np
 
 MOST_SHOTS = 600
 """Maximum number of shots of one recording: it bounds the time of a fit."""
+COMPARED_SECONDS = 1.0
+"""Length of the predictions that compare two orders of the command columns [s]: within two seconds, an
+undamped file turns over with any order."""
 SHOTS = 96
 """Number of shots of a repeated fit, and of all fits above FAR_FROM_NOISE: four times as many change an error
 by less than 1 %.  A first comparison of many candidates uses half of them."""

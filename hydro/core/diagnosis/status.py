@@ -43,14 +43,22 @@ def status(
         if prediction is not None and prediction.refuted:
             they = "it does" if len(stated) == 1 else "they do"
             rest = [f"Added to the file, {they} not lower the held-out prediction error.", *rest]
+            rest += [_suspicion(suspected, vehicle, dt)] if suspected else []
         return Status("stated", _counted(len(stated), changed), (*told, *rest, *faults))
     if suspected:
         best = max(suspected, key=_likely)
-        told = [f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."]
+        told = [_suspicion(suspected, vehicle, dt)]
         formula = np.isnan(best.confidence) and not changed  # a formula explains all that effects explain
         rest = ["No effect explains all of the error."] if remains and not formula else []
         return Status("uncertain", "Not certain", (*told, *rest, *faults))
     if remains:
+        earlier = [
+            f"{one.advice[0].upper()}{one.advice[1:]}."
+            for one in findings
+            if changed and one.advice and one.verdict in UNEXPLAINED
+        ]
+        if earlier:
+            return Status("unexplained", "No change can be named", (*earlier, *faults))
         return Status(
             "unexplained", "The model does not predict this log, and no effect explains why", tuple(faults)
         )
@@ -69,6 +77,12 @@ def status(
 def _is_unsure(one: Finding) -> bool:
     """Return whether a finding is unconfirmed, or an existing effect with uncertain new values."""
     return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
+
+
+def _suspicion(suspected: Sequence[Finding], vehicle: Vehicle, dt: float) -> str:
+    """Return the sentence of the likeliest unconfirmed finding, with its confidence."""
+    best = max(suspected, key=_likely)
+    return f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."
 
 
 def _likely(one: Finding) -> float:

@@ -75,14 +75,14 @@ _QUATERNIONS = [
 _VELOCITY = [
     _Family(("u", "v", "w")),
     _Family(("surge", "sway", "heave")),
-    *_xyz("v", "v_", "vel_", "velocity_", "dvl_"),
+    *_xyz("v", "v_", "vel_", "vel", "velocity_", "dvl_", "dvl_v", "dvl"),
     *_xyz("linear_", "linear_velocity_", frame="FLU"),
     *_xyz("v", "v_", "vel_", "velocity_", axes="ned", frame="NED"),
     *_xyz("v", "v_", "vel_", "velocity_", axes="enu", frame="ENU"),
 ]
 _RATES = [
     _Family(("p", "q", "r")),
-    *_xyz("w", "w_", "g", "omega_", "gyro_", "gyr_", "rate_"),
+    *_xyz("w", "w_", "g", "omega_", "gyro_", "gyro", "gyr_", "gyr", "rate_"),
     *_xyz("angular_", "angular_velocity_", frame="FLU"),
     _Family(("rollspeed", "pitchspeed", "yawspeed")),
     _Family(("roll_rate", "pitch_rate", "yaw_rate")),
@@ -90,13 +90,21 @@ _RATES = [
 ]
 _LENGTHS = {"": "m", "_m": "m", "_cm": "cm", "_mm": "mm"}
 _TURNS = {"": "rad", "_rad": "rad", "_deg": "deg", "_degrees": "deg"}
-_SPEEDS = {"": "m/s", "_m_s": "m/s", "_mps": "m/s", "_cm_s": "cm/s", "_mm_s": "mm/s", "_kn": "kn"}
+_SPEEDS = {
+    "": "m/s",
+    "_m_s": "m/s",
+    "_mps": "m/s",
+    "_cm_s": "cm/s",
+    "_cms": "cm/s",
+    "_mm_s": "mm/s",
+    "_kn": "kn",
+}
 _SPINS = {"": "rad/s", "_rad_s": "rad/s", "_rps": "rad/s", "_deg_s": "deg/s", "_dps": "deg/s"}
 _CLOCK = re.compile(r"(?:t|time|timestamp|stamp|clock|elapsed|datetime|utc|time_boot)(?:_?(s|sec|ms|us|ns))?")
 _CLOCK_UNITS = {None: "s", "sec": "s"}
 _SESSION = ("session", "run", "dive", "mission", "trial", "episode")
 _COMMAND = re.compile(
-    r"(cmd|command|u|thruster|thrust|motor|servo|pwm|rcout|rcou_c|ch|channel|output|esc|t)_?(\d+)"
+    r"(cmd|command|u|thruster|thrust|thr|motor|servo|pwm|rcout|rcou_c|ch|channel|output|esc|t)_?(\d+)"
     r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
 )
 _LONG_COMMAND = re.compile(

@@ -20,6 +20,8 @@ STRETCH = 10.0
 """Length of a held-out stretch [s]."""
 FOLDS = 8
 """Number of cross-validation folds; each holds stretches of every session."""
+ACCEPTABLE = 3.0
+"""Maximum reduced chi-square of an acceptable prediction, as of a diagnosis (`diagnosis.settings.FIT`)."""
 LEAST_SECONDS = 64.0
 """Minimum total length of the shots from which a hull is learned [s]."""
 
@@ -43,6 +45,7 @@ class Hull:
         given: Reduced chi-square of the file without the law.
         left: Reduced chi-square of held-out stretches with the law.
         unchanged: The shots corrected by the law, each by a fit that did not use it.
+        measured: The shots as measured, without the law.
     """
 
     law: Law
@@ -52,6 +55,12 @@ class Hull:
     given: float
     left: float
     unchanged: OutputError
+    measured: OutputError
+
+    @property
+    def describes(self) -> bool:
+        """Whether the law predicts held-out data better than the file alone, or the file needs no law."""
+        return self.left <= max(self.given, ACCEPTABLE)
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
@@ -93,7 +102,8 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
     weight = robust(left.gram[:, -1, -1])
     weight /= weight.mean()
     level, alone = (replace(one, channels=one.channels * weight[:, None]).rms for one in (left, given))
-    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), alone, given.chi2, left.chi2, corrected)
+    floor, sigma = np.maximum(level, 1.0), problem.shots.sigma
+    return Hull(law, sigma, floor, alone, given.chi2, left.chi2, corrected, problem)
 
 
 def stretches(shots: Shots) -> Rows:

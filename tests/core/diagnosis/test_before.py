@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -13,15 +14,18 @@ import synthetic
 from recordings import WEAK, damped, flown
 
 from hydro.core.diagnosis import by_change as before_
-from hydro.core.diagnosis import contenders
+from hydro.core.diagnosis import contenders, log_faults
 from hydro.core.diagnosis.by_change import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
-from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, RIGHT, SURE
+from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, DOUBTFUL, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
+from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import told_apart
+from hydro.report import change
 
 FIN = {
     "name": "control_surface",
@@ -77,6 +81,39 @@ def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
         assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
 
 
+@pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
+def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
+    late = {"name": "command_delay", "d": 0.02}
+    file = damped(late)
+    entries = free(file, ["command_delay"], reach=np.zeros((1, 3))).entries
+    fit = SimpleNamespace(
+        free=SimpleNamespace(entries=entries),
+        values=np.array([0.2]),
+        standard_errors=np.array([error]),
+        vehicle=damped(late | {"d": 0.2}),
+        table=lambda _: ({"d": 0.2}, {"d": error}),
+    )
+    model = cast(Any, SimpleNamespace(vehicle=file, values=np.zeros(1)))
+    best = Contender("command_delay", model, np.full(8, 1e-3))
+    change = Change(best, {"command_delay": best}, np.full(8, 100.0), 8.0)
+    found = before_._finding(change, file, cast(Any, fit), 0.02, 100.0, 1.0)
+    assert found.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("given", "left", "describes"), [(200.0, 6.0, True), (1.0, 1.1, True), (12_000.0, 17_000.0, False)]
+)
+def test_no_change_is_certain_beside_a_hull_model_that_predicts_worse_than_the_file(
+    hull, given, left, describes
+):
+    assert replace(hull, given=given, left=left).describes == describes
+    known = Finding("missing", GAINS, (GAINS,), confidence=0.99, advice="add it")
+    doubted = before_._unconfirmed(known)
+    assert (doubted.verdict, doubted.confidence) == ("suspect", DOUBTFUL)
+    told = change.learnt({"recording": "earlier", "given": given, "left": left})
+    assert ("no change is certain" in told) == (not describes)
+
+
 def test_the_hull_model_halves_the_residual_of_the_file(hull):
     assert hull.left < 0.5 * hull.given, "the library takes most of the file's error away"
 
@@ -84,6 +121,25 @@ def test_the_hull_model_halves_the_residual_of_the_file(hull):
 def test_a_too_short_earlier_recording_raises_an_error(before):
     with pytest.raises(DataError, match=r"too short|too few"):
         hull_of(damped(), before.head(1000))
+
+
+class _Nothing:
+    """Hull-force model that has learnt nothing."""
+
+    def wrench(self, vehicle, shots):
+        return np.zeros((len(shots.record.t), 6))
+
+
+def test_an_effect_that_the_earlier_recording_needs_as_well_is_no_change(before):
+    """Beside a hull model that fails, any effect that the file lacks looks like a change."""
+    bare = synthetic.vehicle()
+    failed = hull_of(bare, half(before), _Nothing())
+    found = diagnosed(bare, half(flown(seed=70)), failed)
+    (finding,) = found.findings
+    assert (finding.verdict, finding.effect) == ("none_of_the_known", "")
+    assert set(finding.members) & {"linear_damping", "quadratic_damping"}
+    assert f"--effect {finding.members[0]}" in finding.advice
+    assert found.status.headline.startswith("No change can be named: The earlier recording needs ")
 
 
 def test_a_changed_nonlinear_effect_of_the_file_is_named():
@@ -208,6 +264,18 @@ def test_swapped_command_columns_are_detected_with_and_without_the_drag_in_the_f
 )
 def test_other_changes_are_not_reported_as_swapped_command_columns(drag, changes):
     assert preprocess(synthetic.vehicle(), flown(*changes, seed=40), drag).wiring is None
+
+
+def test_columns_keep_their_order_where_the_exchanged_ones_predict_worse(hull, monkeypatch):
+    """The error of a hull-force model can look like an exchange of columns to the audit."""
+    raw = half(flown(seed=40))
+    exchanged = preprocess(damped(), raw.with_columns(**EXCHANGED), hull)
+    assert exchanged.wiring is not None
+    monkeypatch.setattr(log_faults, "audit", lambda *_, **__: exchanged.audit)
+    kept = preprocess(damped(), raw, hull)
+    assert kept.wiring is None
+    assert not kept.misdirected
+    assert not [one for one in kept.faults if one.members == ("cmd_1", "cmd_2")]
 
 
 def test_command_columns_exchanged_since_are_the_first_finding(drag):

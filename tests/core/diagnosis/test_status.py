@@ -94,6 +94,17 @@ def test_the_headline_says_that_findings_do_not_lower_the_error(added):
     assert text.endswith("it does not lower the held-out prediction error.") == (added == 0.31)
 
 
+def test_the_headline_tells_a_suspicion_where_the_stated_findings_are_refuted():
+    known, suspected = (
+        Finding(verdict, name, (name,), parameters=STATED[name], confidence=sure)
+        for verdict, name, sure in (("missing", "net_buoyancy", 0.99), ("suspect", "thruster_gain", 0.59))
+    )
+    for added, told in ((0.31, True), (0.1, False)):
+        prediction = Prediction(5.0, 0.3, added, 0.01, 0.02)
+        text = status([known, suspected], damped(), 0.02, prediction=prediction).headline
+        assert text.endswith("(possible, 59 %).") == told
+
+
 def test_confidence_in_words():
     assert in_words(1.0) == "very likely, more than 98 %"
     assert in_words(0.97) == "very likely, 97 %"
