@@ -26,7 +26,7 @@ from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
 from hydro.core.threads import spread
-from hydro.core.vehicle.frames import quaternion_product
+from hydro.core.vehicle.frames import body_states, quaternion_product
 from hydro.core.vehicle.thrusters import same_states
 
 NUDGE = np.full(CHANNELS, 1e-3)  # step of the initial state for derivatives [m, rad, m/s, rad/s]
@@ -124,8 +124,12 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """Return the shots with initial states of CO, corrected for the DVL errors of a candidate."""
-    first = sensor.true_position(model.log, shots.first).copy()
+    """Return the shots with the logged initial states, corrected to CO for the DVL errors of a candidate.
+
+    Initial states that the shots had before, such as corrected or estimated ones, do not count.
+    """
+    logged = body_states(shots.eta[shots.starts], shots.nu[shots.starts])
+    first = sensor.true_position(model.log, logged)
     first[:, 7:] = true_velocity(model, shots.record, shots.nu)[shots.starts]
     return replace(shots, first=first)
 

@@ -67,6 +67,18 @@ def test_a_late_log_looks_back_on_what_was_before_the_comparison():
     assert np.abs(left).max() < 1e-4
 
 
+def test_initial_states_are_corrected_once_for_a_reference_point():
+    """Correcting them again, or after a fit moved them, gives the same states of CO."""
+    vehicle = damped({"name": "reference_point", "r": [-0.2, 0.1, 0.3]})
+    record, truth = (recording(damped(), moved(of, rows=400)) for of in (vehicle, damped()))
+    once = multiple_shooting.corrected_first(make_shots(record), candidate(vehicle))
+    np.testing.assert_allclose(once.first[:, :3], truth.eta[once.starts, :3], atol=1e-3)
+    fitted = dataclasses.replace(once, first=multiple_shooting.displaced(once.first, np.full((1, 12), 0.1)))
+    for shots in (once, fitted):
+        again = multiple_shooting.corrected_first(shots, candidate(vehicle))
+        np.testing.assert_array_equal(again.first, once.first)
+
+
 def test_noise_is_found_through_the_motion():
     raw = noisy(moved(damped(), rows=3000), 0)
     found = noise(recording(damped(), raw))
