@@ -44,11 +44,13 @@ from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.explanation.options import Table, finding_option, is_open, options, states
 from hydro.core.explanation.screening import promising
 from hydro.core.explanation.with_hull import with_hull
+from hydro.core.identification.fit import by_equation_error
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
+from hydro.core.prediction.weak_form import Windows
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import room
 from hydro.core.residual.hull import Hull
@@ -95,7 +97,8 @@ class Recordings:
         """Return predictions over HORIZON for a fit; None if there are too few or they diverge.
 
         Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
-        from the noise.
+        from the noise.  Logged initial states keep the noise of the log: an error of the model does not make
+        the sensors worse, and free initial states would absorb part of it.
 
         Args:
             vehicle: Vehicle that predicts.
@@ -105,7 +108,7 @@ class Recordings:
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
         if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
-        problem = stable.some(most)
+        problem = stable.some(most).anchored()
         return problem.reweighted(unfitted(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
@@ -145,6 +148,19 @@ class Recordings:
         rest = squares_at_rest(self.log.shots(HORIZON))
         lost = {*worse_axes(before, rest), *worse_axes(rest, after)}
         return tuple(axis for axis in worse_axes(before, after) if axis in lost)
+
+    def started(self, vehicle: Vehicle, effects: Sequence[str]) -> Vehicle:
+        """Return the vehicle from which fits start: itself, or with effects by equation error.
+
+        The one that predicts the recording better is chosen.  Equation error integrates nothing, so values
+        far from the truth do not lead it into a poor local minimum.
+        """
+        unknown = free(vehicle, effects, reach=self.log.track) if effects else None
+        if unknown is None or not unknown.entries:
+            return vehicle
+        windows = Windows.of(self.log.record, self.log.noise, SHOTS)
+        there = unknown.at(by_equation_error(unknown, windows, self.log.track)[0])
+        return min(vehicle, there, key=self.error_ahead)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`."""
@@ -196,11 +212,14 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
         progress("all effects against the residual", 0.0)
         every += _beside(last, every, recordings)
     every = [one for found in every for one in (found, *_with_loads(last, found))]
-    problem = recordings.judged(last.vehicle)
-    found = quick_fits(last, every, recordings, problem, progress)
+    begun = last
+    if undecided and not last.tables:  # the file as given may be far from any good fit
+        begun = replace(last, vehicle=recordings.started(last.vehicle, _fitted_there(last)))
+    problem = recordings.judged(begun.vehicle)
+    found = quick_fits(begun, every, recordings, problem, progress)
     quick = sorted(found, key=lambda one: (one.is_implausible, one.error))
     progress("the best of them on held-out stretches", 0.5)
-    order, first = _best_of(quick, last, recordings, problem), None
+    order, first = _best_of(quick, begun, file, recordings, problem), None
     progress("joint fit", 0.8)
     for one in order:
         trial = _trial(last, one.found, file, recordings, one.vehicle)
@@ -220,7 +239,9 @@ def chosen_trial(last: Step, effect: str, file: Vehicle, recordings: Recordings)
     return _trial(last, finding_option(last, effect), file, recordings)
 
 
-def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:
+def _best_of(
+    quick: Sequence[Quick], last: Step, file: Vehicle, recordings: Recordings, problem: OutputError
+) -> list[Quick]:
     """Return converged fits that predict held-out stretches better and no axis significantly worse.
 
     The best comes first.  Of fits that predict equally well, to within LOWER, the one with the fewest
@@ -228,7 +249,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     """
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
-        before = min(before, recordings.left_out(last.vehicle, []), key=recordings.error)
+        before = min(before, recordings.left_out(file, []), key=recordings.error)
 
     here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
 
@@ -398,9 +419,9 @@ def _fit_together(
 
     Values that the recording does not determine stay as in the file of step 0.  Far from the noise, sensor
     noise is the wrong weight: the most accurate channel would decide alone.  Then two more fits are made, to
-    shots weighted by their residuals: one from the values of a quick fit, and one over the horizon of the
-    ladder from the better of both.  Their values are not shrunk to the file, because the problem is not
-    linear over such a distance.  The fit with the best prediction is returned.
+    shots weighted by their residuals: one from the values of a quick fit or of equation error, and one over
+    the horizon of the ladder from the better of both.  Their values are not shrunk to the file, because the
+    problem is not linear over such a distance.  The fit with the best prediction is returned.
     """
     if not wanted:
         return None
@@ -426,7 +447,7 @@ def _fit_together(
             return fit
         return min(fit, other, key=lambda one: recordings.error_ahead(one.vehicle))
 
-    fit = better(fit, start if tried is None else tried, resolved(problem))
+    fit = better(fit, recordings.started(start, names) if tried is None else tried, resolved(problem))
     ahead = recordings.ahead(fit.vehicle, SHOTS)
     return fit if ahead is None else better(fit, fit.vehicle, ahead)
 

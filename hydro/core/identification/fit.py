@@ -157,7 +157,7 @@ def _fitted(
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
     share = windows.share
-    values, problem, chi2 = _begin(unknown, windows, record.track)
+    values, problem, chi2 = by_equation_error(unknown, windows, record.track)
     if method == "output":
         progress("output error", 0.2)
         shots = _shots(unknown, record, noise, most)
@@ -199,8 +199,19 @@ def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | No
     return make_shots(record, seconds=shot_seconds(record), lead=lead, sigma=noise, most=most)
 
 
-def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Array, Problem, float]:
-    """Return the best equation-error fit over all initial guesses, with its reduced chi-square."""
+def by_equation_error(
+    unknown: Free, windows: weak_form.Windows, reach: Array
+) -> tuple[Array, Problem, float]:
+    """Return the best equation-error fit over all initial guesses, with its reduced chi-square.
+
+    Args:
+        unknown: The free entries.
+        windows: Windows of the recording.
+        reach: Positions and times of the recording, (N, 4).
+
+    Returns:
+        Values, (P,); the reweighted problem; and the reduced chi-square of the first fit.
+    """
     tried = [
         descend(unknown, start, windows, ITERATIONS) for start in initial_guesses(unknown, windows, reach)
     ]

@@ -26,7 +26,7 @@ from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
 from hydro.core.threads import spread
-from hydro.core.vehicle.frames import quaternion_product
+from hydro.core.vehicle.frames import body_states, quaternion_product
 from hydro.core.vehicle.thrusters import same_states
 
 NUDGE = np.full(CHANNELS, 1e-3)  # step of the initial state for derivatives [m, rad, m/s, rad/s]
@@ -124,10 +124,32 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """Return the shots with initial states of CO, corrected for the DVL errors of a candidate."""
-    first = sensor.true_position(model.log, shots.first).copy()
+    """Return the shots with the logged initial states, corrected to CO for the DVL errors of a candidate.
+
+    Initial states that the shots had before, such as corrected or estimated ones, do not count.
+    """
+    return replace(shots, first=logged_first(shots, model))
+
+
+def logged_first(shots: Shots, model: Candidate) -> Array:
+    """Return the smoothed logged initial states, corrected to CO for a candidate's DVL errors, (S, 13)."""
+    logged = body_states(shots.eta[shots.starts], shots.nu[shots.starts])
+    first = sensor.true_position(model.log, logged)
     first[:, 7:] = true_velocity(model, shots.record, shots.nu)[shots.starts]
-    return replace(shots, first=first)
+    return first
+
+
+def initial_residuals(model: Candidate, shots: Shots) -> Array:
+    """Return logged minus present initial states times the weights of the anchor, (S, 12).
+
+    Args:
+        model: The candidate.
+        shots: The shots, with an anchor.
+    """
+    assert shots.anchor is not None
+    out = np.empty((len(shots.starts), 1, CHANNELS))
+    deviate(shots.first[:, None], logged_first(shots, model)[:, None], 0, np.ones(CHANNELS), out)
+    return np.asarray(out[:, 0] * shots.anchor)
 
 
 @dataclass(frozen=True)
@@ -224,7 +246,7 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Return the sum of squared residuals of each shot, (S,); infinite where a motion diverges."""
+    """Return the sum of squared residuals of each shot and its anchor, (S,); infinite if it diverges."""
 
     def work(begin: int) -> Array:
         error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
@@ -232,6 +254,8 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
         return squares
 
     each = np.concatenate(spread(work, range(0, len(shots.starts), SHOTS_TOGETHER), threads))
+    if shots.anchor is not None:
+        each += (initial_residuals(prepared.model, shots) ** 2).sum(axis=1)
     each[~(each < ENDLESS**2)] = np.inf
     return each
 

@@ -61,6 +61,14 @@ class OutputError:
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else OutputError(self.shots.of(kept))
 
+    def anchored(self) -> OutputError:
+        """Return the problem with the logged initial states as samples, with the noise of its channels.
+
+        They keep this weight if the channels get others.  So the initial states of a fit far from the noise
+        cannot absorb errors of the model that are larger than the noise of the log.
+        """
+        return OutputError(self.shots.anchored(), self.near)
+
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Linearise the problem, see `sensitivity.linearise`."""
         prepared = multiple_shooting.prepare(candidate(base), self.shots, self.near)

@@ -99,6 +99,7 @@ def linearise(
     rest = [i for i in range(count) if i not in logged and i not in varied.of]
     order = np.argsort([*varied.of, *logged, *rest])
     order = np.concatenate([np.arange(CHANNELS), CHANNELS + order, [CHANNELS + count]])
+    initial = None if shots.anchor is None else _initial_columns(near, shots)
 
     def work(begin: int) -> None:
         part = slice(begin, begin + SHOTS_TOGETHER)
@@ -119,9 +120,11 @@ def linearise(
         flat[lost] = 0.0
         flat = shots.calmed(flat, part)
         whole = np.stack([one.T @ one for one in flat])[:, order[:, None], order]
-        gram[part], follow[part] = eliminate(whole, CHANNELS, known[part])
         if counted is not None:
             used[part] = taken(whole, CHANNELS, known[part])
+        if initial is not None:
+            whole += initial[part].transpose(0, 2, 1) @ initial[part]
+        gram[part], follow[part] = eliminate(whole, CHANNELS, known[part])
         gram[part][lost, -1, -1] = np.inf
         left = flat[..., -1] - np.einsum("srz,sz->sr", flat[..., :CHANNELS], follow[part][..., -1])
         channels[part] = (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
@@ -132,6 +135,21 @@ def linearise(
     compared = shots.seen[:, shots.lead :].sum(axis=1)
     freedom = np.maximum(compared.sum(axis=1) - used, 1.0)
     return Normal(gram, freedom, channels, follow, compared)
+
+
+def _initial_columns(near: Moved, shots: Shots) -> Array:
+    """Return weighted columns and residuals of the logged initial states, (S, 12, 12 + P + 1).
+
+    A parameter of the DVL changes the logged state of CO, not the present one.
+    """
+    model = near.base.model
+    columns = np.zeros((len(shots.starts), CHANNELS, CHANNELS + len(near.others) + 1))
+    columns[:, range(CHANNELS), range(CHANNELS)] = shots.anchor
+    columns[..., -1] = error = multiple_shooting.initial_residuals(model, shots)
+    for i, (other, share) in enumerate(zip(near.others, near.shares, strict=True), CHANNELS):
+        if not np.array_equal(other.model.log, model.log):
+            columns[..., i] = (error - multiple_shooting.initial_residuals(other.model, shots)) / share
+    return columns
 
 
 def beginnings(base: Prepared, shots: Shots) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import Recording, noise, smoothed
+from hydro.core.recording.arrays import Recording, channels, noise, smoothed
 from hydro.core.vehicle.frames import body_states
 
 SHOT_SECONDS = 2.0
@@ -47,6 +47,8 @@ class Shots:
         seen: Which of the measured values are samples, (S, length, 12); None where all are.
         swell: Effect of one standard deviation of each harmonic of a sea on the compared channels, (S, length
             - lead, 12, Q); None for a calm sea (`output_error.in_waves`).
+        anchor: Weight of the logged initial states in the cost, one over their standard deviation, (S, 12);
+            None where initial states are free.
     """
 
     record: Recording
@@ -62,6 +64,7 @@ class Shots:
     share: float = 1.0
     seen: NDArray[np.bool_] | None = None
     swell: Array | None = None
+    anchor: Array | None = None
 
     @property
     def session(self) -> Rows:
@@ -113,9 +116,21 @@ class Shots:
 
     def of(self, kept: NDArray[np.bool_]) -> Shots:
         """Return the shots of a mask (S,)."""
-        there = tuple(name for name in ("seen", "swell") if getattr(self, name) is not None)
+        there = tuple(name for name in ("seen", "swell", "anchor") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
+
+    def anchored(self) -> Shots:
+        """Return the shots with their logged initial states as samples, with the noise of `sigma`.
+
+        The weight is 0 for a channel without samples in the shot.  It is 0 in the first row of a segment,
+        where smoothing is one-sided and the vehicle often starts to move.
+        """
+        error = np.maximum(smoothing_error(self.record, self.eta, self.nu), self.sigma)
+        shown = (self.starts > self.record.segments[self.segment, 0])[:, None]
+        if self.seen is not None:
+            shown = shown & self.seen.any(axis=1)
+        return replace(self, anchor=np.where(shown, 1.0 / error, 0.0))
 
     def begun_at(self, record: Recording) -> Shots:
         """Return the shots with initial states from another filling of their recording."""
@@ -168,6 +183,52 @@ def make_shots(
         share=len(kept) / count,
         seen=None if record.seen is None else record.seen[rows],
     )
+
+
+def smoothing_error(record: Recording, eta: Array, nu: Array) -> Array:
+    """Return the root mean square distance of the samples from the smoothed motion, (12,).
+
+    It is an upper estimate of the error of a smoothed state.  It holds the noise of a whole sample, of which
+    smoothing removes most, so that the samples of a shot may also count themselves.  It also holds the error
+    of the smoothing where forces change fast.  A slow sensor's channel is filled between its samples, so
+    there the distance of a sample from the line through its two neighbours counts if it is larger.
+
+    Args:
+        record: The recording.
+        eta: Smoothed pose of every row, (N, 6).
+        nu: Smoothed velocity of every row, (N, 6).
+
+    Returns:
+        Position [m], small rotation [rad], velocity [m/s] and rates [rad/s]; 0 for a channel without samples.
+    """
+    calm, logged = body_states(eta, nu), body_states(record.eta, record.nu)
+    scalar, axis = np.split(calm[:, 3:7], [1], axis=1)
+    turn = scalar * logged[:, 4:7] - logged[:, 3:4] * axis - np.cross(axis, logged[:, 4:7])
+    away = np.hstack([logged[:, :3] - calm[:, :3], 2.0 * turn, logged[:, 7:] - calm[:, 7:]])
+    if record.seen is None:
+        return np.asarray(np.sqrt(np.mean(away**2, axis=0)))
+    squares = np.where(record.seen, away**2, 0.0).sum(axis=0) / np.maximum(record.seen.sum(axis=0), 1)
+    return np.asarray(np.sqrt(np.maximum(squares, _between_samples(record))))
+
+
+def _between_samples(record: Recording) -> Array:
+    """Return the mean squared distance of samples from the line through their neighbours, (12,).
+
+    It is 0 for a channel with a sample in every row.
+    """
+    assert record.seen is not None
+    found = np.zeros(CHANNELS)
+    for i, parts in enumerate(channels(record)):
+        errors = [np.zeros(0)]
+        for part, (start, stop) in zip(parts, record.segments, strict=True):
+            at = np.flatnonzero(record.seen[start:stop, i])
+            if 2 < at.size < stop - start:
+                share = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+                x = part[at]
+                errors.append(x[1:-1] - x[:-2] - share * (x[2:] - x[:-2]))
+        if (every := np.concatenate(errors)).size:
+            found[i] = np.mean(every**2)
+    return found
 
 
 def room(record: Recording, seconds: float) -> int:

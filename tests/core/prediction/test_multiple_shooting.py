@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -22,6 +22,7 @@ from hydro.core.prediction.normal_equations import (
     covariance,
     eliminate,
 )
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import noise, recording, smoothed
 from hydro.core.recording.segments import segments
 from hydro.core.recording.shots import evenly, make_shots
@@ -31,7 +32,7 @@ from hydro.core.vehicle.frames import quaternion_from_euler
 def exact(shots, record):
     """Shots begun at the logged state itself."""
     logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
-    return dataclasses.replace(shots, first=logged[shots.starts])
+    return replace(shots, first=logged[shots.starts])
 
 
 @pytest.mark.parametrize(
@@ -65,6 +66,18 @@ def test_a_late_log_looks_back_on_what_was_before_the_comparison():
     )
     assert left.shape == (len(shots.starts), 100, 12)
     assert np.abs(left).max() < 1e-4
+
+
+def test_initial_states_are_corrected_once_for_a_reference_point():
+    """Correcting them again, or after a fit moved them, gives the same states of CO."""
+    vehicle = damped({"name": "reference_point", "r": [-0.2, 0.1, 0.3]})
+    record, truth = (recording(damped(), moved(of, rows=400)) for of in (vehicle, damped()))
+    once = multiple_shooting.corrected_first(make_shots(record), candidate(vehicle))
+    np.testing.assert_allclose(once.first[:, :3], truth.eta[once.starts, :3], atol=1e-3)
+    fitted = replace(once, first=multiple_shooting.displaced(once.first, np.full((1, 12), 0.1)))
+    for shots in (once, fitted):
+        again = multiple_shooting.corrected_first(shots, candidate(vehicle))
+        np.testing.assert_array_equal(again.first, once.first)
 
 
 def test_noise_is_found_through_the_motion():
@@ -222,3 +235,25 @@ def test_one_shift_moves_all_beginnings():
     first, shift = rng.standard_normal((400, 13)), rng.standard_normal((1, 12))
     each = np.vstack([multiple_shooting.displaced(one[None], shift) for one in first])
     np.testing.assert_array_equal(multiple_shooting.displaced(first, shift), each)
+
+
+def test_anchored_initial_states_stay_near_the_log_whatever_the_model():
+    """Without drag in the file, channels count as their residuals, but the logged states keep their weight.
+
+    Free initial states take up some of the missing drag.
+    """
+    record = recording(damped(), noisy(moved(damped(), rows=1500), 0))
+    bare = msgspec.structs.replace(damped(), effect=damped().effect[:1])
+    free = OutputError.of(make_shots(record, seconds=5.0), bare)
+    anchor = free.shots.anchored().anchor
+
+    def away(problem):
+        """Return the root mean square distance from the logged states in their standard deviations."""
+        problem, changed = problem.reweighted(problem.linearise(bare, [], []))
+        assert changed
+        for _ in range(6):
+            _, problem = problem.cost(bare, np.zeros(0), problem.linearise(bare, [], []))
+        shots = replace(problem.shots, anchor=anchor)
+        return np.sqrt(np.mean(multiple_shooting.initial_residuals(candidate(bare), shots) ** 2))
+
+    assert away(free.anchored()) < 0.25 * away(free)

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
-from recordings import damped, moved
+import polars as pl
+from recordings import damped, moved, noisy
 
-from hydro.core.recording.arrays import recording
-from hydro.core.recording.shots import TRUST, Shots, make_shots
+from hydro.core.recording.arrays import recording, smoothed
+from hydro.core.recording.shots import TRUST, Shots, make_shots, smoothing_error
 
 
 def test_less_is_known_of_a_beginning_where_a_shot_has_no_sample_of_a_channel():
@@ -23,6 +24,35 @@ def test_less_is_known_of_a_beginning_where_a_shot_has_no_sample_of_a_channel():
     expected = np.tile(TRUST, (len(shots.starts), 1))
     expected[0, 7] *= 5.0
     np.testing.assert_allclose(trust, expected)
+
+
+def test_an_anchored_initial_state_counts_at_most_as_a_sample():
+    """Its deviation is not below the noise or its true error; at the log's edge or unsampled it is free."""
+    calm = moved(damped(), rows=1000)
+    shots, exact = (make_shots(recording(damped(), raw)) for raw in (noisy(calm, 0), calm))
+    assert shots.anchor is None
+    anchor = shots.anchored().anchor
+    np.testing.assert_array_equal(anchor[0], 0.0)
+    assert (anchor[1:] <= 1.0 / shots.sigma).all()
+    assert (anchor[1:] > 0.4 / shots.sigma).all()
+    error = (shots.first - exact.measured[:, 0])[1:, [0, 1, 2, *range(7, 13)]]
+    assert (np.sqrt(np.mean(error**2, axis=0)) < 1.0 / np.delete(anchor[1], range(3, 6))).all()
+    seen = np.ones((len(shots.starts), shots.length, 12), bool)
+    seen[1, :, 7] = False
+    seen[2, 5:, 2] = False
+    expected = anchor.copy()
+    expected[1, 7] = 0.0
+    part = replace(shots, seen=seen, record=replace(shots.record, seen=np.ones((1000, 12), bool)))
+    np.testing.assert_allclose(part.anchored().anchor, expected)
+    np.testing.assert_array_equal(part.anchored().of(np.arange(len(anchor)) > 1).anchor, expected[2:])
+
+
+def test_the_states_of_a_slow_sensor_are_uncertain_between_its_samples():
+    raw = moved(damped(), rows=1000)
+    rows = pl.int_range(pl.len())
+    slow = recording(damped(), raw.with_columns(u=pl.when(rows % 25 == 0).then("u")))
+    error = np.abs(smoothed(slow)[1][:, 0] - raw["u"].to_numpy())
+    assert 1.0 < smoothing_error(slow, *smoothed(slow))[6] / np.sqrt(np.mean(error**2)) < 10.0
 
 
 def test_what_a_sea_hides_is_the_root_of_its_information():
