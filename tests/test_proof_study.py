@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import runpy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -11,7 +12,9 @@ import pytest
 from recordings import damped, noisy
 
 import hydro
+from benchmarks import proof as benchmark
 from hydro import cli
+from hydro.core import effects
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.errors import DataError
 from hydro.core.evaluation.velocity_errors import Squares
@@ -20,6 +23,7 @@ from hydro.core.explanation import trials
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import table
+from hydro.io import vehicle as vehicles
 from hydro.report import proof as report
 from hydro.study import proof, proof_tables
 
@@ -139,6 +143,16 @@ def test_values_are_named_by_their_place_and_those_of_the_truth_are_never_left_o
         "true": 0.0,
     }  # fmt: skip
     assert (rows[1]["found"], rows[1]["low"], rows[1]["true"]) == (0.0, None, -0.4)
+
+
+@pytest.mark.parametrize("effect", benchmark.CHANGES.values(), ids=benchmark.CHANGES)
+def test_every_other_change_is_an_effect_of_the_bundled_vehicle(
+    effect: dict[str, Any], datasets: Path
+) -> None:
+    text = (datasets / "changed" / "vehicle.toml").read_text()
+    changed = vehicles.parse(vehicles.set_effect(text, effect))
+    effects.validate(changed)
+    assert changed.effects(effect["name"])
 
 
 def test_a_study_without_a_finding_says_so(quick: tuple[Path, list[str]], tmp_path: Path) -> None:

@@ -7,12 +7,14 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 from terminal import fits, on_terminal
 
 from hydro import cli
 from hydro.io import table
+from hydro.sim import film
 from hydro.study import policies
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -229,6 +231,29 @@ def test_watch_and_curves_write_pictures(run: Path, tmp_path: Path) -> None:
 def test_watch_writes_a_film(run: Path, tmp_path: Path) -> None:
     assert rl("watch", run, "-o", tmp_path / "flight.mp4") == 0
     assert b"ftyp" in (tmp_path / "flight.mp4").read_bytes()[:32]
+
+
+def test_a_film_of_two_runs_shows_the_same_tasks_as_long_as_they_fit(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = []
+    monkeypatch.setattr(film, "film", lambda panels, *_, **__: shown.extend(panels))
+    line = ["watch", run, "--beside", run, "--seconds", 4.5, "--in", "kernels", "-o", tmp_path / "two.mp4"]
+    assert rl(*line) == 0
+    first, second = shown
+    lasting = [len(flown.pose) * flown.period + film.HOLD for flown in first.flights]
+    assert len(lasting) == 3, f"3 of {lasting} fit into 4.5 s"
+    starts = np.array([flown.pose[0] for flown in first.flights])
+    assert len(np.unique(starts[:, 0])) == 3, "three tasks"
+    assert (starts == [flown.pose[0] for flown in second.flights]).all()
+    assert f"{run.name} arrived in 0 of 3 tasks" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_picture_of_two_runs_is_refused(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rl("watch", run, "--beside", run, "-o", tmp_path / "two.png") == 2
+    assert "name an .mp4" in capsys.readouterr().err
 
 
 def test_a_study_runs_possible_conditions_and_names_the_others(

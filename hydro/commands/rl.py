@@ -13,9 +13,10 @@ import typer
 
 from hydro.commands.places import FILE, TRAINING
 from hydro.commands.recordings import MaxExpanded
-from hydro.commands.rl_flights import builder_of, eval_, watch
+from hydro.commands.rl_flights import builder_of, eval_
 from hydro.commands.rl_recipes import Recipe, current_recipe
 from hydro.commands.rl_study import study
+from hydro.commands.rl_watch import watch
 from hydro.commands.shell import ModelFile, estimates_beside, progress, seed_option
 from hydro.commands.tables import print_table
 from hydro.core.errors import DataError, UsageError

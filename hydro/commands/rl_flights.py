@@ -1,4 +1,4 @@
-"""Commands `rl eval` and `rl watch`: test runs of policies and of a scripted pilot, without exploration."""
+"""Command `rl eval`: test runs of policies and of a scripted pilot, without exploration."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, li
     return policy, [artefact], builder
 
 
-def _asked(run: Path, task: str | None, stage: int | None) -> str | None:
+def asked_task(run: Path, task: str | None, stage: int | None) -> str | None:
     """Return the name of the requested task; None if none was requested."""
     from hydro.rl.tasks.registry import STAGES
     from hydro.rl.training.runs import Folder
@@ -110,20 +110,20 @@ def _asked(run: Path, task: str | None, stage: int | None) -> str | None:
         raise UsageError("--task and --stage both choose the task: give one of them")
     if stage is None:
         return task
-    stages = STAGES if _is_vehicle(run) else Folder(run).config().curriculum.stages
+    stages = STAGES if is_vehicle(run) else Folder(run).config().curriculum.stages
     return stages[stage - 1]
 
 
-def _is_vehicle(run: Path) -> bool:
+def is_vehicle(run: Path) -> bool:
     """Return whether a path names a vehicle file instead of a training."""
     return run.is_file() or run.suffix == ".toml"
 
 
-def _flight(
+def flight_of(
     run: Path, wanted: str | None, level: int | None, truth: Path | None = None, *, last: bool = False
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
     """Return the policy of a run and its table (none for a vehicle file), its fleets, task and level."""
-    alone = _is_vehicle(run)
+    alone = is_vehicle(run)
     policy, learnt, builder = (
         (None, [], _of_vehicle(run, truth)) if alone else _opened(run, None if last else wanted, truth)
     )
@@ -209,7 +209,8 @@ def eval_(
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
-    policy, learnt, builder, chosen, level = _flight(run, _asked(run, task, stage), level, truth, last=last)
+    wanted = asked_task(run, task, stage)
+    policy, learnt, builder, chosen, level = flight_of(run, wanted, level, truth, last=last)
     known = builder.estimates is not None and truth is None
     trials = trials_of(setting or [NOMINAL], chosen, estimates=known)
     parameters: dict[str, Any] = {"in": simulator, "episodes": episodes, "seed": seed}
@@ -278,52 +279,3 @@ def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
     found = what | {"task": task, "level": level} | summary(flown)
     rare = dict.fromkeys(("time_to_goal", *RARE), pl.Float64)
     return pl.DataFrame([found], schema_overrides=rare)
-
-
-def watch(
-    run: Flown,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4."), FILE],
-    simulator: In = "student",
-    seed: Annotated[int, seed_option("Seed of the task.")] = 0,
-    task: TaskName = None,
-    stage: Stage = None,
-    level: Level = None,
-    truth: Truth = None,
-    max_expanded: MaxExpanded = None,
-) -> None:
-    """Draw or film one run of a policy.
-
-    With a vehicle file in the place of RUN the scripted pilot is shown, with a map. With --truth the policy
-    steers another vehicle than the one that it was trained in.
-
-    A .png shows the path in its tank, from above and from the side. An .mp4 is rendered by MuJoCo
-    off-screen, and needs the extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.
-    """
-    if output.suffix not in (".png", ".mp4"):
-        raise UsageError(f"{output}: name a .png for a picture or an .mp4 for a film")
-    from hydro.rl.training.evaluate import trace
-    from hydro.rl.training.pilots import WithMap
-    from hydro.rl.training.trials import NOMINAL, TRIALS
-
-    policy, _, builder, chosen, level = _flight(run, _asked(run, task, stage), level, truth)
-    fleet = builder(1, seed, simulator, TRIALS[NOMINAL])
-    fleet.set_level(chosen, level)
-    flight = trace(WithMap(fleet) if policy is None else policy, fleet)
-    settings, ending = builder.config.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
-    world = settings.world
-    size = world.length, world.width, world.depth
-    if output.suffix == ".mp4":
-        from hydro.sim.film import Flown, film
-
-        flown = Flown(flight.pose, flight.targets, flight.pillars, settings.period)
-        film(builder.vehicle, flown, size, radius=world.pillar_radius, output=output)
-    else:
-        from hydro.report.training import Tank, draw_flight, save
-
-        who = (
-            "a pilot by hand" if policy is None else f"{builder.config.condition}, seed {builder.config.seed}"
-        )
-        title = f"{chosen.name}, {who}, in the {simulator}: {ending}"
-        tank = Tank(size, flight.pillars, world.pillar_radius, flight.goal, settings.task.radius)
-        save(draw_flight(flight.pose[:, :3], flight.way, tank, title), output)
-    typer.echo(f"{output}: {ending}", err=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,6 +25,12 @@ DISTANCE, ELEVATION = 4.0, -25.0
 """Distance [m] and elevation [deg] of the camera behind and above the vehicle."""
 TURN_SHARE = 0.05
 """Share of the remaining turn by which the camera follows in one frame."""
+RATE = 12.5
+"""Pictures per second; without a graphics processor each takes 60 ms of processor time."""
+HOLD = 1.0
+"""Time for which the last picture of a flight stays, so that its ending can be read [s]."""
+CAPTION, MARGIN, INK = 20, 12, (235, 235, 235)
+"""Height of a caption's letters and its distance from the corner [pixels], and its colour."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +42,31 @@ class Flown:
         targets: Targets of the vehicle, shown as a red sphere, (K, 3), NED [m].
         pillars: Axes of the pillars, (P, 2), NED [m].
         period: Time between poses [s].
+        ending: Outcome, written below the title when the flight has ended.
     """
 
     pose: Array
     targets: Array
     pillars: Array
     period: float
+    ending: str = ""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Flights of one policy or pilot, shown one after another.
+
+    Attributes:
+        vehicle: Vehicle file.
+        flights: The flights.
+        title: Caption.
+        folder: Folder of the vehicle file, which has its hull mesh.
+    """
+
+    vehicle: Vehicle
+    flights: Sequence[Flown]
+    title: str = ""
+    folder: Path | None = None
 
 
 class Room(NamedTuple):
@@ -57,24 +83,14 @@ class Room(NamedTuple):
     radius: float
 
 
-def film(
-    vehicle: Vehicle,
-    flown: Flown,
-    size: tuple[float, float, float],
-    *,
-    radius: float,
-    output: Path,
-    folder: Path | None = None,
-) -> None:
-    """Render a flight into a video file.
+def film(panels: Sequence[Panel], size: tuple[float, float, float], *, radius: float, output: Path) -> None:
+    """Render flights into a video file, a panel for each policy, side by side.
 
     Args:
-        vehicle: Vehicle file.
-        flown: The flight.
+        panels: Panels with as many flights each; the k-th flights are shown together.
         size: Length, width and depth of the tank [m].
         radius: Radius of the pillars [m].
         output: Video file; its suffix sets the format.
-        folder: Folder of the vehicle file, which has its hull mesh.
 
     Raises:
         UsageError: The extra `video` is not installed, or no renderer is available.
@@ -87,13 +103,56 @@ def film(
             "films need the extra `video`: pip install 'deep-hydro-sim[video]', or name a .png"
         ) from error
     films: Any = imageio
-    room = Room(size, len(flown.pillars), radius)
-    with (
-        closing(Camera(vehicle, room, folder=folder)) as camera,
-        films.get_writer(output, fps=round(1.0 / flown.period), macro_block_size=8) as writer,
-    ):
-        for pose, target in zip(flown.pose, flown.targets, strict=True):
-            writer.append_data(camera.picture(pose, flown.pillars, target))
+    period = panels[0].flights[0].period
+    with ExitStack() as opened:
+        cameras = [opened.enter_context(closing(_camera(panel, size, radius))) for panel in panels]
+        writer = opened.enter_context(
+            films.get_writer(output, fps=1.0 / (period * _stride(period)), macro_block_size=8)
+        )
+        titles = [panel.title for panel in panels]
+        for together in zip(*(panel.flights for panel in panels), strict=True):
+            for picture in frames(together, titles, cameras):
+                writer.append_data(picture)
+
+
+def _camera(panel: Panel, size: tuple[float, float, float], radius: float) -> Camera:
+    """Return a camera in a tank with room for the pillars of every flight of a panel."""
+    pillars = max(len(flight.pillars) for flight in panel.flights)
+    return Camera(panel.vehicle, Room(size, pillars, radius), folder=panel.folder)
+
+
+def _stride(period: float) -> int:
+    """Return the number of poses per picture."""
+    return max(1, round(1.0 / (RATE * period)))
+
+
+def frames(
+    flights: Sequence[Flown], titles: Sequence[str], cameras: Sequence[Camera]
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the frames of simultaneous flights until the last has ended; one that ended earlier waits."""
+    period, ends = flights[0].period, [len(flight.pose) - 1 for flight in flights]
+    stride = _stride(period)
+    panels = [np.empty(0, dtype=np.uint8)] * len(flights)
+    for camera in cameras:
+        camera.cut()
+    for k in range(0, max(ends) + stride + round(HOLD / period), stride):
+        for i, (flight, camera) in enumerate(zip(flights, cameras, strict=True)):
+            if k < ends[i] + stride:
+                at = min(k, ends[i])
+                seen = camera.picture(flight.pose[at], flight.pillars, flight.targets[at])
+                ending = flight.ending if at == ends[i] else f"{at * period:.0f} s"
+                panels[i] = captioned(seen, f"{titles[i]}\n{ending}".strip())
+        yield np.hstack(panels)
+
+
+def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
+    """Return a picture (height, width, 3) with a text in its upper left corner."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    drawn = Image.fromarray(picture)
+    font = ImageFont.load_default(CAPTION)
+    ImageDraw.Draw(drawn).text((MARGIN, MARGIN), text, fill=INK, font=font)
+    return np.asarray(drawn, dtype=np.uint8)
 
 
 class Camera:
@@ -122,6 +181,11 @@ class Camera:
             ) from error
         self._model, self._data, self._view = model, mujoco.MjData(model), mujoco.MjvCamera()
         self._view.distance, self._view.elevation = DISTANCE, ELEVATION
+        self._pillars = room.pillars
+        self.cut()
+
+    def cut(self) -> None:
+        """Begin another flight: the camera of its first picture looks where the bow points."""
         self._follows = False
 
     def picture(self, pose: Array, pillars: Array, target: Array) -> NDArray[np.uint8]:
@@ -134,7 +198,8 @@ class Camera:
         """
         data, view = self._data, self._view
         data.qpos[:], data.qvel[:] = states.coordinates(pose, np.zeros(6))
-        scene.place(self._model, data, pillars, target)
+        absent = np.full((self._pillars - len(pillars), 2), np.nan)
+        scene.place(self._model, data, np.vstack([pillars, absent]), target)
         mujoco.mj_forward(self._model, data)
         view.lookat[:] = data.qpos[:3]
         swing = TURN_SHARE if self._follows else 1.0
