@@ -26,6 +26,7 @@ NEWEST = (
     "control_surface",
     "propeller_torque",
     "reference_point",
+    "ellipsoid_drag",
 )
 LATER = ("thruster_curve", *NEWEST)
 """Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
@@ -42,6 +43,7 @@ FIXED = {
     "drifting_ballast": ("tilt", "T"),
     "power_drag": ("n",),
     "offset_drag": ("position",),
+    "ellipsoid_drag": ("position",),
     "control_surface": ("position", "roll", "deflection", "stall"),
 }
 """Parameters that say where or how fast an effect acts, not how strongly."""

@@ -32,9 +32,11 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import DRAG_SOURCE, MOST_DRAG, between, within_box
 
 BANDS, AROUND = 3, 8
-"""Bands along half of the ellipsoid and faces around each: 48 faces with the opposite half.  Forces and moments
-of recorded motions differ by 3 and 5 % from those of 3,200 faces, with 32 faces by 4 and 7 %, with 72 by 2 and
-4 %."""
+"""Bands along half of the ellipsoid and faces around each: 48 faces with the opposite half.
+
+On recorded motions, forces and moments differ by 3 and 5 % from those of 3,200 faces; those of 32 faces by 4
+and 7 %, of 72 faces by 2 and 4 %.
+"""
 FACE = 2.0 * math.pi / (BANDS * AROUND)
 """Area of a face of the unit sphere: bands of equal height have equal areas (Archimedes)."""
 TURN = 2.0 * math.pi / AROUND
@@ -86,7 +88,11 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
             along_x += both * u + apart * turn_x
             along_y += both * v + apart * turn_y
             along_z += both * w + apart * turn_z
-            odd_x, odd_y, odd_z = apart * u + both * turn_x, apart * v + both * turn_y, apart * w + both * turn_z
+            odd_x, odd_y, odd_z = (
+                apart * u + both * turn_x,
+                apart * v + both * turn_y,
+                apart * w + both * turn_z,
+            )
             K_z += ry * odd_z
             K_y += rz * odd_y
             M_x += rz * odd_x
@@ -162,7 +168,7 @@ def ellipsoid_sentence(case: Case) -> str:
 
 ELLIPSOID_DRAG = Effect(
     name="ellipsoid_drag",
-    family="ellipsoid",
+    family="hull",
     kind="wrench",
     definition="df_i = -1/2 rho C_i max(v . n, 0) v_i dA over the ellipsoid of the hull's size about r",
     source="Hoerner (1965), chapter 3 (drag on the frontal area); Fossen (2011), section 6.4",
@@ -199,5 +205,3 @@ ELLIPSOID_DRAG = Effect(
     advice=Advice(parted_by=(DRIFT,)),
     roles=frozenset({Role.HULL_WATER, Role.DRAG}),
 )
-
-EFFECTS = (ELLIPSOID_DRAG,)

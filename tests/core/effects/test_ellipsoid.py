@@ -1,4 +1,4 @@
-"""Drag of the hull as an ellipsoid: exact along an axis, a closed form in any straight motion, always passive."""
+"""Drag of the hull as an ellipsoid: exact along an axis, a closed form in straight motion, passive."""
 
 from __future__ import annotations
 
