@@ -15,6 +15,7 @@ from hydro.core.effects.damping import QUADRATIC_DAMPING
 from hydro.core.effects.layout import DENSITY, HULL, MOTION, RELATIVE_VELOCITY
 from hydro.core.effects.phrases import Entry, changed, coordinates, missing, valued
 from hydro.core.effects.record import (
+    ABSORBED,
     Advice,
     Effect,
     Identification,
@@ -52,12 +53,6 @@ def _seen_from_the_side() -> float:
 
 SIDE = math.pi / _seen_from_the_side()
 """Correction of side and bottom areas, so that motion along an axis has the exact frontal area."""
-ABSORBED_OF_PANELS = 0.8
-"""Share of the error of a hull of panels that it absorbs.
-
-Beside linear and quadratic damping it removes 77 % of the force error on a superellipsoid.  A larger share
-makes its name less certain where no model fits.
-"""
 LITTLE = 0.01  # share of the significant coefficient in a column
 TYPICAL = 0.5
 """Drag coefficient at which a fit begins, between a streamlined hull's (0.1) and a plate's (1.2)."""
@@ -72,6 +67,11 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
     along axis i alone gives quadratic damping 1/2 rho C_i A_i with the frontal area A_i, pi/4 W H in surge.
     Any straight motion gives X_i = -1/2 rho C_i sqrt(sum (A_j v_j)^2) v_i.  Each part dissipates power.  The
     integral is a sum over 48 faces; opposite ones are computed together.
+
+    `explain` tries this law for every file.  A diagnosis tries it only for a file without drag: it describes
+    most hulls better than their files do, in any recording, and so would hide what has changed.
+
+    Adds to `tau`; arguments as in `layout`.
     """
     a, b, h = 0.5 * c[HULL], 0.5 * c[HULL + 1], 0.5 * c[HULL + 2]
     front, side, bottom = FACE * b * h, SIDE * FACE * a * h, SIDE * FACE * a * b
@@ -204,9 +204,9 @@ ELLIPSOID_DRAG = Effect(
         step=1e-2,
         starts=at_the_center,
         coarse=coefficients_and_moments,
-        absorbs=ABSORBED_OF_PANELS,
+        absorbs=ABSORBED,
         plainer=nearest_damping,
     ),
     advice=Advice(parted_by=(DRIFT,)),
-    roles=frozenset({Role.HULL_WATER, Role.DRAG}),
+    roles=frozenset({Role.HULL_WATER, Role.DRAG, Role.WHOLE_HULL}),
 )
