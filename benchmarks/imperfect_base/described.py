@@ -2,9 +2,9 @@
 
     python -m benchmarks.imperfect_base.described --keep COMMIT
 
-The four vehicles fly four sessions each.  Least squares fits the laws to the force of the panels in three
-sessions; the fourth shows the part that they leave.  Each axis counts in units of its root mean square force.
-The centre of the ellipsoid is searched for, because its force is not linear in it.
+The four vehicles fly four sessions each.  Least squares fits the laws to the force of the panels, in units of
+the acceleration that it gives the dry vehicle.  A rotation counts by the acceleration a quarter of the hull's
+length away.  The centre of the ellipsoid is searched for, because its force is not linear in it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ EVERY = 10
 """Step between the rows that are used: velocities hardly change in 0.2 s."""
 SEED = 190_000
 STEPS = 60
-"""Maximum number of steps of the search for a centre: the remaining part then changes by less than 0.5 %."""
+"""Maximum number of evaluations in the search for a centre."""
 Laws = Callable[[Array], Array]
 """Function from velocities (N, 6) to the force of each law at a coefficient of 1, (N, 6, laws)."""
 
@@ -69,28 +69,24 @@ def ellipsoid(vehicle: Vehicle, center: Array) -> Laws:
     return laws
 
 
-def flown(preset: str) -> tuple[Vehicle, list[Array], list[Array]]:
-    """Fly a vehicle, and return it with the velocities and the panel forces of each session, (N, 6)."""
-    vehicle = vehicles.preset(preset)
+def flown(vehicle: Vehicle) -> tuple[Array, Array]:
+    """Fly a vehicle, and return its velocities and the forces on its panels, (N, 6)."""
     shape = hull(vehicle, float(np.mean(TAPER)))
     rows = [round(SECONDS / flights.DT)] * SESSIONS
     tables = flights.by_teacher(vehicle, (), rows=rows, depth=DEPTH, noise=0.0, seed=SEED, mesh=shape)
     facets = loaded_facets(panels(*shape), vehicle.environment.water_density)
-    motions = [table.select(VELOCITY).to_numpy().astype(float)[::EVERY] for table in tables]
-    forces = [np.zeros_like(nu) for nu in motions]
-    for nu, force in zip(motions, forces, strict=True):
-        for row, velocity in enumerate(nu):
-            panel_wrench_kernel(velocity, facets, force[row])
-    return vehicle, motions, forces
+    motion = np.concatenate([table.select(VELOCITY).to_numpy().astype(float)[::EVERY] for table in tables])
+    force = np.zeros_like(motion)
+    for nu, wrench in zip(motion, force, strict=True):
+        panel_wrench_kernel(nu, facets, wrench)
+    return motion, force
 
 
-def left(laws: Laws, motions: list[Array], forces: list[Array]) -> float:
-    """Return the part of the last session's force that laws leave which are fitted to the others."""
-    size = np.sqrt((np.concatenate(forces) ** 2).mean(axis=0))
-    columns = [(laws(nu) / size[:, None]).reshape(6 * len(nu), -1) for nu in motions]
-    wanted = [(force / size).ravel() for force in forces]
-    amounts = np.linalg.lstsq(np.concatenate(columns[:-1]), np.concatenate(wanted[:-1]), rcond=None)[0]
-    return float(np.sqrt(((wanted[-1] - columns[-1] @ amounts) ** 2).mean() / (wanted[-1] ** 2).mean()))
+def accelerations(vehicle: Vehicle) -> Array:
+    """Return the acceleration by a unit force or moment on each axis, (6,) [m/s^2]."""
+    body, lever = vehicle.rigid_body, 0.25 * vehicle.hull.length
+    turning = lever / np.diag(np.array(body.inertia, float))
+    return np.concatenate([np.full(3, 1.0 / body.mass), turning])
 
 
 def together(*parts: Laws) -> Laws:
@@ -98,26 +94,34 @@ def together(*parts: Laws) -> Laws:
     return lambda nu: np.concatenate([part(nu) for part in parts], axis=2)
 
 
-def row(preset: str) -> Row:
-    """Return the row of a vehicle: the part that each set of laws leaves."""
-    vehicle, motions, forces = flown(preset)
-    begun = np.array(vehicle.hull.center, float)
-    known = motions[:-1], forces[:-1]
-    found = minimize(
-        lambda center: left(together(per_axis, ellipsoid(vehicle, center)), *known),
-        begun,
-        method="Nelder-Mead",
-        options={"maxfev": STEPS},
-    ).x
-    best = ellipsoid(vehicle, found)
-    sets = {
-        "linear and quadratic damping": per_axis,
-        "the same with `cross_axis_drag`": together(per_axis, cross_axis),
-        "`ellipsoid_drag` alone": best,
-        "linear and quadratic damping with `ellipsoid_drag`": together(per_axis, best),
-    }
-    return {"hull of panels": preset} | {
-        name: f"{left(laws, motions, forces):.0%}".replace("%", " %") for name, laws in sets.items()
+def left(preset: str) -> dict[str, float]:
+    """Return the part of the force on a hull that each set of laws leaves, as root mean squares."""
+    vehicle = vehicles.preset(preset)
+    motion, force = flown(vehicle)
+    unit = accelerations(vehicle)
+    wanted = (force * unit).ravel()
+
+    def part(laws: Laws) -> float:
+        columns = (laws(motion) * unit[:, None]).reshape(len(wanted), -1)
+        amounts = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+        return float(np.linalg.norm(wanted - columns @ amounts) / np.linalg.norm(wanted))
+
+    def centred(*others: Laws) -> Laws:
+        """Return laws with the ellipsoid about the centre with which they leave least."""
+        found = minimize(
+            lambda center: part(together(*others, ellipsoid(vehicle, center))),
+            np.array(vehicle.hull.center, float),
+            method="Nelder-Mead",
+            options={"maxfev": STEPS},
+        )
+        return together(*others, ellipsoid(vehicle, found.x))
+
+    return {
+        "linear and quadratic damping": part(per_axis),
+        "the same with `cross_axis_drag`": part(together(per_axis, cross_axis)),
+        "`ellipsoid_drag` alone": part(centred()),
+        "linear and quadratic damping with `ellipsoid_drag`": part(centred(per_axis)),
+        "all of these": part(centred(per_axis, cross_axis)),
     }
 
 
@@ -125,12 +129,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--keep", metavar="COMMIT", help="keep the table as that of this commit")
     chosen = parser.parse_args()
-    rows = [row(preset) for preset in vehicles.PRESETS]
-    print(markdown(rows))
+    parts = [left(preset) for preset in vehicles.PRESETS]
+    print(markdown([{"hull": preset} | one for preset, one in zip(vehicles.PRESETS, parts, strict=True)]))
+    row: Row = {"hulls": "four hulls of panels"}
+    for name in parts[0]:
+        each = [100.0 * one[name] for one in parts]
+        row[name] = f"{min(each):.0f} to {max(each):.0f} %"
     if chosen.keep:
         command = f"python -m benchmarks.imperfect_base.described --keep {chosen.keep}"
         whence = origin(pl.DataFrame({"seed": [SEED]}), command, chosen.keep)
-        keep("panel_force", [one | whence for one in rows])
+        keep("panel_force", [row | whence])
 
 
 if __name__ == "__main__":
