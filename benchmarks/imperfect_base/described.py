@@ -1,6 +1,6 @@
 """Part of the force on a hull of panels that drag laws of the catalogue leave.
 
-    python -m benchmarks.imperfect_base.described --keep COMMIT
+    python -m benchmarks.imperfect_base.described
 
 The four vehicles fly four sessions each.  Least squares fits the laws to the force of the panels, in units of
 the acceleration that it gives the dry vehicle.  A rotation counts by the acceleration a quarter of the hull's
@@ -9,17 +9,15 @@ length away.  The centre of the ellipsoid is searched for, because its force is 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 
 import numpy as np
-import polars as pl
 from scipy.optimize import minimize
 
 from benchmarks.hidden_effects import flights, vehicles
 from benchmarks.hidden_effects.plant import Array
 from benchmarks.imperfect_base.base import DEPTH, SESSIONS, TAPER, hull
-from benchmarks.kept_tables import Row, keep, markdown, origin
+from benchmarks.kept_tables import markdown
 from hydro.core.columns import VELOCITY
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.layout import DENSITY, HULL, MOTION, RELATIVE_VELOCITY
@@ -126,19 +124,12 @@ def left(preset: str) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--keep", metavar="COMMIT", help="keep the table as that of this commit")
-    chosen = parser.parse_args()
-    parts = [left(preset) for preset in vehicles.PRESETS]
-    print(markdown([{"hull": preset} | one for preset, one in zip(vehicles.PRESETS, parts, strict=True)]))
-    row: Row = {"hulls": "four hulls of panels"}
-    for name in parts[0]:
-        each = [100.0 * one[name] for one in parts]
-        row[name] = f"{min(each):.0f} to {max(each):.0f} %"
-    if chosen.keep:
-        command = f"python -m benchmarks.imperfect_base.described --keep {chosen.keep}"
-        whence = origin(pl.DataFrame({"seed": [SEED]}), command, chosen.keep)
-        keep("panel_force", [row | whence])
+    parts = [(preset, left(preset)) for preset in vehicles.PRESETS]
+    rows = [
+        {"hull": preset} | {name: f"{100.0 * part:.0f} %" for name, part in one.items()}
+        for preset, one in parts
+    ]
+    print(markdown(rows))
 
 
 if __name__ == "__main__":
