@@ -105,6 +105,11 @@ def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
     return matrix + turned - turned.T
 
 
+def _sides(vehicle: Vehicle) -> Array:
+    """Return length, width and height of the hull [m]."""
+    return np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
+
+
 TRUTHS: dict[str, Draw] = {
     "added_mass": lambda rng, v: {"diagonal": axes(v, 0.3, rng)},
     "added_mass_coupling": lambda rng, v: several(
@@ -127,6 +132,10 @@ TRUTHS: dict[str, Draw] = {
     "offset_drag": lambda rng, v: {
         "drag": [float(x) for x in 0.5 * mass(v) * rng.uniform(0.3, 1.0, 3)],
         "position": aside(rng, v, (0.4, 0.6, 0.6)),
+    },
+    "ellipsoid_drag": lambda rng, v: {
+        "C": [float(x) for x in rng.uniform(0.2, 0.8, 3)],
+        "position": [float(0.1 * x) for x in rng.uniform(-1.0, 1.0, 3) * _sides(v)],
     },
     "control_surface": lambda rng, v: {
         "area": 2e-4 * mass(v) * within(0.5, 1.5, signs=False)(rng),

@@ -32,6 +32,7 @@ HIDDEN = {
     },
     "power_drag": {"diagonal": [30.0, 80.0, 90.0, 5.0, 6.0, 7.0], "n": 2.6},
     "offset_drag": {"drag": [60.0, 90.0, 120.0], "position": [-0.4, 0.2, 0.15]},
+    "ellipsoid_drag": {"C": [0.4, 0.7, 0.9], "position": [0.05, -0.02, 0.03]},
     "control_surface": {
         "area": 0.06,
         "position": [-0.7, 0.1, -0.1],

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden_effects.parts import Parts
+from benchmarks.hidden_effects.parts import Parts, ellipsoid
 from benchmarks.hidden_effects.plant import FOREIGN, Plant
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
@@ -63,6 +63,7 @@ def build(
     current, tether, suction, memory = np.zeros(3), np.zeros(8), np.zeros(2), np.zeros(7)
     gradient, trend, ballast = np.zeros(3), np.zeros(3), np.zeros(4)
     power, offset, fin = np.array([0.0] * 6 + [2.0]), np.zeros(6), np.zeros(7)
+    form, faces = np.zeros(3), np.zeros((0, 6))
     gains, reactions = np.zeros(len(vehicle.thruster)), np.zeros(len(vehicle.thruster))
     for table in (*vehicle.effect, *hidden):
         get = table.get
@@ -94,6 +95,10 @@ def build(
                 power[:] = [*table["diagonal"], table["n"]]
             case "offset_drag":
                 offset[:] = [*table["drag"], *table["position"]]
+            case "ellipsoid_drag":
+                form = 0.5 * rho * np.array(table["C"])
+                half = 0.5 * np.array([hull.length, hull.width, hull.height])
+                faces = ellipsoid(half, np.array(get("position", (0.0, 0.0, 0.0)), float))
             case "control_surface":
                 fin[:] = [0.5 * rho * table["area"], *table["position"], *(get(k, 0.0) for k in FIN)]
             case "net_buoyancy":
@@ -158,7 +163,7 @@ def build(
         tether=tether,
         suction=np.array([*suction, *buoyancy]),
         memory=memory,
-        parts=Parts(power, offset, fin),
+        parts=Parts(power, offset, fin, form, faces),
         thrusts=np.array([[*t.direction, *np.cross(t.position, t.direction)] for t in vehicle.thruster]),
         reactions=reactions,
         limits=np.array([[t.max_thrust, t.max_reverse_thrust] for t in vehicle.thruster]),

@@ -11,6 +11,7 @@ import numpy as np
 from benchmarks.hidden_effects import vehicles
 from benchmarks.recovery import TRUTHS
 from hydro.core.effects import CATALOGUE, validate
+from hydro.core.effects.record import Role
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 
@@ -29,8 +30,13 @@ NEWEST = (
 )
 LATER = ("thruster_curve", *NEWEST)
 """Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
-BY_LAW = tuple(name for name in TRUTHS if not CATALOGUE[name].is_random)
-"""Effects that a flight here can hide; random effects are drawn by the plant, not by a case."""
+BY_LAW = tuple(
+    name for name in TRUTHS if not (CATALOGUE[name].is_random or Role.WHOLE_HULL in CATALOGUE[name].roles)
+)
+"""Effects that a flight here can hide, and that a diagnosis of a file with drag can name.
+
+Random effects are drawn by the plant, not by a case.
+"""
 HIDDEN = tuple(name for name in BY_LAW if name not in LATER)
 FIXED = {
     "tether": ("slack", "attachment", "anchor"),

@@ -1,4 +1,4 @@
-"""Forces of the benchmark's simulator in addition to hull damping: a part off CO, a fin, a power law.
+"""Forces of the benchmark's simulator in addition to hull damping: drag of parts, a fin, a power law.
 
 As `plant`, it shares no code with `hydro.core`.  Body FRD, forces ON the vehicle.
 """
@@ -27,11 +27,24 @@ class Parts(NamedTuple):
         power: Drag of the six axes at 1 m/s and 1 rad/s, and the power of the speed, (7,).
         offset: Drag along the three axes and where it acts, (6,).
         fin: 1/2 rho A, where it acts, the roll of its span, deflection and stall, (7,).
+        form: 1/2 rho C of an ellipsoid along the three axes, (3,).
+        faces: Place and outward area vector of each of its faces, (F, 6).
     """
 
     power: Array
     offset: Array
     fin: Array
+    form: Array
+    faces: Array
+
+
+def ellipsoid(half: Array, center: Array) -> Array:
+    """Faces of an ellipsoid: 6 bands of equal height, 8 around, with the exact frontal area of each axis."""
+    height, turn = np.meshgrid((np.arange(6) - 2.5) / 3.0, (np.arange(8) + 0.5) * np.pi / 4.0)
+    radius = np.sqrt(1.0 - height**2)
+    unit = np.column_stack([height.ravel(), (radius * np.cos(turn)).ravel(), (radius * np.sin(turn)).ravel()])
+    frontal = np.pi * half.prod() / half
+    return np.hstack([center + unit * half, unit * frontal / np.maximum(unit, 0.0).sum(axis=0)])
 
 
 @njit(cache=True)
@@ -62,6 +75,12 @@ def hang(parts: Parts, n: Array, tau: Array) -> None:
         place = parts.offset[3:]
         there = n[:3] + cross(n[3:], place)
         push(tau, -parts.offset[:3] * np.abs(there) * there, place)
+    if parts.form.any():
+        for face in parts.faces:
+            there = n[:3] + cross(n[3:], face[:3])
+            flux = (there * face[3:]).sum()
+            if flux > 0.0:
+                push(tau, -flux * parts.form * there, face[:3])
     if parts.fin[0] > 0.0:
         place, roll, deflection = parts.fin[1:4], parts.fin[4], parts.fin[5]
         there = n[:3] + cross(n[3:], place)

@@ -22,6 +22,7 @@ EFFECTS = {
     "cross_axis_drag": {"D01": 60.0, "D02": 90.0, "D10": 30.0, "D12": 80.0, "D20": 20.0, "D32": 9.0},
     "power_drag": {"diagonal": [40.0, 90.0, 110.0, 8.0, 11.0, 10.0], "n": 1.5},
     "offset_drag": {"drag": [40.0, 60.0, 90.0], "position": [-0.4, 0.15, 0.2]},
+    "ellipsoid_drag": {"C": [0.6, 0.9, 1.1], "position": [0.02, 0.01, -0.03]},
     "control_surface": {"area": 0.05, "position": [-0.6, 0.1, -0.1], "roll": 0.3, "deflection": 0.1,
                         "stall": 0.4, "commands": ["c2", "c1"], "turn": [0.3, -0.2]},
     "body_lift": {"L11": 40.0, "L15": 9, "L51": 8, "L55": 5, "L22": 30, "L24": 9, "L42": 7, "L44": 6},

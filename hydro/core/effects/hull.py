@@ -13,6 +13,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.case import Case, Quantity
+from hydro.core.effects.ellipsoid import ELLIPSOID_DRAG
 from hydro.core.effects.layout import (
     COMMAND_NAMES,
     COMMANDS,
@@ -526,4 +527,5 @@ EFFECTS = (
     ),
     BODY_LIFT,
     CONTROL_SURFACE,
+    ELLIPSOID_DRAG,
 )

@@ -120,6 +120,7 @@ class Role(Enum):
     HULL_WATER = "force of the water on the hull, which the simulator's panels and ellipsoid replace"
     COMMANDED = "its force may depend on the commands, which jump at a row"
     DRAG = "drag that grows faster than speed: every hull has it, even if its file does not"
+    WHOLE_HULL = "the drag of the whole hull: it completes a file, and is no change of one that has drag"
     COUPLING = "coupling of axes: reduced first if the fitted values are impossible for a passive hull"
     STEADY_LOAD = "a steady force or moment, which the mean thrust of a hovering vehicle balances"
 

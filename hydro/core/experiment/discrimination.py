@@ -175,7 +175,7 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
         reach: Positions and times of the recording, (N, 4), which limit the search for an anchor.
     """
     found: dict[str, Unseen] = {}
-    for one in suspects(vehicle, reach=reach) if effects else ():
+    for one in suspects(vehicle, reach=reach, completing=True) if effects else ():
         if one.effect not in effects or one.effect in found:
             continue
         if is_curved(one.effect):

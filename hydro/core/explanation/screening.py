@@ -38,7 +38,8 @@ def promising(
         reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
     """
     model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
-    screening = screened(model, suspects(vehicle, without=own, reach=reach), len(problem.shots.starts))
+    tried = suspects(vehicle, without=own, reach=reach, completing=True)
+    screening = screened(model, tried, len(problem.shots.starts))
     fold, there = sessions_of(problem.shots), list(screening.own)
     weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT_SPREAD**-2
 

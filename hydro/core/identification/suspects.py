@@ -19,7 +19,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
-from hydro.core.effects.record import Shapes
+from hydro.core.effects.record import Role, Shapes
 from hydro.core.prediction.parameters import effect_table, free
 from hydro.core.vehicle.description import Vehicle
 
@@ -41,17 +41,26 @@ class Suspect:
     begin: Callable[[Array], dict[str, Any]]
 
 
-def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | None = None) -> list[Suspect]:
+def suspects(
+    vehicle: Vehicle,
+    *,
+    without: Sequence[str] = (),
+    reach: Array | None = None,
+    completing: bool = False,
+) -> list[Suspect]:
     """Return all effects that may be missing, or have other values than in the vehicle file.
 
     Args:
         vehicle: The vehicle.
         without: Effects to exclude.
         reach: Positions and times of the recording, (N, 4), candidates for the place of an anchor.
+        completing: Whether to add drag laws of the whole hull to a vehicle that has drag already.
     """
     found: list[Suspect] = []
     for name in (one for each in CATALOGUE for one in vehicle.names(each) or (each,)):
         if name in without or wholly_known(vehicle, name):
+            continue
+        if not (completing or vehicle.effects(name)) and replaces_drag(vehicle, name):
             continue
         if CATALOGUE[name].is_random or (CATALOGUE[name].is_written and not vehicle.effects(name)):
             continue
@@ -60,6 +69,15 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
         elif not is_curved(name):
             found.append(of_entries(vehicle, name, reach=reach))
     return found
+
+
+def replaces_drag(vehicle: Vehicle, name: str) -> bool:
+    """Return whether an effect is a drag law of the whole hull, and the vehicle has drag already.
+
+    Such a law would describe the hull better than the file in any recording, so it hides what has changed.
+    """
+    has_drag = any(Role.DRAG in CATALOGUE[str(table["name"])].roles for table in vehicle.effect)
+    return has_drag and Role.WHOLE_HULL in CATALOGUE[name].roles
 
 
 def is_curved(name: str) -> bool:

@@ -28,6 +28,7 @@ PHYSICS = [
     "crossflow_drag",
     "body_lift",
     "control_surface",
+    "ellipsoid_drag",
     "net_buoyancy",
     "buoyancy_offset",
     "payload",

@@ -31,6 +31,7 @@ TYPICAL: dict[str, dict[str, Any]] = {
     "power_drag": {"diagonal": SIX, "n": 1.83},
     "offset_drag": {"drag": [52.3, 20.1, 11.4], "position": [0.3, 0.0, 0.2]},
     "crossflow_drag": {"Cd_y": 1.13, "Cd_z": 0.82},
+    "ellipsoid_drag": {"C": [0.61, 0.92, 1.13], "position": [0.02, 0.0, -0.03]},
     "body_lift": {"L11": 28.6, "L15": -6.1, "L51": -10.6, "L55": 3.9, "L22": 28.6, "L24": 6.1},
     "control_surface": {
         "area": 0.021,

@@ -278,6 +278,7 @@ def test_zero_is_absence(data):
         {"name": "body_lift"},
         {"name": "power_drag", "diagonal": [0.0] * 6, "n": 1.5},
         {"name": "offset_drag", "position": [0.5, 0.1, 0.2]},
+        {"name": "ellipsoid_drag", "position": [0.1, 0.0, 0.05]},
         {"name": "control_surface", "position": [-0.5, 0.1, 0.2], "deflection": 0.1, "stall": 0.3},
         {"name": "added_mass_coriolis"},
         {"name": "net_buoyancy"},

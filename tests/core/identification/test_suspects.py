@@ -21,10 +21,24 @@ REACH = np.array([[0.0, 0.0, 5.0, 0.0], [8.0, 3.0, 7.0, 20.0], [2.0, -4.0, 6.0, 
 
 def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
     for known in (synthetic.vehicle(), files.read(datasets / "vehicles" / "remus100.toml")[0]):
-        found = suspects(known, reach=REACH)
+        found = suspects(known, reach=REACH, completing=True)
         straight = [one.effect for one in found if not is_curved(one.effect)]
         assert len(straight) == len(set(straight))
         assert {one.effect for one in found} == SEARCHED
+
+
+def test_a_law_of_the_whole_hull_is_a_suspect_of_a_file_without_drag_alone():
+    """Beside other drag it only completes a file: it would describe the hull better in any recording."""
+
+    def tried(*effects, **options):
+        known = synthetic.vehicle()
+        vehicle = msgspec.structs.replace(known, effect=(*known.effect, *effects))
+        return {one.effect for one in suspects(vehicle, reach=REACH, **options)}
+
+    assert tried() == SEARCHED
+    drag = {"name": "quadratic_damping", "diagonal": synthetic.QUADRATIC.tolist()}
+    assert SEARCHED - tried(drag) == {"ellipsoid_drag"}
+    assert tried(drag, completing=True) == SEARCHED
 
 
 def test_a_changed_effect_of_the_file_keeps_its_terms_and_commands(datasets):
