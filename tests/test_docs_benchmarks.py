@@ -115,11 +115,11 @@ def test_the_readme_quotes_imperfect_hulls() -> None:
     assert shown("the same, with 12 minutes")[2] == total("named first", *before)
     wrong = total("stated wrongly", *before).split(" of ")[0]
     changes = total("named first", *before).split(" of ")[1]
-    assert shown("both with a recording from before")[2].split(", ")[0] == f"{wrong} of {changes}"
+    assert shown("these two tests with a recording from before")[2].split(", ")[0] == f"{wrong} of {changes}"
     alarms, studies = re.findall(r"\d+", cell("hidden_effects", "shown", hidden="nothing"))[:2]
     nothing = tuple(f"the same, nothing changed, {which}" for which in ("latest code", "other seeds"))
     column = "alarm, nothing hidden"
-    _, _, result, baseline = shown("first three, nothing hidden or changed")
+    _, _, result, baseline = shown("first three rows, with nothing hidden or changed")
     assert result == f"{alarms} of {studies}, {total(column, plain[0])}, {total(column, *nothing)}"
     assert baseline == f"regression with BIC: {total(column, 'regression with BIC')}"
 
@@ -132,7 +132,7 @@ def test_the_readme_quotes_the_simulator_apart() -> None:
     _, test, result, baseline = shown("independent simulator")
     assert test == f"name one of {cases} changes"
     assert result == f"{right} right"
-    assert shown("both with a recording from before")[2].split(", ")[1] == f"{wrong} of {cases}"
+    assert shown("these two tests with a recording from before")[2].split(", ")[1] == f"{wrong} of {cases}"
     assert baseline == f"always the commonest change: {commonest}"
 
 
@@ -170,13 +170,13 @@ def test_the_readme_quotes_policies() -> None:
     ended = [row for row in rows if row["result"].startswith(("budget used", "passed"))]
     planned = sum(len(row["seed"].split(",")) for row in rows)
     assert len(ended) == planned
-    assert f"{planned} trainings by SAC, in six models of the water." in README
+    assert f"and {planned} by SAC, in six models of the water," in README
     assert len({row["condition"] for row in rows}) == 6
     (_,) = [row for row in ended if row["divergence"] != "none"]
-    assert "One diverged." in README
+    assert "steps; one diverged." in README
     first, second, third = (sum(bool(row[f"stage {k} passed after"]) for row in ended) for k in (1, 2, 3))
-    assert f"{first} passed open water, {second} the eight pillars and {third} the forest, within " in README
-    assert f"within {ended[0]['steps']} steps." in README
+    assert f"Of the {planned}, {first} passed open water, the first stage, {second} also the eight" in README
+    assert f"pillars and {third} also the forest, within {ended[0]['steps']} steps;" in README
     study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
     trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
-    assert f"the {trainings} trainings in [the tables](docs/rl-figures.md) used it" in README
+    assert f"{trainings} trainings by imitation ([tables](docs/rl-figures.md))" in README
