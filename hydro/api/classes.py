@@ -55,7 +55,7 @@ LOADED_LATE = {
     "Status": "hydro.core.diagnosis.findings",
     "Vehicle": "hydro.core.vehicle.description",
 }
-"""Module of each class that loads more than the standard library."""
+"""Module of each class that is imported only when it is first used, by class name."""
 
 
 def __getattr__(name: str) -> Any:

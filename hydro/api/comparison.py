@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hydro.report.result_axes import Axes
 
 SIMPLE = ("least squares", "zero velocity")
-"""Simple predictors in the short table: the best one, and the one without any model."""
+"""Simple predictors in the short table: the best one (least squares), and one that predicts no motion."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -124,7 +124,7 @@ class Fit(Result):
             Values by parameter, and standard errors by parameter, in the units of the catalogue.
 
         Raises:
-            KeyError: It was not fitted.
+            KeyError: The effect was not fitted.
         """
         return self.outcome.table(name)
 
@@ -133,7 +133,7 @@ class Fit(Result):
         return self.outcome.estimates()
 
     def frame(self) -> pl.DataFrame:
-        """Return `table`, as a fit of `hydro.core` does."""
+        """Return `table`; this method exists because fits of `hydro.core` have it."""
         return self.table
 
     def summary(self) -> pl.DataFrame:

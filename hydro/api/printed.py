@@ -49,7 +49,10 @@ def html(
     below: Sequence[str],
     units: Mapping[str, str],
 ) -> str:
-    """Return the same content as one HTML `div`, with the first sentence in bold; all text is escaped."""
+    """Return sentences, a table and more sentences as one HTML `div`; all text is escaped.
+
+    The first sentence is bold.  The arguments are those of `text`.
+    """
     shown = _with_values(table)
     columns = _columns(shown, units)
     first, *rest = above

@@ -140,7 +140,7 @@ def frame_of(table: Result) -> pl.DataFrame: ...
 @overload
 def frame_of(table: T) -> T: ...
 def frame_of(table: Any) -> Any:
-    """Return the table of a result, and anything else as it is."""
+    """Return the table of a `Result`; return any other value unchanged."""
     return table.table if isinstance(table, Result) else table
 
 

@@ -99,7 +99,7 @@ class Step:
 
     @property
     def chi2(self) -> tuple[float, ...]:
-        """Mean squared residuals of `diagnosis` in units of the noise variance."""
+        """Mean squared residuals of `diagnosis` [noise variance]: as given, refitted, with findings."""
         return self.diagnosis.chi2
 
     def error(self, dataset: str) -> float | None:
@@ -165,7 +165,7 @@ class Study(Result):
     def of(
         cls, steps: Sequence[Step], best: int, ending: str, answer: str, corrections: Sequence[str] = ()
     ) -> Study:
-        """Return the study with some steps.
+        """Return the study made of these steps, with their errors as its table.
 
         Args:
             steps: All steps, from 0 on.
@@ -279,10 +279,10 @@ class Study(Result):
 
 
 def ahead(ladder: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of a ladder of all axes together, 5 s ahead or else at the longest horizon.
+    """Return the rows of a ladder for the error over all axes, 5 s ahead or else at the longest horizon.
 
     Args:
-        ladder: Ladder table.
+        ladder: Ladder table: prediction errors after each step.
     """
     from hydro.report.ladder import measured
     from hydro.report.standing import at_horizon

@@ -1,1 +1,1 @@
-"""Figures and pages made from artefacts."""
+"""Answers, figures and HTML pages made from result tables."""

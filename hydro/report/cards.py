@@ -31,10 +31,10 @@ NAMES = ("missing", "suspect", "cannot_tell_apart")
 
 
 def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Return cards for every diagnosis of a report.
+    """Return the cards of a report, one for each finding; None if the report has no diagnosis.
 
-    Of a study they are the effects that each step added, and all findings of the diagnosis after the step to
-    use.  None without a diagnosis.
+    The cards of a study show the effects that each step added, and all findings of the diagnosis after the
+    step to use.
     """
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
@@ -68,7 +68,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def confusions(sources: Sources) -> list[dict[str, str]]:
-    """Return for each finding the effects that fit as well, and those that it is often confused with."""
+    """Return for each finding the effects that fit equally well, and the effects often confused with it."""
     rows: dict[str, dict[str, str]] = {}
     for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
         for row in one.frame.sort("rank").iter_rows(named=True):
@@ -90,7 +90,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
 
 
 def to_record(sources: Sources) -> list[dict[str, str]] | None:
-    """Return the advice for the next run, from the diagnosis of the chosen step; None without one."""
+    """Return the advice for the next run, from the diagnosis of the step to use; None without it."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None

@@ -60,7 +60,8 @@ def learnt(before: Mapping[str, Any]) -> str:
     """Return a sentence on the fit of the hull-force model to the recording before.
 
     Args:
-        before: Entry of the recording before in the parameters of a table.
+        before: Entry `before` of a table's parameters: name of the recording, and squared errors with the
+            vehicle file alone and with the hull-force model, in units of the noise variance.
     """
     model = "with the hull-force model, on stretches left out of its fit"
     if "network" in before:
@@ -82,7 +83,7 @@ def told(parameters: Mapping[str, Any], chi2: tuple[float, ...]) -> str:
 
     Args:
         parameters: Parameters of the diagnosis.
-        chi2: See `left`.
+        chi2: Mean squared residuals of the diagnosis, as for `left`.
     """
     return f"{learnt(parameters[PARAMETER])} {left(chi2)}"
 
@@ -91,7 +92,8 @@ def left(chi2: tuple[float, ...]) -> str:
     """Return a sentence on the residuals of the recording after the change.
 
     Args:
-        chi2: Mean squared residuals of the diagnosis, in units of the residual of the hull-force model.
+        chi2: Mean squared residuals of the diagnosis: first of the vehicle file as given, last with the
+            findings added, in units of the mean squared residual of the hull-force model.
     """
     found = f", and {chi2[-1]:.3g} times with the findings added" if chi2[-1] != chi2[0] else ""
     return (
@@ -127,7 +129,7 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield these errors as a table for a terminal, one row per axis."""
+    """Yield the rows of `errors` as a table for a terminal, one row per axis."""
     shown = errors(comparison)
     seconds = comparison.filter(level=LEVEL)["horizon"][0]
     columns = ("file before", "file after", "model before", "model after", "ratio")
@@ -142,10 +144,13 @@ def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def fall(ladder: pl.DataFrame) -> Iterator[str]:
-    """Yield a sentence for each data set on the error of every step in units of the floor, if there is one.
+    """Yield a sentence for each data set with the prediction error after every step of a study.
+
+    The unit is the error of the hull-force model on the recording before the change; 1 means that nothing
+    else has changed.  Without a hull-force model there are no sentences.
 
     Args:
-        ladder: Ladder table.
+        ladder: Ladder table: prediction errors after each step.
     """
     rows = ladder.filter(axis=FLOOR).sort("step")
     for dataset, label in words.DATASETS.items():
@@ -168,9 +173,10 @@ def title(comparison: pl.DataFrame) -> str:
 
 
 def summary(comparison: pl.DataFrame) -> str:
-    """Return a sentence on the error relative to the floor, and the axis with the largest ratio.
+    """Return a sentence on the error after the change divided by the error before it, over all axes.
 
-    The text is empty without a hull-force model.
+    Both are errors with the hull-force model.  The sentence also names the axis with the largest ratio.  It
+    is empty if the comparison has no hull-force model.
     """
     table = errors(comparison)
     if table.is_empty():

@@ -50,7 +50,7 @@ def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") 
 
 
 def judged(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the errors of predictions JUDGED ahead, or as far ahead as the sessions allow, an axis in a row.
+    """Return the errors of predictions 5 s ahead (JUDGED), or else at the longest horizon, one row per axis.
 
     Args:
         comparison: Comparison table.
@@ -83,7 +83,7 @@ def judged(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield these errors as a table for a terminal."""
+    """Yield the rows of `judged` as a table for a terminal."""
     shown = judged(comparison)
     if shown.is_empty():
         return

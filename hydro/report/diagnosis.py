@@ -63,9 +63,9 @@ class Context:
         vehicle: The vehicle file.
         dt: Sample time of the recording [s].
         headline: The status in one line.
-        prediction: Errors before and after; None if they are not known.
+        prediction: Prediction errors before and after the findings are added; None if not known.
         changed: Whether findings are changes since a recording before.
-        open: Whether a next run can be designed.
+        open: Whether `--next-run` can design manoeuvres for another recording.
         call: The command; None if the answer has no next command.
         learned: Sentences on the hull-force model of a recording before a change; empty without one.
         reversed: Thrusters that push opposite to the file, from 0; empty if columns are swapped as well.
@@ -254,7 +254,7 @@ def said(row: Mapping[str, Any], about: Context) -> str:
 
 
 def sureness(row: Mapping[str, Any]) -> str:
-    """Return the confidence in a finding; its test if new values of an effect have no confidence."""
+    """Return the confidence in a finding as text, or else its p-value; empty without values or a test."""
     if not row["parameters"] or row["verdict"] == "cannot_tell_apart":
         return ""
     if row["confidence"] is not None:
@@ -305,7 +305,7 @@ def has_unconfirmed(rows: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def look_up(effects: Sequence[str]) -> list[Text]:
-    """Return the line that leads from the name of an effect to its explanation; empty without effects.
+    """Return a line with the command that explains an effect; no line without effects.
 
     Args:
         effects: Names of effects, the most important first.

@@ -88,11 +88,11 @@ class Call:
         return self.again("diagnose", "--next-run", "next.parquet", "-o", kept)
 
     def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
-        """Return a command on the same inputs; None if they cannot be read again."""
+        """Return the words of a command on the same inputs; None if the inputs cannot be read again."""
         return self.command(name, *more, without=without) if self.repeatable else None
 
     def of(self, vehicle: Path) -> Call:
-        """Return the same call with another vehicle file."""
+        """Return a copy of this call with `vehicle` as its vehicle file."""
         return replace(self, vehicle=vehicle)
 
 

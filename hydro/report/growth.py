@@ -11,7 +11,7 @@ from hydro.report.figures import TITLES
 from hydro.report.sources import Sources
 
 GRID = float(POWERS[1] - POWERS[0])
-"""Distance of neighbouring powers that were tried."""
+"""Step between neighbouring powers of the velocity that were fitted."""
 
 
 def section(sources: Sources) -> dict[str, Any] | None:

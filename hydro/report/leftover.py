@@ -29,7 +29,10 @@ Row = dict[str, Any]
 
 
 def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Return panels, sentences and tables, or the reason why there are none; None without either."""
+    """Return the section: panels, sentences and tables, or the reason why forces could not be computed.
+
+    None if the report has neither a leftover table (unexplained force against velocity) nor a reason.
+    """
     if sources.leftover is None:
         record = None if sources.sessions is None else sources.sessions.artefact.provenance
         why = "" if record is None else record.parameters.get(NO_FORCES, "")

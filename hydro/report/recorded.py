@@ -14,7 +14,10 @@ from hydro.report.sources import Sources
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return sessions of the recordings and the noise of the fitted one; None if they are not known."""
+    """Return the sessions of all recordings, and the sensor noise of the recording that was fitted.
+
+    None if the sessions are not known.
+    """
     listed, noise = _listed(sources), list(_noise(sources))
     if listed.is_empty() and not noise:
         return None

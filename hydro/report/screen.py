@@ -16,7 +16,7 @@ MOST_LINES = 38
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph.
+    """Paragraph of an answer on a terminal.
 
     Attributes:
         text: Text; empty for an empty line.

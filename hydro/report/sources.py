@@ -23,7 +23,7 @@ REPORTED_KINDS = (
 NAMES = (*REPORTED_KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
 """Stems of file names in the folder of a study, in the order of the page."""
 SINGLE = ("ladder", "leftover", "growth", "sessions", "bands")
-"""Kinds of which a study has one table."""
+"""Kinds of table that a study has once, not once per step."""
 STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 """Names of files that a report reads from a folder."""
 

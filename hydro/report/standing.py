@@ -30,7 +30,7 @@ BY_COMMAND = {
 
 @dataclass(frozen=True)
 class Standing:
-    """Prediction errors on one data set, before and after.
+    """Prediction errors on one data set, before and after the findings are added.
 
     Attributes:
         dataset: `fit` or `holdout`.
@@ -55,12 +55,12 @@ class Standing:
 
     @property
     def left(self) -> float | None:
-        """Remaining share of the error; None if nothing was added."""
+        """Error after the findings are added, divided by the error before; None if nothing was added."""
         return None if self.after is None or self.before == 0.0 else self.after / self.before
 
     @property
     def at_floor(self) -> bool:
-        """Whether the error is that of the noise, to within `words.AT_FLOOR`."""
+        """Whether the error is at most `words.AT_FLOOR` times the noise floor."""
         return self.after is not None and self.after <= words.AT_FLOOR * self.noise
 
 
@@ -112,7 +112,7 @@ def errors(sources: Sources) -> pl.DataFrame:
 
 
 def standings(sources: Sources) -> list[Standing]:
-    """Return the errors on the recording first, and then on held-out data."""
+    """Return prediction errors over all axes at the main horizon: on the recording, then on held-out data."""
     whole = errors(sources).filter(pl.col("axis") == "all")
     found = []
     for name in DATASETS:

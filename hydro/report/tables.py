@@ -60,7 +60,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_a_piece() -> pl.Expr:
-    """Return the condition for metrics of a piece of a recording."""
+    """Return the polars expression that is true for rows measured on a piece of a recording."""
     return pl.col("dataset").str.contains(PIECE_SUFFIX)
 
 

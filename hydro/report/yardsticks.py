@@ -39,7 +39,7 @@ def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
-    """Return these errors for one step of a ladder and one of its data sets."""
+    """Return errors of the model after a step, and of the simple predictors, as `of_comparison` does."""
     there = [name for name in PREDICTORS if column(name) in ladder.columns]
     rows = ladder.filter(step=step, dataset=dataset)
     each = [
@@ -96,7 +96,7 @@ def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> 
 
 
 def unlearnt(errors: pl.DataFrame, vehicle: Vehicle, training: Recording, held_out: Recording) -> list[str]:
-    """Return a sentence for each axis that the model loses under commands which the training data lack.
+    """Return a sentence for each axis on which a simple predictor is better under commands not in training.
 
     Args:
         errors: Errors on the held-out recording, in the form of `of_comparison`.
