@@ -23,7 +23,7 @@ OF_DOWN = {"g_x": "pitch", "g_y": "roll", "g_z": "being upright"}
 
 
 def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
-    """Describe a formula in words.
+    """Describe the terms of a discovered formula in words.
 
     Args:
         table: Its terms and values.

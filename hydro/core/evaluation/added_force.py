@@ -13,14 +13,14 @@ from hydro.core.vehicle.description import Vehicle
 
 
 def added_force(vehicle: Vehicle, without: Vehicle, record: Recording, eta: Array, nu: Array) -> Array:
-    """Return M times the difference of the accelerations of two vehicles, (N, 6) [N, N m].
+    """Return the wrench on the vehicle that an effect adds along a recorded motion, (N, 6) [N, N m].
 
-    M is the inertia of `vehicle`.  For an effect that adds a wrench, the result is this wrench; for one that
-    changes the inertia, it is the wrench that would change the motion as much.
+    The result is M (a - a_0): accelerations a with and a_0 without the effect, M the mass matrix of `vehicle`
+    with added mass.  If the effect changes the inertia, it is the wrench that changes the motion as much.
 
     Args:
-        vehicle: Vehicle file with an effect.
-        without: The same file without it.
+        vehicle: Vehicle file with the effect.
+        without: The same vehicle file without the effect.
         record: Recording.
         eta: Smoothed pose of the recording, (N, 6).
         nu: Smoothed velocity, (N, 6).

@@ -1,8 +1,8 @@
 """Block bootstrap of one recording, the basis of intervals and confidences.
 
 Neighbouring samples of a motion are not independent, so whole blocks are drawn with replacement (Künsch
-1989). With few blocks they get random weights instead (the Bayesian bootstrap of Rubin 1981), so that none is
-left out. Only sums over blocks are drawn: every measure follows from them.
+1989). With few blocks, random weights replace the draws (the Bayesian bootstrap of Rubin 1981), so that no
+block is left out. Only sums over blocks are resampled, because every error measure follows from sums.
 """
 
 from __future__ import annotations
@@ -12,27 +12,31 @@ import numpy as np
 from hydro.core.columns import Array
 
 SAMPLES = 1000
-"""Number of recordings drawn for an interval."""
+"""Number of bootstrap resamples of a recording for an interval."""
 INTERVAL = (2.5, 97.5)
-"""Percentiles that bound 95 % of the drawn values."""
+"""Percentiles of the bootstrap values that bound the 95 % interval."""
 
 
 def block_sums(values: Array, size: int) -> Array:
-    """Return sums over blocks of `size` rows of (N, K), shape (B, K); the last block may have fewer rows."""
+    """Sum the N rows of K columns over B blocks of `size` rows, shape (B, K); the last may be shorter."""
     sums: Array = np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
     return sums
 
 
 def draws(blocks: int, seed: int) -> Array:
-    """Return how often each of SAMPLES recordings contains each block, shape (SAMPLES, blocks)."""
+    """Draw how often each of SAMPLES bootstrap resamples contains each block, shape (SAMPLES, blocks)."""
     drawn = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SAMPLES)
     return drawn.astype(np.float64)
 
 
 def redrawn(sums: Array, seed: int) -> Array:
-    """Draw the sums of SAMPLES recordings from those of each block (B, K), shape (SAMPLES, K).
+    """Return the sums over SAMPLES bootstrap resamples of B blocks, shape (SAMPLES, K).
 
-    Recordings are drawn one by one, because a table of all draws would be large with many blocks.
+    Resamples are drawn one by one, because a table of all draws would be large with many blocks.
+
+    Args:
+        sums: Sums of K quantities over each block, (B, K).
+        seed: Seed of the draws.
     """
     rng, blocks = np.random.default_rng(seed), len(sums)
     drawn = np.empty((SAMPLES, sums.shape[1]))
@@ -42,10 +46,10 @@ def redrawn(sums: Array, seed: int) -> Array:
 
 
 def weights(blocks: int, samples: int, seed: int) -> Array:
-    """Draw random weights of the blocks, shape (samples, blocks), each row of sum 1."""
+    """Draw weights of the blocks for a Bayesian bootstrap, shape (samples, blocks); each row sums to 1."""
     return np.random.default_rng(seed).dirichlet(np.ones(blocks), samples)
 
 
 def interval(drawn: Array) -> Array:
-    """Return the lower and upper end of the 95 % interval of drawn values (S, ...), shape (2, ...)."""
+    """Return lower and upper end of the 95 % interval of S bootstrap values (S, ...), shape (2, ...)."""
     return np.percentile(drawn, INTERVAL, axis=0)

@@ -35,7 +35,7 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
-"""Relative uncertainty of the noise floor, in squares."""
+"""Relative uncertainty of the squared noise floor, the error that sensor noise alone causes."""
 SURE_PART = 0.5
 """Percentile of the bootstrap at which an axis' errors must exceed the noise; low because of six axes."""
 
@@ -56,27 +56,28 @@ def compare(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Compare a vehicle file with a recording.
+    """Compare a vehicle's predictions with a recording.
 
     Args:
         vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
         record: Cleaned recording as arrays; by default the table as it was logged.
-        against: Earlier comparison with the same recording.  Its places are evaluated again, its errors are
-            listed with the new ones, and its weights of the axes are used.
-        yardstick: Weights and simple predictors of an earlier file.  By default they come from this file, and
-            each session is predicted by least squares fitted to the others.
+        against: Earlier comparison with the same recording. The conditions that it lists are evaluated again,
+            its errors are listed with the new ones, and its weights of the axes are used.
+        yardstick: Weights of the axes and simple reference predictors.  By default they come from `vehicle`,
+            and the least-squares predictor of each session is fitted to the other sessions.
         seed: Seed of the bootstrap and of the noise from which the noise floor is computed.
         progress: Called with a short text and the share of the work done.
 
     Returns:
-        The comparison table, one row per level, horizon, axis and place.  `rmse` (over the horizon) has the
-        95 % interval of a block bootstrap.  `noise_floor` is the error due to noise alone, and `share` the
-        share of the unexplained error.  `rank` numbers the places that hold most of it.  `rows` counts
-        samples; an axis without any has no row.  `at_horizon` is the error at the end of the predictions, and
-        `weight` that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by`
-        names. Rows of the level `recording` hold the noise of each channel and the sample time of each
-        session. With `against`, `before` is the earlier rmse.
+        The comparison table, one row per level (force or replay), horizon, axis and place, a condition such
+        as "while turning left". `rmse` (over the horizon) has the 95 % interval `low` to `high` of a block
+        bootstrap. `noise_floor` is the error due to noise alone, and `share` the share of the unexplained
+        error. `rank` numbers the places with most unexplained error. `rows` counts samples; an axis without
+        samples has no row. `at_horizon` is the error at the end of the predictions, and `weight` the weight
+        of the axis. Rows of the level `yardstick` hold errors of the simple predictor named in `by`. Rows of
+        the level `recording` hold the noise of each channel and the sample time of each session. With
+        `against`, `before` is the earlier rmse.
 
     Raises:
         DataError: The recording or the vehicle is at fault, or `against` is not a comparison.

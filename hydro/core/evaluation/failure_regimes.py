@@ -33,7 +33,7 @@ SIMPLER = 1.2
 MOST_SESSIONS = 100
 """Maximum number of conditions, such as sessions, of a family that is searched."""
 ELSEWHERE = "elsewhere"
-"""Name of the rest of an axis, beyond the listed places."""
+"""Place of the error of an axis that lies in none of the listed places."""
 MOST_PLACES = 12
 """Maximum number of listed places."""
 
@@ -43,10 +43,10 @@ class Place:
     """Condition in which a model fails, on one axis.
 
     Attributes:
-        words: Description in a pilot's words.
+        words: Description in words, such as "while turning left".
         axis: Number of the axis.
-        met: Pieces that belong to it, (P,).
-        share: Share of the unexplained error, without the error of places named before it.
+        met: Mask of the pieces of time in which the condition is met, (P,).
+        share: Share of all unexplained error that lies here and in no place listed earlier.
     """
 
     words: str
@@ -56,17 +56,18 @@ class Place:
 
 
 def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family]) -> list[Place]:
-    """Return the places where a model fails, the largest share of the error first and the rests last.
+    """Rank the conditions in which a model fails, the largest share of the unexplained error first.
 
     Args:
-        unexplained: Share of all unexplained error in each piece and axis, (P, A).  Noise may make some
-            negative; the sum is at most 1.
-        rows: Rows of each piece, (P,).
+        unexplained: Share of all unexplained error in each of P pieces of time and on each of A axes, (P, A).
+            Noise may make a share negative; the sum is at most 1.
+        rows: Rows of the recording in each piece, (P,).
         block: Block of each piece, (P,); odd blocks must confirm even blocks.
-        families: Conditions.
+        families: Families of conditions that are searched.
 
     Returns:
-        Places that do not overlap, and the rest of each axis; shares sum to 1 at most.
+        Places whose shares do not overlap, then the remaining error of each axis where it is material; the
+        shares sum to 1 at most.
     """
     tried = [c for c in conditions(families) if len(c.family.words) <= MOST_SESSIONS]
     search = _Search(tried, rows, block % 2 == 0, unexplained)
@@ -101,7 +102,10 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """Return the pieces (P,) of places named before; places that these families lack are left out."""
+    """Return the mask of pieces (P,) of each place in `wanted`, by its words.
+
+    A place whose words match no condition, or pair of conditions, of `families` is left out.
+    """
     tried, found = list(conditions(families)), dict[str, Mask]()
     free = [c for c in tried if not c.family.alone]
     pairs = ((a, b) for a, b in itertools.combinations(free, 2) if a.family is not b.family)
@@ -114,7 +118,7 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """Return a pilot's words for conditions that are met together."""
+    """Return the words for several conditions that hold at the same time."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 

@@ -1,4 +1,4 @@
-"""Force that a model lacks in a recording, and the part of it that is due to noise alone.
+"""Force that a model lacks in a recording, and the part of this force that is due to noise alone.
 
 The model's acceleration is integrated along the smoothed motion and subtracted from the measured velocity.
 The difference changes only where the model's forces are wrong.  Its smoothed derivative times M is the
@@ -37,7 +37,7 @@ BANDS = (
 )
 """Frequency bands [Hz], named by the period of the motion."""
 SLOW_BAND = ("", 0.0, FASTEST)
-"""Band of all changes that count."""
+"""Frequency band that counts in the force error [Hz]."""
 
 
 def force(
@@ -48,7 +48,7 @@ def force(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit, Family]:
-    """Return the squares of the wrench ON the vehicle that the model lacks.
+    """Return the squares of the wrench on the vehicle that the model lacks, over pieces of time.
 
     Args:
         model: Model.
@@ -59,8 +59,8 @@ def force(
         weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
-        Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after the
-        other; and the family that names the bands.
+        Squares of the wrench below the frequency FASTEST [N^2, N^2 m^2]; squares of the wrench in each of
+        BANDS, one band after the other; and the family of conditions that names the bands.
     """
     rng = np.random.default_rng(seed)
     found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
@@ -100,10 +100,17 @@ def force(
 def missing_wrench(
     model: Candidate, record: Recording, eta: Array, nu: Array, design: smoothing.Design
 ) -> Array:
-    """Return the wrench ON the vehicle about CO that a model lacks, row by row, (N, 6) [N, N m].
+    """Return the wrench on the vehicle about CO, body axes, that a model lacks, (N, 6) [N, N m].
 
-    It is M times the smoothed derivative of the measured minus the modelled velocity.  The model accounts for
-    its thrusters, weight and buoyancy, effects and C(nu) of its whole mass matrix.
+    The wrench is M times the smoothed derivative of the measured minus the modelled velocity; M is the mass
+    matrix with added mass.  The model accounts for thrusters, weight, buoyancy, effects and C(nu) nu of M.
+
+    Args:
+        model: Model.
+        record: Recording of N rows.
+        eta: Smoothed pose, (N, 6).
+        nu: Smoothed velocity as logged, (N, 6).
+        design: Smoother of the velocity difference.
     """
     known = accelerations(model, record, eta, true_velocity(model, record, nu))
     left = true_velocity(model, record, record.nu).copy()
@@ -129,7 +136,7 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return noise (N, 12) with rows without a sample interpolated linearly between samples."""
+    """Return noise of the 12 channels, (N, 12), interpolated linearly in rows without a sample."""
     if record.seen is None:
         return noise
     out = np.zeros_like(noise)

@@ -37,15 +37,15 @@ BINS = 10
 CURVE_POINTS = 33
 """Number of points of the file's force curve, evenly spaced over the velocity range."""
 RANGE = (0.5, 99.5)
-"""Percentiles of the velocity that bound the curve."""
+"""Percentiles of the velocity that bound the force curve."""
 SAMPLED = 0.9
 """Minimum share of rows that have a sample of attitude and velocity."""
 NEEDED = slice(3, 12)
 """Attitude and velocity among the twelve channels."""
 PLAINER = 0.05
-"""Minimum additional share of the variance that another velocity explains to be shown too."""
+"""Minimum share of the variance that another axis' velocity must explain beyond the axis' own velocity."""
 PLAIN = 0.1
-"""Minimum share of the variance that such a velocity explains."""
+"""Minimum share of the variance that a shown velocity of another axis must explain in all."""
 LEVEL = 0.975
 """Probability below the upper end of a two-sided 95 % interval."""
 DEEP = 1e3
@@ -60,8 +60,9 @@ def leftover(
     """Return the mean force residual in bins of velocity, and the files' force curves.
 
     Args:
-        vehicles: Vehicle files by the number of their step.  The first one decides which velocities an axis
-            is shown against: its own, and another that explains clearly more of the residual.
+        vehicles: Vehicle files by the number of the step of an explanation that made them.  The first file
+            decides against which velocities the force on an axis is shown: the velocity along the same axis,
+            and another velocity that explains clearly more of the residual.
         raw: Raw table of the measured motion and commands.
         record: Cleaned recording as arrays; by default the table as it was logged.
 
@@ -100,7 +101,7 @@ def with_samples(record: Recording) -> Mask:
     """Return the mask of rows with a sample of attitude and velocity, (N,).
 
     Raises:
-        DataError: They are too few.
+        DataError: A channel of attitude or velocity has samples in fewer than SAMPLED of the rows.
     """
     if record.seen is None:
         return np.ones(record.rows, bool)
@@ -120,7 +121,10 @@ def with_samples(record: Recording) -> Mask:
 
 
 def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
-    """Return the velocity of CO through the water of a vehicle file, nu_r in body axes, (N, 6)."""
+    """Return the velocity of CO relative to the water, nu_r in body axes, (N, 6) [m/s, rad/s].
+
+    The current is that of the model.
+    """
     flow = constants_of(model.program.flat)[FLOW]
     return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu), record.t)
 
@@ -143,7 +147,10 @@ class Means:
 
     @classmethod
     def of(cls, force: Array, velocity: Array, counted: Mask, pieces: Pieces) -> Means:
-        """Average rows (N, 6) over the pieces by a mask (N,); pieces without a row are left out."""
+        """Average force and velocity (N, 6) over the counted rows (N,) of each piece.
+
+        Pieces without a counted row are left out.
+        """
         rows = pieces.total(counted.astype(np.float64))
         some = rows > 0.0
         force, velocity = (
@@ -152,20 +159,20 @@ class Means:
         return cls(force, velocity, rows[some], pieces.block[some])
 
     def code(self, against: int) -> Rows:
-        """Return the bin of each piece by one velocity, with equal counts apart from ties, (P,)."""
+        """Return the velocity bin of each piece, (P,); bins have equal counts apart from ties."""
         speed = self.velocity[:, against]
         edges = np.quantile(speed, np.arange(1, BINS) / BINS)
         code: Rows = np.searchsorted(edges, speed, side="right")
         return code
 
     def explained(self, axis: int, against: int) -> float:
-        """Return the share of the variance of the force residual that means in bins of a velocity explain."""
+        """Return the share of the force variance on `axis` that bins of the velocity `against` explain."""
         force, code = self.force[:, axis], self.code(against)
         within = sum(np.var(force[code == one]) * np.mean(code == one) for one in np.unique(code))
         return float(1.0 - within / max(float(np.var(force)), 1e-300))
 
     def worth_showing(self) -> list[tuple[int, int]]:
-        """Return force axes with the velocities to show: the same axis, and one that explains more."""
+        """Return pairs (force axis, velocity) to show: the same axis, and a velocity that explains more."""
         pairs = [(axis, axis) for axis in range(6)]
         for axis in range(6):
             shares = [self.explained(axis, against) for against in range(6)]
@@ -211,7 +218,8 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
         block: Block of each, (P,).
 
     Returns:
-        The mean; half of its 95 % interval, None with fewer than two effective blocks; the number of these.
+        The mean; half the width of its 95 % interval, None with fewer than two effective blocks; and the
+        number of effective blocks.
     """
     _, number = np.unique(block, return_inverse=True)
     count = np.bincount(number, rows)
@@ -225,7 +233,7 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
-    """Return which bins differ from zero at a level of 5 % for all of them together (Bonferroni).
+    """Return a mask of the bins whose force is not zero, at a 5 % family-wise error rate (Bonferroni).
 
     Args:
         bins: Rows of a leftover table; a row without an interval never differs.
@@ -250,7 +258,6 @@ def steady_force(program: Program, speeds: Array, against: int) -> Array:
 
     Returns:
         Force, (K, 6) [N, N m] about CO in body axes.
-        (K, 6) [N, N m] about CO in body axes.
     """
     moving = np.array([_fluid_wrench(program, speed * np.eye(6)[against]) for speed in speeds])
     force: Array = moving - _fluid_wrench(program, np.zeros(6))

@@ -19,7 +19,15 @@ from hydro.core.evaluation.block_resampling import interval, redrawn
 
 
 class Sums(NamedTuple):
-    """Sums over rows, from which all measures follow; each array (..., 6), `rows` (..., 1)."""
+    """Sums over rows, from which all error measures follow; arrays (..., 6), but `rows` (..., 1).
+
+    Attributes:
+        rows: Number of rows.
+        squares: Sum of squared errors.
+        sizes: Sum of absolute errors.
+        values: Sum of the measured values.
+        values_squared: Sum of the squared measured values.
+    """
 
     rows: Array
     squares: Array
@@ -29,7 +37,7 @@ class Sums(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """Subject of the errors, the first columns of their rows: model, data and variant of use."""
+    """Model, dataset and variant whose errors are listed: columns of every row of a metrics table."""
 
     model: str
     dataset: str

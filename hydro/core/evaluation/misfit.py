@@ -1,7 +1,8 @@
 """Squared errors of a model on a recording, piece by piece, with those that noise alone causes.
 
-For the noise floor, noise of the measured size is added to the recording, and the uncertainty of the smoothed
-motion to the start of each prediction.  It is the mean change of the errors over enough draws.
+The noise floor is the error that noise alone causes. To compute the floor, noise of the measured size is
+added to the recording, and the uncertainty of the smoothed motion to the start of each prediction. The floor
+is the mean change of the errors over enough draws.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from hydro.core.columns import Array, Mask, Rows
 
 @dataclass(frozen=True)
 class Misfit:
-    """Squared errors of one kind, piece by piece.
+    """Squared errors of a force or of a prediction, in each of P pieces of time and on each of A axes.
 
     Attributes:
         level: `force` or `replay`.
         horizon: Horizon of the replay [s]; None for forces and for the whole run.
-        axes: Names of the A axes, and the name of all of them together.
+        axes: Names of the A axes, then the name for all axes together.
         units: Units of the A axes.
         weight: Weight of a square on each axis, (A,): see `evaluation.weights`.
         rows: Number of rows compared in each piece, (P,).
-        counts: Number of samples compared in each piece, (P, A); None where every row has one of every axis.
+        counts: Number of samples compared in each piece, (P, A); None if every row has a sample on every
+            axis.
         squares: Sums of squared errors, (P, A).
         noise: Sums of squared errors due to noise alone, (P, A).
         block: Block of each piece, (P,).

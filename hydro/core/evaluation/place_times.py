@@ -18,7 +18,7 @@ from hydro.core.vehicle.description import Vehicle
 def place_times(
     comparison: pl.DataFrame, vehicle: Vehicle, record: Recording, sessions: Sequence[str]
 ) -> dict[str, Rows]:
-    """Return the stretches of time of each ranked place, the longest first.
+    """Return the rows in which each ranked condition of a comparison is met, the longest stretch first.
 
     Args:
         comparison: Comparison table, see `evaluation.compare`.
@@ -27,8 +27,8 @@ def place_times(
         sessions: Name of each segment's session.
 
     Returns:
-        First row, and row after the last, of the stretches of each place by its words, (K, 2).  Places that
-        cover the whole recording are left out.
+        First row, and row after the last, of the K stretches of each place, (K, 2), by the words of the
+        place. Places that cover the whole recording are left out.
     """
     wanted = set(comparison.filter(pl.col("rank").is_not_null())["place"].unique().to_list())
     motion, pieces = Motion.of(record), Pieces.of(record)

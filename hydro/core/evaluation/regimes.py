@@ -43,7 +43,7 @@ SHOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "pitch": (("theta",),),
     "roll": (("phi",),),
 }
-"""Channels that measure the quantity of a family, as alternatives; a model's values do not count."""
+"""Alternative groups of channels, one of which must have samples for a family of conditions to be used."""
 NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 """Round numbers for the edges of ranges, within a decade."""
 
@@ -64,7 +64,7 @@ class Pieces:
 
     @classmethod
     def of(cls, record: Recording) -> Pieces:
-        """Cut a recording."""
+        """Cut a recording into pieces and blocks."""
         rows = max(round(PIECE_SECONDS / record.dt), 1)
         length = min(BLOCK_SECONDS, record.rows * record.dt / LEAST_DRAWN)
         within = max(round(length / (rows * record.dt)), 1)
@@ -90,9 +90,9 @@ class Family:
     """Conditions of one kind, of which each piece meets at most one.
 
     Attributes:
-        by: Name of the kind.
+        by: Name of the kind, such as `turn` or `speed`.
         words: Words of each condition.
-        code: Condition that each piece meets, (P,); -1 for none.
+        code: Number of the condition that each piece meets, (P,); -1 for none.
         doing: Whether the words name an activity and follow `while`; otherwise they qualify one.
         unions: Words for several conditions together, and their numbers.
         alone: Whether the conditions are not combined with other families: there are so many of them that
@@ -125,7 +125,7 @@ def families(
     nu_dot: Array,
     names: Sequence[str],
 ) -> list[Family]:
-    """Return all families that distinguish pieces of a recording.
+    """Return the families of conditions that distinguish pieces of a recording.
 
     Args:
         record: Recording.

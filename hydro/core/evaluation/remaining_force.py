@@ -1,4 +1,4 @@
-"""Wrench that a model lacks: its main axis, its place in a recording and its growth with speed."""
+"""Wrench that a model lacks: main axis, part of the recording with most of it, and growth with speed."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ class Leftover:
         axis: Axis with the largest wrench, 0 to 5; None where the residual is noise in the forces.
         share: Share of the residual that is on this axis.
         name: Name of the axis.
-        place: Part of the recording with most of it, in words; empty where it is everywhere.
-        power: Exponent of its growth with speed; None where the data do not show one.
-        powers: Exponents of its growth with each velocity u to r alone.
+        place: Condition with most of the residual, in words; empty if the residual is in no special
+            condition.
+        power: Exponent n in wrench ~ speed^n; None if the data do not show an exponent.
+        powers: Exponents of the growth with each velocity u to r alone, likewise.
     """
 
     axis: int | None = None
@@ -58,12 +59,12 @@ class Leftover:
         return f"{text}; it does not grow with speed"
 
     def growing(self) -> str:
-        """Return the growth with each velocity, the steepest first; empty without any."""
+        """Return words for the growth with each velocity, the steepest first; empty without growth."""
         told = ", ".join(f"{VELOCITY[i]} to the power {self.powers[i]:.1f}" for i in self._steepest())
         return f"; by velocities, it grows with {told}" if told else ""
 
     def experiment(self) -> str:
-        """Return an experiment that isolates this part of the error."""
+        """Return a sentence that proposes an experiment to isolate the missing wrench."""
         if self.axis is None:
             return "check the log with `hydro import`, its units, axes and time stamps"
         grown = self._steepest()
@@ -120,7 +121,7 @@ def leftover(vehicle: Vehicle, record: Recording, sessions: Sequence[str], seed:
 
 
 def growth(speed: Array, square: Array) -> float | None:
-    """Return the exponent n in force ~ speed^n, from means over speed bins; None where the data show none.
+    """Fit the exponent n in force ~ speed^n to means over speed bins; None if the data do not show n.
 
     Args:
         speed: Speed of each piece [m/s], (P,).

@@ -45,9 +45,9 @@ BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 PREDICTIONS_TOGETHER = 64
 """Maximum number of predictions in one unit of parallel work."""
 DRAWS = (3, 16)
-"""Draws of a prediction's uncertain start: for all predictions, and for those that are not settled then."""
+"""Noise draws per prediction: for all predictions, then for those whose noise floor is still uncertain."""
 SETTLED = 0.2
-"""Relative standard error of the noise in the squares of all predictions: a tenth in the errors."""
+"""Relative standard error of the squared noise floor at which the draws end; a tenth in the error itself."""
 
 
 def replay(
@@ -59,7 +59,7 @@ def replay(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit] | None:
-    """Return root mean square errors of predictions over a horizon, of velocity and of pose.
+    """Return squared errors of velocity and of pose in predictions over a horizon.
 
     Args:
         model: Model.
@@ -95,7 +95,7 @@ def replay(
 
 
 class Ahead:
-    """Prediction errors of vehicles on one recording, 5 s ahead, weighted by the first one's inertia.
+    """Velocity errors of vehicles on one recording, 5 s ahead, weighted by the first vehicle's inertia.
 
     Attributes:
         floor: Error of the first vehicle due to noise alone [m/s].
@@ -112,7 +112,7 @@ class Ahead:
         """Return the root mean square error of a vehicle's velocity AHEAD seconds ahead, over all axes [m/s].
 
         Raises:
-            DataError: No session lasts that long.
+            DataError: No session lasts AHEAD seconds without a gap.
         """
         both = replay(candidate(vehicle), self.record, self.motion, self.pieces, AHEAD, 0)
         if both is None:
@@ -206,7 +206,13 @@ def _predictions(
 
 
 def last_samples(errors: Array, seen: Mask | None) -> Array:
-    """Return errors (S, K, C) of S predictions at their last rows, or their last samples; NaN without any."""
+    """Return the errors at the end of S predictions, (S, C).
+
+    Args:
+        errors: Errors of S predictions of K rows in C channels, (S, K, C).
+        seen: Which errors belong to samples, (S, K, C).  The last sample of a channel then counts instead of
+            the last row, and a channel without samples gives NaN.
+    """
     if seen is None:
         return np.asarray(errors[:, -1])
     last = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
@@ -215,7 +221,7 @@ def last_samples(errors: Array, seen: Mask | None) -> Array:
 
 
 def root_mean_square(errors: Array) -> Array:
-    """Return the root mean square of each column of (S, C) without NaN; NaN of an empty column."""
+    """Return the root mean square of each column of (S, C), ignoring NaN, (C,); NaN if all are NaN."""
     there = np.isfinite(errors)
     squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
     return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)
@@ -242,7 +248,11 @@ def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
 
 
 def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
-    """Return first row, segment and length of predictions: end to end over all segments, or one for each."""
+    """Return first row, segment and number of rows of each prediction, (S,) each.
+
+    Predictions of `horizon` [s] lie end to end along each segment; without a horizon, one covers each
+    segment.
+    """
     if horizon is None:
         begin, end = record.segments.T
         return begin, np.arange(len(begin)), end - begin

@@ -73,7 +73,7 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
 def restarted_bands(
     vehicle: Vehicle, estimates: Estimates, raw: pl.DataFrame, *, draws: int = FEW_DRAWS, seed: int = 0
 ) -> pl.DataFrame:
-    """Return the 95 % bands of such predictions, due to the covariance of a vehicle's estimates.
+    """Return the 95 % bands of restarted predictions, due to the covariance of a vehicle's estimates.
 
     Args:
         vehicle: Vehicle.

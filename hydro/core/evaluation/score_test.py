@@ -1,8 +1,8 @@
 """Score tests, gains and standard errors of groups of columns of a linearised problem.
 
-A group of columns is tested given the columns that are in the model already: what it explains, and the
-probability of as much by chance.  The chance is found by flipping the signs of whole blocks of the score
-(Hemerik, Goeman and Finos 2020).  This needs independent blocks, but no noise model.
+A group of columns is tested given the columns that are in the model already: its gain, and the p-value of
+that gain. The p-value is found by flipping the signs of whole blocks of the score (Hemerik, Goeman and Finos
+2020). This needs independent blocks, but no noise model.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class Evidence:
-    """Linearised problem in columns of unit size.
+    """Linearised least-squares problem with P columns X of unit size and residual e, in S pieces.
 
     Attributes:
         matrix: X^T X of each piece, (S, P, P).
@@ -61,16 +61,16 @@ class Evidence:
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
-        """Return the least-squares amounts of some columns without all others, in units of `size`, (p,)."""
+        """Return the least-squares coefficients of p columns alone in the model, times `size`, (p,)."""
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def gain(self, given: Columns, group: Columns) -> float:
-        """Return the reduction of the squared residual when a group joins the given columns."""
+        """Return how much a group of columns, added to the given ones, reduces the squared residual."""
         return self._explained([*given, *group]) - self._explained(given)
 
     def scores(self, columns: Columns) -> Array:
-        """Return X^T e of each piece for some columns, e the residual with all of them, (S, p)."""
+        """Return X^T e of each piece for p columns, e the residual of their joint fit, (S, p)."""
         found, matrix = self.solve(columns), self.matrix[:, columns][:, :, columns]
         left: Array = self.score[:, columns] - matrix @ found
         return left
@@ -82,9 +82,7 @@ class Evidence:
         return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
 
     def covariance(self, given: Columns, group: Columns, scale: float) -> Array:
-        """Return the covariance of a group's amounts with the given columns in the model, (p, p).
-
-        It is in the units of the problem.
+        """Return the covariance of the coefficients of a group of p columns, (p, p), in the problem's units.
 
         Args:
             given: Columns in the model.
@@ -100,7 +98,7 @@ class Evidence:
 def p_values(
     evidence: Evidence, given: Columns, groups: Mapping[str, Sequence[Columns]], seed: int = 0
 ) -> dict[str, float]:
-    """Return for each group the probability that, by chance, the largest statistic of all reaches its own.
+    """Return the p-value of each group: the chance that the largest statistic of all groups reaches its own.
 
     The statistic of a group is m^T V^-1 m, with m its score against the model without it.  It is converted to
     a normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V

@@ -38,11 +38,11 @@ class Unseen:
     """Axis with small commands in the held-out recording only.
 
     Attributes:
-        axis: Its velocity, one of u to r.
+        axis: Name of the velocity along the axis, one of u to r.
         low: Lower bound of the small wrenches [N, N m].
         high: Upper bound.
-        held_out: Share of the held-out time with them.
-        training: Share of the training time.
+        held_out: Share of the held-out time with small wrenches.
+        training: Share of the training time with small wrenches.
     """
 
     axis: str

@@ -28,7 +28,7 @@ class Motion:
         eta: Pose with unwrapped angles, (N, 6).
         nu: Velocity as logged, (N, 6).
         nu_dot: Derivative of the velocity, (N, 6).
-        sigma: Noise of the twelve channels; 0 for one without samples.
+        sigma: Standard deviation of the noise of the twelve channels; 0 for one without samples.
         uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
             its ends, (2, 12).
         pose: Smoother of the pose.

@@ -59,7 +59,7 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
 
 
 def squares_at_rest(ahead: Shots) -> Squares:
-    """Return the squared errors of zero velocity over the same stretches."""
+    """Return the squared errors of the prediction that the vehicle stands still, over `ahead`."""
     states = np.repeat(ahead.first[:, None], ahead.measured.shape[1], axis=1)
     states[..., 7:] = 0.0
     return _squares(states, ahead)
@@ -84,7 +84,7 @@ def _squares(predicted: Array, shots: Shots) -> Squares:
 
 
 def axes_by_distance(record: Recording) -> Rows:
-    """Return the linear axes, of 0 to 2, whose position has samples and whose velocity has none."""
+    """Return the linear axes (0 to 2) whose position has samples but whose velocity has no samples."""
     if record.seen is None:
         return np.zeros(0, np.int64)
     shown = np.asarray(record.seen.any(axis=0), bool)

@@ -47,11 +47,11 @@ time and change little."""
 LOST = 1.02
 """Ratio of a model's error to that of a simple predictor above which the model is worse; less is a draw."""
 JUDGED = 5.0
-"""Horizon of that comparison [s]."""
+"""Prediction horizon at which a model and the simple predictors are compared [s]."""
 
 
 class Damped(NamedTuple):
-    """Axis with damping and delayed thrust.
+    """Coefficients of one axis of the least-squares predictor; the module gives the equation.
 
     Attributes:
         linear: a [1/s], at most 0.
@@ -97,7 +97,7 @@ class Yardstick:
             raw: Raw table, never the held-out one.
 
         Raises:
-            DataError: They do not fit each other.
+            DataError: The recording does not fit the vehicle.
         """
         return cls.fitted(vehicle, tracked(vehicle, recording(vehicle, raw)))
 

@@ -141,7 +141,7 @@ CHANGE_COLUMNS = {
 def history(
     parameters: Sequence[Parameter], estimates: Mapping[str, Estimate], baseline: Sequence[str]
 ) -> History:
-    """Return the history of a vehicle with the changes in it.
+    """Find when the parameters of a vehicle changed, from estimates of each dive.
 
     Args:
         parameters: Parameters of the estimates.

@@ -158,7 +158,7 @@ def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
 
 
 def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
-    """Return the squared residual that some columns explain, and their amounts, (p,), with all others held.
+    """Return the squared residual that p columns explain and their coefficients, (p,); all others stay fixed.
 
     Directions that the recording does not determine, such as two thrusters with equal commands, stay
     unchanged.

@@ -45,7 +45,7 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
 
 
 def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
-    """Return which components belong to a sum that must be positive semi-definite, (P,)."""
+    """Return a mask of the components that belong to a sum that must be positive semi-definite, (P,)."""
     return np.asarray(_answers(unknown, unknown.starts[0]).any(axis=(1, 2, 3)))
 
 

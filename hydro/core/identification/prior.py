@@ -57,7 +57,7 @@ def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
 
 
 def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return the standard deviations that a file has for components, (P,); infinite where it has none."""
+    """Return the standard deviations of components in a vehicle file, (P,); infinite if the file has none."""
     found, sizes = np.full(len(entries), np.inf), _sizes(file, entries)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})

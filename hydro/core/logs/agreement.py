@@ -202,7 +202,7 @@ class Evidence:
         return np.array([travelled, 0.0 if given.attitude is None else self.turned(given.attitude)])
 
     def moves(self, given: LogMap) -> Mask:
-        """Return whether position and attitude, or the logged velocities, move beyond their noise, (2,)."""
+        """Return whether the log shows translation, and rotation, beyond the noise of its sensors, (2,)."""
         placed = given.position is not None and given.attitude is not None and given.velocity is not None
         found = [True, True]
         if placed:
@@ -227,7 +227,7 @@ class Evidence:
         return bool(beyond or (mean > np.maximum(LEAST_MOTION, MOVING * noise)).any())
 
     def misfit(self, given: LogMap) -> float:
-        """Return one figure for both identities, the mean logarithm of their shares."""
+        """Return the mean logarithm of the `shares` of both identities, a single measure of disagreement."""
         return float(np.log(self.shares(given)).mean())
 
     def upright(self, block: Attitude | None) -> bool:

@@ -47,7 +47,7 @@ class Change:
 
     @property
     def cost(self) -> float:
-        """Distance from the declared map in settings; the usual one of two equals is closer."""
+        """Number of changed settings, weighted so that the more usual of two mistakes costs less."""
         if self.flip is not None:
             return FLIP_COST
         if self.exchange is not None:

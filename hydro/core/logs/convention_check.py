@@ -294,7 +294,7 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
 
 
 def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
-    """Return changes of other blocks that the data demand as well and cannot separate from the one found.
+    """Return changes of other blocks that explain the log as well as the change in `found` does.
 
     For a level vehicle, w reversed is equivalent to z reversed.
 

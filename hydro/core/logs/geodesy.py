@@ -13,7 +13,9 @@ NORTH, EAST = "north of the first fix", "east of the first fix"
 
 
 def metres(latitude: Array, longitude: Array, first: tuple[float, float]) -> tuple[Array, Array]:
-    """Return the distances north and east of a place, (n,) each [m], by the curvature of WGS 84 there.
+    """Return the distances north (n,) and east (m,) of the place `first` [m].
+
+    The curvature of WGS 84 at this place is used.
 
     Within a kilometre the error is below a thousandth between 80 degrees south and north.
 

@@ -284,7 +284,7 @@ def stretches(given: LogMap) -> tuple[Use, ...]:
 
 
 def beside(block: Sensor) -> tuple[str, ...]:
-    """Return the further columns that a sensor block names: in its `valid` conditions and in `per`."""
+    """Return the columns that a sensor block names in its `valid` conditions and in `per`."""
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
 

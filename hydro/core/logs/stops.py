@@ -49,7 +49,7 @@ def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: C
 
 
 def never(columns: Mapping[str, tuple[Array, Mask]]) -> list[str]:
-    """Return the columns that contain only stops, if other columns have commands.
+    """Return the command columns that only stop their thruster; empty if no other column has commands.
 
     Args:
         columns: Values as logged and the rows that are stops, of each column.

@@ -84,7 +84,10 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 
 
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
-    """Return the mean of the lag states just before and just after every row: without lag, a rotor jumps."""
+    """Return the mean of the thrusters' lag states just before and just after every row, (N, n).
+
+    A rotor without lag jumps at a row.
+    """
     before = rotor_states(model, record)
     if (model.thrusters[:, TIME_CONSTANT] > 0.0).all():
         return before
@@ -137,7 +140,7 @@ def accelerations_at(
 
 
 def commands_before(record: Recording) -> Array:
-    """Return the commands of the previous row, (N, n); for the first row of a segment its own."""
+    """Return the commands of the previous row, (N, n); the first row of a segment keeps its own commands."""
     previous = np.arange(-1, record.rows - 1)
     previous[record.segments[:, 0]] += 1
     return record.commands[previous]

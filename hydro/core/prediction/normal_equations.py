@@ -52,13 +52,13 @@ class Normal:
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
-        """Return the problem in some of its parameters, with all others held."""
+        """Return the problem in the parameters `columns` alone, with all other parameters fixed."""
         kept = [*columns, -1]
         gram = self.gram[:, kept][:, :, kept]
         return replace(self, gram=gram, follow=self.follow[..., kept])
 
     def some(self, kept: NDArray[np.bool_]) -> Normal:
-        """Return the problem of the pieces that a mask (S,) selects."""
+        """Return the problem for the pieces of data that the mask `kept` (S,) selects."""
         compared = None if self.compared is None else self.compared[kept]
         rest = (self.gram[kept], self.freedoms[kept], self.channels[kept], self.follow[kept])
         return Normal(*rest, compared)

@@ -57,7 +57,7 @@ class OutputError:
         return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def some(self, most: int) -> OutputError:
-        """Return the problem with at most `most` of its shots, spread evenly; itself if it has fewer."""
+        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer."""
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else OutputError(self.shots.of(kept))
 
@@ -111,12 +111,12 @@ class OutputError:
         return self.weighed(sigma), True
 
     def weighed(self, sigma: Array) -> OutputError:
-        """Return the problem with other standard deviations of its channels, (12,)."""
+        """Return the problem with standard deviations `sigma` of the noise of the 12 channels, (12,)."""
         return OutputError(replace(self.shots, sigma=sigma), self.near)
 
 
 def in_waves(shots: Shots, model: Candidate) -> Shots:
-    """Return the shots with the covariance of a file's waves; unchanged if there are none.
+    """Return the shots with the covariance that the waves of a model cause; unchanged without waves.
 
     Predictions assume a calm sea.  Over the seconds of a shot the sea is a few harmonics of unknown
     amplitudes with the variances of the file.  So the residual of a shot has the covariance 1 + X X^T in

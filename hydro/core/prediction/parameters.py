@@ -78,16 +78,21 @@ class Free:
     known: frozenset[str]
 
     def at(self, values: Array) -> Vehicle:
-        """Return the vehicle with these values (P,)."""
+        """Return the vehicle with `values` (P,) of its free components."""
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """Return the components with initial values (P,), without those that are held there."""
+        """Fix components: set the vehicle to `values`, and keep only the others as free components.
+
+        Args:
+            values: Value of each free component, (P,); also the initial values of the remaining components.
+            held: Mask of the components to fix, (P,).
+        """
         rest = tuple(entry for entry, stays in zip(self.entries, held, strict=True) if not stays)
         return replace(self, vehicle=self.at(values), entries=rest, starts=(values[~held],))
 
     def within(self, values: Array) -> Array:
-        """Return values (P,) clipped to the bounds."""
+        """Return `values` (P,), clipped to the bounds of the components."""
         return np.clip(values, *self.bounds)
 
     @property

@@ -44,7 +44,7 @@ def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
 
 
 def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
-    """Return the same lines for a recording that has been read."""
+    """Return the lines of `not_shown` for a recording that has been converted to arrays."""
     if record.seen is None or record.seen.any(axis=0).all():
         return ()
     never, known = np.logical_not(record.seen.any(axis=0)), _known(vehicle, record)

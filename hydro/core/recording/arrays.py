@@ -86,7 +86,7 @@ class Recording:
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
 
     def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
-        """Return whether all channels of at least one of some groups of channels have samples."""
+        """Return whether at least one alternative group of channels has samples in all its channels."""
         return any(self.sampled.issuperset(channels) for channels in alternatives)
 
     @property
@@ -188,10 +188,9 @@ def noise(record: Recording) -> Array:
 
 
 def drawn(record: Recording, of: slice = slice(None)) -> bool:
-    """Return whether any of these channels was interpolated between the samples of a slower sensor.
+    """Return whether a channel in the slice `of` was interpolated or filled between samples of a sensor.
 
-    Its noise is not white from row to row, even if its size is known.  The same holds where rows without a
-    sample were filled.
+    The noise of an interpolated channel is not white from row to row, even if its size is known.
     """
     if record.seen is not None and not record.seen[:, of].all():
         return True

@@ -61,7 +61,7 @@ def require_rate(rate: float, step: float) -> None:
 
 
 def duration(seconds: float) -> str:
-    """Return a duration in words."""
+    """Return a duration, given in `seconds`, in words, such as "5 minutes"."""
     for size, unit in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.0f} {unit}"
@@ -72,8 +72,8 @@ class Expected(NamedTuple):
     """Range of the duration of work whose extent is not known in advance.
 
     Attributes:
-        shortest: Where the vehicle file lacks nothing [s].
-        longest: Where the search tries most candidates [s].
+        shortest: Duration if the vehicle file lacks no effect [s].
+        longest: Duration if the search tries most candidate effects [s].
     """
 
     shortest: float

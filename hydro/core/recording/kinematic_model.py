@@ -157,10 +157,17 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
 
 @jit
 def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: NDArray[np.int64]) -> int:
-    """Return the number of error entries that white noise of an axis drives; write entries, gains and orders.
+    """Find the entries of the error vector (30,) that the white noise in nu'' of one axis reaches.
 
-    Entries, gains and numbers of integrations are written to arrays (6,), nu'' first.  `R` is the rotation
-    halfway through the row.
+    Args:
+        axis: Number of the axis, 0 to 5.
+        R: Rotation from body to world halfway between two rows, (3, 3).
+        entry: Output (6,): indices of the entries, nu'' of the axis first, then nu', nu and the pose.
+        share: Output (6,): gain from the noise to each entry.
+        times: Output (6,): number of integrations from nu'' to each entry.
+
+    Returns:
+        Number of entries written, 4 for a rotation and 6 for a translation.
     """
     for n in range(3):
         entry[n], share[n], times[n] = JERK - 6 * n + axis, 1.0, n

@@ -39,8 +39,8 @@ class Shots:
         lead: Rows at the start that are predicted but not compared, for the delay of a late sensor.
         first: State at the beginning of each, (S, 13): position, quaternion, nu.
         measured: What was logged, (S, length, 13).
-        sigma: Standard deviation of position, attitude (small rotations about the body's axes), velocity and
-            rates, (12,).
+        sigma: Standard deviation of the noise of position, attitude (small rotations about the body's axes),
+            velocity and rates, (12,).
         eta: Smoothed pose and
         nu: velocity of the whole recording, (N, 6) each.
         share: Share of all possible shots of the recording.
@@ -90,7 +90,10 @@ class Shots:
         return np.asarray(TRUST * np.where(self.seen.any(axis=1), 1.0, UNSEEN_TRUST))
 
     def weights(self, part: slice) -> NDArray[np.bool_] | None:
-        """Return which values of some shots count, (s, length - lead, 12); None if all do."""
+        """Return a mask of the samples among the compared values of the shots `part`.
+
+        Its shape is (s, length - lead, 12) for s shots; None if every value is a sample.
+        """
         return None if self.seen is None else self.seen[part, self.lead :]
 
     @cached_property
@@ -108,14 +111,14 @@ class Shots:
         return kept
 
     def calmed(self, columns: Array, part: slice) -> Array:
-        """Return columns (s, residuals, C) of some shots, whitened for the covariance of the waves."""
+        """Return C columns of the s shots `part`, (s, residuals, C), whitened for the covariance of waves."""
         if self.hidden is None:
             return columns
         basis = self.hidden[part]
         return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))
 
     def of(self, kept: NDArray[np.bool_]) -> Shots:
-        """Return the shots of a mask (S,)."""
+        """Return the shots that the mask `kept` (S,) selects."""
         there = tuple(name for name in ("seen", "swell", "anchor") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
@@ -133,7 +136,7 @@ class Shots:
         return replace(self, anchor=np.where(shown, 1.0 / error, 0.0))
 
     def begun_at(self, record: Recording) -> Shots:
-        """Return the shots with initial states from another filling of their recording."""
+        """Return the shots with initial states from `record`, the same recording with other filled values."""
         eta, nu = smoothed(record)
         return replace(self, first=body_states(eta, nu)[self.starts], eta=eta, nu=nu)
 
@@ -153,7 +156,7 @@ def make_shots(
     Args:
         record: The recording.
         seconds: Compared length of each shot [s].
-        lead: Length predicted before it [s]; at least the largest delay of a sensor that is tried.
+        lead: Time predicted before the compared part [s]; at least the largest sensor delay that is tried.
         sigma: Noise of the twelve channels; by default estimated from the recording.
         most: Shots to keep of a long recording, see `evenly`; by default all.
 

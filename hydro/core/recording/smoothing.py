@@ -60,7 +60,10 @@ class Design:
         return dataclasses.replace(self, dt=dt, ratio=tuple(r * (dt / self.dt) ** 3 for r in self.ratio))
 
     def following(self, times: float) -> Design:
-        """Return the design with the same noise and a multiplied jerk density, within the grid of ratios."""
+        """Return a design with the jerk density multiplied by `times`, so that it smooths less.
+
+        The noise stays the same.  The ratio q dt^3 / R is at most the largest of RATIOS.
+        """
         most = float(RATIOS[-1])
         return dataclasses.replace(self, ratio=tuple(max(r, min(r * times, most)) for r in self.ratio))
 
