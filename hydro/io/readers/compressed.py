@@ -53,7 +53,7 @@ def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
 
     Raises:
         DataError: The data expand beyond the limit.
-        ValueError: It has another size than its header states, or is cut short.
+        ValueError: The data differ in size from their header, or are cut short.
     """
     if form == "zstd":
         return unzstd(raw, expansion)
