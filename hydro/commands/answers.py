@@ -32,7 +32,7 @@ class Printing:
     """Streams and files to which a command writes its answer.
 
     Attributes:
-        output: File of the table; `-` is stdout.
+        output: File of the command's result table; `-` is stdout.
         text: Whether the answer always goes to stdout.
         json: Whether JSON goes to stdout.
         folder: Whether the output is a folder, so that nothing else is written to stdout.

@@ -53,9 +53,9 @@ class Earlier:
     """Hull-force model from a recording before a change.
 
     Attributes:
-        hull: The model.
-        inputs: The recording, and the network if there is one.
-        parameters: Entry for the footers of tables made with it, see `report.change`.
+        hull: Hull-force model.
+        inputs: Recording from before the change, and the network file if a network is the model.
+        parameters: Entry for the footers of tables that are made with the model, see `report.change`.
     """
 
     hull: Hull

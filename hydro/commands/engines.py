@@ -51,10 +51,12 @@ def engine_for(
         name: `here` or `ray`.
         address: Address of the cluster.
         threads: Number of processors of each task on the cluster.
-        execute: Function that runs steps of a study in this process; by default each has its own process.
+        execute: Function that runs steps of a study in this process; by default each step runs in its own
+            process.
 
     Raises:
-        UsageError: Ray is not installed or not at the address, or an address is given without `ray`.
+        UsageError: Ray is not installed, no cluster answers at the address, or an address is given without
+            `ray`.
     """
     if name == HERE:
         from hydro.study.engine import Here

@@ -1,1 +1,1 @@
-"""Reading and writing of artefacts: schemas, Parquet tables, provenance, vehicle files, models."""
+"""Reading and writing of artefacts, the files with provenance: schemas, Parquet tables, vehicles, models."""

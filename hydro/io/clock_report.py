@@ -27,7 +27,7 @@ class Clocks:
     Attributes:
         sensors: Lags of velocity, attitude and rates relative to the pose, where the motion shows them.
         commands: Lag of the motion relative to the commands; None if the log does not show it.
-        declared: The map, which may declare some lags already.
+        declared: Map of the log, which may already state some lags.
         receipt: Time by which commands are stamped later than sensors of the same driver [s], see
             `core.logs.receipt`.
     """

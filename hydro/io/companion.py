@@ -18,7 +18,7 @@ from hydro.io.files import read_bytes
 PACKAGE = "deep_hydro_sim_data"
 """Import name of the distribution."""
 FORMAT = "hydro-data/1"
-"""Format of its manifest."""
+"""Format of the manifest of the distribution's files that this version reads."""
 INSTALL = (
     "the recordings are not installed: `pip install deep_hydro_sim_data-1.0.0-py3-none-any.whl`, the wheel "
     "that packaging/data/build.py makes (datasets/README.md)"
@@ -26,13 +26,13 @@ INSTALL = (
 
 
 class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
-    """File of the distribution.
+    """Entry of the manifest for one file of the distribution.
 
     Attributes:
-        name: Its name in the folder.
-        about: What it shows.
-        bytes: Its size.
-        sha256: SHA-256 of its bytes, hexadecimal.
+        name: File name in the folder of recordings.
+        about: Description of the file's content.
+        bytes: Size of the file [bytes].
+        sha256: SHA-256 of the file's bytes, hexadecimal.
         rows: Number of rows of a table; 0 for other files.
         sessions: Number of sessions of a table.
         content: Hash of a table's values (`provenance.content_hash`); empty for other files.

@@ -76,7 +76,7 @@ def refuse_device(source: Source) -> None:
     """Refuse an input that may never end: a disk, a terminal or /dev/zero.  Files and pipes are allowed.
 
     Raises:
-        DataError: It is a device other than the null device, which is empty.
+        DataError: The path is a device other than the null device, which is empty.
         UsageError: The stream is a terminal.
         OSError: There is no such path.
     """
@@ -98,7 +98,7 @@ def check_file(destination: str | Path) -> None:
     """Check that a file could be written to a place, without writing it.
 
     Raises:
-        DataError: It is a folder, or its folder is missing or not writable.
+        DataError: The path is a folder, or its parent folder is missing or not writable.
     """
     name = os.fspath(destination)
     try:
@@ -113,7 +113,7 @@ def check_folder(destination: str | Path) -> None:
     """Check that a folder of results could be made at a place, without making it.
 
     Raises:
-        DataError: It or a part of its path is a file, or the last existing folder is not writable.
+        DataError: The path or a part of it is a file, or the last existing folder is not writable.
     """
     name = os.fspath(destination)
     target = Path(os.path.realpath(name))

@@ -55,11 +55,11 @@ class ImportReport:
 
 
 def declared(file: str | Path | LogMap, name: str) -> LogMap:
-    """Return the given map of a log.
+    """Return the map of a log that the user gives, checked and with a session name.
 
     Args:
-        file: Map, or its file.
-        name: Name of a session that has none.
+        file: Map, or path of a map file.
+        name: Session name to use if the map has none.
 
     Raises:
         DataError: The file or the map breaks a rule of maps.
@@ -77,7 +77,7 @@ def guessed(
 
     Args:
         source: The log.
-        name: Name of a session that has none.
+        name: Session name to use if the map has none.
         preset: Naming scheme of the columns; by default any.
         thrusters: Number of thrusters of the vehicle, if known.
 

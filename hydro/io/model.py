@@ -105,7 +105,7 @@ def to_artefact(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
 ) -> Artefact:
-    """Return the model as an artefact; the same model gives the same bytes.
+    """Return the model as an artefact, bytes with provenance; the same model gives the same bytes.
 
     Raises:
         DataError: A tensor is not finite, or not of a floating-point type.

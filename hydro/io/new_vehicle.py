@@ -19,7 +19,7 @@ WIDTH = 110
 
 
 def text(found: Estimate) -> str:
-    """Return the text of the vehicle file.
+    """Return the text of a vehicle file for an estimated vehicle.
 
     Args:
         found: Estimated vehicle, with the origin of its numbers.

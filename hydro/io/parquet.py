@@ -15,7 +15,15 @@ MAGIC = b"PAR1"
 
 
 def opened(content: bytes, name: str) -> pq.ParquetFile:
-    """Return the Parquet file in these bytes."""
+    """Open a Parquet file that is already in memory.
+
+    Args:
+        content: Bytes of the file.
+        name: Name of the file in error messages.
+
+    Raises:
+        DataError: The bytes are not a Parquet file, or the file is incomplete or damaged.
+    """
     if not content.startswith(MAGIC):
         raise DataError(f"{name}: not a Parquet file: convert it, with the columns of a raw table")
     if not content.endswith(MAGIC) or len(content) < 12:
@@ -45,7 +53,7 @@ def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
     """Count the expanded size of a file.
 
     Raises:
-        DataError: It exceeds the limit (`io.readers.expansion`), or the file is damaged.
+        DataError: The expanded size exceeds the limit (`io.readers.expansion`), or the file is damaged.
     """
     try:
         parquet_pages.count(file, content, Expansion(name, len(content)))

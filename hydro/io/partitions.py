@@ -34,9 +34,9 @@ class Part:
 
     Attributes:
         session: Name of the session.
-        path: Its file.
+        path: File of the session.
         kind: Kind of table.
-        columns: Storage types by name.
+        columns: Storage type of each column, by column name.
         rows: Number of rows.
         nulls: Columns with nulls.
         record: Footer; None of a table from elsewhere.

@@ -94,7 +94,7 @@ class Study:
         return bool(gone)
 
     def save_step(self, steps: Sequence[Step]) -> None:
-        """Write the last of these steps, and the ladder of all."""
+        """Write the tables and the vehicle of the last step, and the ladder table of all steps."""
         step = steps[-1]
         comparison, diagnosis, vehicle = (self.folder / name for name in _names(step.number))
         text = self.text(step)
@@ -107,7 +107,13 @@ class Study:
         self._save_ladder(steps)
 
     def end(self, steps: Sequence[Step], why: str, headline: str) -> None:
-        """Record that no step follows the last of these, the reason, and the answer in one line."""
+        """Record that a study has ended.
+
+        Args:
+            steps: All steps of the study.
+            why: Reason why no further step follows.
+            headline: Answer of the study in one line.
+        """
         self._save_ladder(steps, **{ENDED: why, HEADLINE: headline})
 
     def _save_ladder(self, steps: Sequence[Step], **parameters: str) -> None:

@@ -199,7 +199,7 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
 
     Args:
         text: Vehicle file.
-        effect: Keys and values of the table; its name is the one of `told_apart`.
+        effect: Keys and values of the table; `name` is the unique name from `told_apart`.
 
     Raises:
         DataError: Several effects have that name.

@@ -58,12 +58,17 @@ class Hull(NamedTuple):
         return Motion(z, size, direction, products(direction))
 
     def about(self, tau: Array) -> Array:
-        """Return wrenches (N, 6) about the centre, given those about CO."""
+        """Return wrenches (N, 6) about the hull's centre, given wrenches (N, 6) about the origin CO."""
         return np.hstack([tau[:, :3], tau[:, 3:] - np.cross(self.centre, tau[:, :3])])
 
 
 def images_of(one: Motion, other: Motion) -> Array:
-    """Return R(g d, d') for all images g, (8, N, M)."""
+    """Return the Matern 3/2 covariance between directions of motion, for all mirror images, (8, N, M).
+
+    Args:
+        one: Motion at N points, whose directions are mirrored by each of the 8 images of `MIRRORS`.
+        other: Motion at M points.
+    """
     far = (one.direction**2).sum(axis=1)[:, None] + (other.direction**2).sum(axis=1)
     apart = np.stack([far - 2.0 * (one.direction * g) @ other.direction.T for g in MIRRORS])
     r = np.sqrt(3.0 * np.maximum(apart, 0.0)) / WIDTH
@@ -90,7 +95,7 @@ def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array
     Args:
         one: Motion at N points.
         other: Motion at M points.
-        images: Covariances between mirror images of the motions, see `core.residual.mirrors`.
+        images: Covariances between mirror images of the motions (8, N, M), from `images_of`.
         axis: Axis of the wrench, 0 to 5.
     """
     own = mirrored(axis)

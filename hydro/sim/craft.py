@@ -35,10 +35,11 @@ class Crafts(NamedTuple):
 
     Attributes:
         programs: Programs of P vehicles, (P, L); shorter ones are padded with zeros.
-        tables: Their thruster tables, (P, n, columns).
-        kind: Row of each vehicle's program, (N,).
-        facets: (8, 0): water forces follow from the file alone.
-        inertia: Inertia whose Coriolis and centripetal forces a residual network cancels, (P, 36).
+        tables: Thruster tables of the P programs, (P, n, columns), for n thrusters.
+        kind: Index into `programs` for each of the N vehicles, (N,).
+        facets: Empty array (8, 0): no hull geometry is used, only the forces of the vehicle file.
+        inertia: Inertia whose Coriolis and centripetal forces a residual network cancels, (P, 36), each a 6x6
+            matrix row by row.
     """
 
     programs: Array
@@ -151,15 +152,15 @@ def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.ar
 def assigned(
     crafts: Sequence[Craft], kind: NDArray[np.int32], changes: dict[int, Craft]
 ) -> tuple[list[Craft], NDArray[np.int32]]:
-    """Assign other vehicles to some of N, by index.
+    """Replace some of N simulated vehicles.
 
     Args:
-        crafts: Vehicles so far.
-        kind: Row of each of N vehicles in them, (N,).
-        changes: New vehicle of each index.
+        crafts: Distinct vehicles in use.
+        kind: Index into `crafts` for each of the N simulated vehicles, (N,).
+        changes: New vehicle, by index of the simulated vehicle (0 to N - 1).
 
     Returns:
-        The vehicles in use, each once, and the row of each of N in them, (N,).
+        The distinct vehicles in use after the change, and the new index into them for each of the N, (N,).
     """
     kind, pool = kind.copy(), list(crafts)
     rows = {craft.key: row for row, craft in enumerate(pool)}

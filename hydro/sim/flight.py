@@ -59,7 +59,12 @@ def steps_of(period: float, step: float) -> int:
 
 
 def remembered(table: Array, period: float) -> int:
-    """Return the number of control steps whose commands may still act on thrusters (n, columns)."""
+    """Return the number of past control steps whose commands must be stored for thruster delays.
+
+    Args:
+        table: Thruster table, (n, columns), for n thrusters.
+        period: Control step [s].
+    """
     longest = float(table[:, DELAY].max(initial=0.0))
     return 2 + math.ceil(longest / period)
 

@@ -34,7 +34,7 @@ class Engine(Protocol):
         """Run a step of a study.
 
         Raises:
-            StepFailed: It failed.
+            StepFailed: The step failed.
         """
 
 

@@ -110,14 +110,14 @@ def _parameters(how: Labelling) -> dict[str, Any]:
 
 
 def shared(dataset: Dataset, how: Labelling) -> Labelling:
-    """Return the settings with those that all sessions of a data set share.
+    """Return the label settings, completed by the settings that all sessions of a data set must share.
 
     If a session has nulls, all are labelled from samples; otherwise all share one filter.  Memory holds the
     times or velocities of one session at a time.
 
     Raises:
         DataError: As for `core.recording.segments.segments` of a session; or the sample rates of sessions
-            differ; or one has nulls and the smoother is not `rts`.
+            differ; or a session has nulls and the smoother is not `rts`.
     """
     sparse = [part for part in dataset.parts if part.nulls.intersection(MOTION)]
     if sparse:

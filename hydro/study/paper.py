@@ -19,7 +19,7 @@ from hydro.study.steps import Step
 NETWORKS = ("mlp", "resmlp", "multihead", "moe", "physfeat")
 """Architectures of Table I."""
 PROTOCOLS = ("paper", "annealed")
-"""Protocols of the networks; those of the trainings are of the first."""
+"""Training protocols of the networks; policies are trained with networks of the first protocol."""
 CONDITIONS = ("R_PhysFeat", "R_MLP", "R_0+M_A", "R_effects", "R_identified", "R_0")
 """Physics of the trainings, the paper's most important comparison first."""
 IDENTIFIED_EFFECTS = (LINEAR_DAMPING.name, QUADRATIC_DAMPING.name)
@@ -29,7 +29,12 @@ PIECE = "10"
 
 
 class Replay(NamedTuple):
-    """Way in which networks are replayed: conditioning of the wrench and lead, in control steps."""
+    """Settings for the replay of networks.
+
+    Attributes:
+        conditioning: Kind of conditioning of the network's wrench.
+        lead: Time by which the network is evaluated ahead, in control steps.
+    """
 
     conditioning: str
     lead: float

@@ -202,10 +202,10 @@ def _processor_time() -> float:
 
 
 def apart(step: Step) -> None:
-    """Run a step in its own process.
+    """Run a step of a study in its own process.
 
     Raises:
-        StepFailed: It failed.
+        StepFailed: The process returned an exit code other than 0.
     """
     code = subprocess.run([sys.executable, "-m", "hydro.cli", *step.line], check=False).returncode
     if code:
@@ -224,7 +224,8 @@ runpy.run_module("hydro.cli", run_name="__main__", alter_sys=True)
 def captured(step: Step) -> tuple[int, str, str]:
     """Run a step in its own process; return its exit code, stdout and stderr.
 
-    The step ends with this process.  Otherwise it would still use its folder while it is run again elsewhere.
+    On Linux, the step is killed when the calling process ends.  A surviving step would write to its folder
+    while another process repeats the step.
     """
     line = [sys.executable, "-c", _BOUND, *step.line]
     done = subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)

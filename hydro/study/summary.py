@@ -34,7 +34,7 @@ class Run:
 
     @property
     def label(self) -> str:
-        """Label that distinguishes it from other runs of the same model."""
+        """Label that distinguishes the run from others of the same model: seed, and minutes if limited."""
         return f"seed {self.seed}" + ("" if self.minutes is None else f", {self.minutes:g} min")
 
 

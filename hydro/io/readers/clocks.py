@@ -32,14 +32,14 @@ MAX_JUMPS = 50
 
 @dataclass(frozen=True)
 class Stamps:
-    """Times of a topic's messages [s], shape (n,): received, and stamped (NaN without a stamp).
+    """Times of the n messages of one topic.
 
     Attributes:
         topic: Name of the topic.
-        received: Times of receipt, in the order of the log.
-        stamped: Times that the messages state.
-        wraps: Period after which the stamp wraps to 0 [s]; 0 if it does not wrap.
-        again: Rows at which the clock of receipt restarts.
+        received: Times of receipt by the logger, in the order of the log, (n,) [s].
+        stamped: Times of measurement in the messages, (n,) [s]; NaN for a message without a stamp.
+        wraps: Period after which the stamp wraps to 0 [s]; 0 if the stamp does not wrap.
+        again: Indices of the messages at which the logger's clock restarts.
     """
 
     topic: str

@@ -79,15 +79,20 @@ def inventory(stream: Iterable[Item]) -> list[Listed]:
 
 
 def columns(listed: Sequence[Listed]) -> list[str]:
-    """Return the columns of a log with these topics."""
+    """Return the column names of a log: times, then `topic.field` for each numeric field."""
     return [*CLOCKS, *(f"{each.topic.name}.{path}" for each in listed for path in each.fields)]
 
 
 def collect(stream: Iterable[Item], selection: Selection, name: str) -> Tables:
-    """Return the wanted columns of a log, each topic in its own rows.
+    """Return the selected columns of a log, with separate rows for each topic.
+
+    Args:
+        stream: Messages of the log.
+        selection: Topics and fields to keep.
+        name: Name of the log in error messages.
 
     Raises:
-        DataError: A wanted topic cannot be read; the message calls the log `name`.
+        DataError: A selected topic cannot be read.
     """
     buffers: dict[Topic, Buffer] = {}
     lost: dict[Topic, int] = {}

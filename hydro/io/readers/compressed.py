@@ -22,9 +22,9 @@ def unzstd(raw: bytes, expansion: Expansion) -> bytes:
     """Decompress a zstd frame.  The library enforces a size that the frame states.
 
     Raises:
-        DataError: It expands beyond the limit.
-        ValueError: It states an impossible size.
-        zstandard.ZstdError: It is damaged, or has another size than it states.
+        DataError: The data expand beyond the limit.
+        ValueError: The data state an impossible size.
+        zstandard.ZstdError: The data are damaged, or differ in size from their header.
     """
     import zstandard
 
@@ -52,8 +52,8 @@ def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
         expansion: Count of the file.
 
     Raises:
-        DataError: It expands beyond the limit.
-        ValueError: It has another size than its header states, or is cut short.
+        DataError: The data expand beyond the limit.
+        ValueError: The data differ in size from their header, or are cut short.
     """
     if form == "zstd":
         return unzstd(raw, expansion)
@@ -73,7 +73,7 @@ def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
     """Decompress a file into another.
 
     Raises:
-        DataError: It expands beyond the limit.
+        DataError: The data expand beyond the limit.
     """
     import zstandard
 

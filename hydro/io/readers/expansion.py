@@ -46,7 +46,7 @@ def allowed(gigabytes: float | None) -> Iterator[None]:
 
 
 def limit(size: float) -> float:
-    """Return the maximum expanded size of a file of `size` bytes."""
+    """Return the maximum expanded size [bytes] of a file of `size` bytes on disk."""
     chosen = _chosen.get()
     return max(LEAST, RATIO * size) if chosen is None else chosen * _GIGA
 
@@ -59,7 +59,7 @@ class Expansion:
 
     Args:
         name: Name of the file in error messages.
-        size: Its size [bytes].
+        size: Size of the file on disk [bytes].
     """
 
     def __init__(self, name: str, size: int) -> None:

@@ -27,7 +27,7 @@ class Undecoded(Exception):
 
 
 class Buffer:
-    """Wanted fields of a topic, one number each for every message.
+    """Selected fields of a topic: one number per field and message.
 
     Attributes:
         again: Rows at which the clock of receipt restarts.
@@ -94,14 +94,14 @@ class Buffer:
 
 
 class Table:
-    """Some topics in one table, its rows in order of time.
+    """Table of the messages of several topics, with rows in order of time.
 
     Attributes:
-        time: Times of its rows [s], (n,), not decreasing.
+        time: Times of the rows [s], (n,), not decreasing.
 
     Args:
         buffers: Topics; rows of equal time keep their order.
-        times: Times of the messages of each [s].
+        times: Times of the messages of each topic [s].
     """
 
     def __init__(self, buffers: Sequence[Buffer], times: Sequence[Array]) -> None:

@@ -89,7 +89,10 @@ class Structured(Residual):
         return drag
 
     def root(self) -> Tensor:
-        """Return the square root of the damping (6,) that the scales imply [sqrt(N s/m)]."""
+        """Return sqrt(o / v) per axis (6,), for the scales o of the wrench and v of nu.
+
+        Units are sqrt(N s/m) for forces and sqrt(N m s/rad) for moments.
+        """
         return (self.output_scale / self.input_scale[:AXES]).sqrt()
 
 

@@ -335,7 +335,12 @@ def _internal_rates(data: int, vehicle: Array) -> None:
 
 @within
 def lag_share(row: Array, step: float) -> float:
-    """Return the mean rate of a lag over a time step, per distance to the settled state [1/s]."""
+    """Return the mean rate of a thruster's lag state over a step, per distance to its steady state [1/s].
+
+    Args:
+        row: Row of the thruster table, (columns,).
+        step: Time step [s].
+    """
     return (1.0 - lag_decay(row, step)) / step
 
 

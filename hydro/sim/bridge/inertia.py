@@ -24,7 +24,8 @@ LEAST_PIVOT = 1e-12
 def add_inertia(A: Array, P: Array, half: Array, M: Array) -> None:
     """Add T^T A T to a lower triangle M (21,), for an inertia A (36,) and T = diag(P, F).
 
-    P (9,) takes z-up world components to body FRD, F is `HALF_TURN`; `half` (18,) is scratch.
+    P (9,) takes z-up world components to body FRD.  F is the diagonal matrix of `HALF_TURN`, a half turn
+    about x between FLU and FRD axes.  `half` (18,) is scratch.
     """
     for i in range(6):
         for j in range(3):

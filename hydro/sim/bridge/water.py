@@ -60,7 +60,8 @@ class Water:
         control: Residual network that runs inside the simulation.
         drifting: Use nu_r as input of the network and in the cancelled C: for a network that learnt in still
             water and moves in a current.
-        held: The host holds a wrench on the left-hand side of the balance in `userdata`, six entries, FRD.
+        held: Whether the host writes a wrench (6 entries of `userdata`, FRD) for the left-hand side of the
+            equation of motion.
         ellipsoid: MuJoCo's fluid model acts on the hull.
     """
 

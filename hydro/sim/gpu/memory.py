@@ -58,7 +58,7 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> Any:
 
 
 def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
-    """Return an array for kernels: the same memory if it is on the device, else a copy.
+    """Return an array that GPU kernels can use: device arrays share their memory, host arrays are copied.
 
     Args:
         values: Array on the device, of any library, or on the host.
