@@ -62,6 +62,11 @@ def draw(changes: Mapping[str, Shown]) -> Figure:
             _errors(left, shown, title)
             _named(middle, shown.named)
             _arrivals(right, shown)
+        notes = [
+            f"{title}, left out: {'; '.join(one.missing)}" for title, one in changes.items() if one.missing
+        ]
+        if notes:
+            drawn.supxlabel("\n".join(notes), x=0.01, ha="left", fontsize=8)
         return drawn
 
 
@@ -75,13 +80,10 @@ def _errors(panel: Axes, shown: Shown, title: str) -> None:
         panel.annotate(
             f"{row['error']:.3g}", (row["error"], place), (3, 0), textcoords="offset points", va="center"
         )
-    panel.set(xscale="log", xlabel="velocity error 5 s ahead, held out [m/s]", title=f"Name it: {title}")
+    panel.set(xscale="log", xlabel="velocity error 5 s ahead, held out [m/s]", title=f"{title}\nName it")
+    panel.tick_params(axis="x", which="minor", labelbottom=False)
     panel.margins(x=0.2)
     panel.grid(visible=False, axis="y")
-    if shown.missing:
-        panel.annotate(
-            f"left out: {'; '.join(shown.missing)}", (0.0, -0.3), xycoords="axes fraction", fontsize=8
-        )
 
 
 def _named(panel: Axes, named: pl.DataFrame) -> None:
@@ -99,7 +101,7 @@ def _named(panel: Axes, named: pl.DataFrame) -> None:
     panel.set_yticks(places, [row["value"].replace(" ", "\n", 1) for row in rows])
     panel.set(xlabel="value in the vehicle file", title="Add it", ylim=(-0.6, len(rows) - 0.2))
     panel.margins(x=0.25)
-    panel.locator_params(axis="x", nbins=5)
+    panel.locator_params(axis="x", nbins=4)
     panel.legend(frameon=False, fontsize=8, loc="upper right")
 
 
