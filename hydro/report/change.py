@@ -73,7 +73,7 @@ def learnt(before: Mapping[str, Any]) -> str:
     return (
         f"On the earlier recording ({before['recording']}), the squared error of short predictions is "
         f"{words.figure(before['given'])} times that of noise with the file alone, and "
-        f"{words.figure(before['left'])} times {model}. A change that adds less than this second error "
+        f"{words.figure(before['left'])} times {model}. Changes smaller than that "
         f"cannot be found.{fails}"
     )
 
@@ -97,8 +97,8 @@ def left(chi2: tuple[float, ...]) -> str:
     """
     found = f", and {chi2[-1]:.3g} times with the findings added" if chi2[-1] != chi2[0] else ""
     return (
-        f"On the recording after the change, the squared error with this model is {chi2[0]:.3g} times that "
-        f"before the change{found}; 1 means that nothing else has changed."
+        f"On the later recording, the squared error with this model is {chi2[0]:.3g} times that on the "
+        f"earlier one{found}; 1 means that nothing else has changed."
     )
 
 
@@ -158,8 +158,8 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
         if steps:
             told = [f"{rmse:.2f} {f'with {effect}' if effect else 'as given'}" for rmse, effect in steps]
             yield (
-                f"Root mean square error on {label}, in units of the error of the hull-force model on the "
-                f"recording before (1: nothing has changed): {', '.join(told)}."
+                f"Error on {label}, in units of the hull-force model's on the earlier recording (1: nothing "
+                f"has changed): {', '.join(told)}."
             )
 
 
@@ -183,11 +183,11 @@ def summary(comparison: pl.DataFrame) -> str:
         return ""
     rows = comparison.filter(level=LEVEL, axis=FLOOR, by=BESIDE)
     whole, low, high = rows.select("rmse", "low", "high").row(0)
-    most = table.sort("times", descending=True).row(0, named=True)
+    most = table.sort("ratio", descending=True).row(0, named=True)
     told = (
         f"The error after is {whole:.2f} times the error before, both with the hull-force model "
         f"(95 %: {low:.2f} to {high:.2f})"
     )
     if whole <= 1.0:
         return f"{told}: nothing has changed."
-    return f"{told}; most in {most['axis']}, {most['times']:.1f} times."
+    return f"{told}; most in {most['axis']}, {most['ratio']:.1f} times."

@@ -113,20 +113,21 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
     if about.prediction is not None:
         head += [EMPTY, *errors(about.prediction)]
     rows = [row for row in frame.sort("rank").iter_rows(named=True) if _has_block(row)]
-    notes = [Text(SURENESS)] * any(sureness(row) for row in rows)
-    notes += [Text(SHARES)] * has_shares(rows) + [Text(UNCONFIRMED)] * has_unconfirmed(rows)
+    key = [Text(SURENESS)] * any(sureness(row) for row in rows)
+    notes = [Text(SHARES)] * has_shares(rows) + [Text(UNCONFIRMED)] * has_unconfirmed(rows)
     notes += look_up([row["effect"] for row in rows])
-    tail = [EMPTY, *notes] if notes else []
-    tail += [EMPTY, Text(about.learned)] if about.learned else []
+    tail = [EMPTY, Text(about.learned)] if about.learned else []
     tail += unseen(frame, about)
     if whole and others:
         tail += [EMPTY, Text("Instead of the next command:", bold=True)]
         tail += [line for one in others for line in one.lines(width)]
     blocks = list(_blocks(rows, about))
-    complete = fitted(head, blocks, tail, width, "")
-    if whole or len(complete) <= MOST_LINES:
-        return complete
-    return fitted(head, blocks, tail, width, MORE)
+    for told in ([*key, *notes], notes):  # the key to percentages goes before a finding does
+        end = [EMPTY, *told, *tail] if told else tail
+        complete = fitted(head, blocks, end, width, "")
+        if whole or len(complete) <= MOST_LINES:
+            return complete
+    return fitted(head, blocks, end, width, MORE)
 
 
 def commands(frame: pl.DataFrame, about: Context) -> list[Following]:

@@ -56,7 +56,7 @@ def by_differences(base, changed, steps, shots):
 
 @pytest.mark.parametrize("extra", [(), SURROUNDED, LATE], ids=["damped", "surrounded", "late log"])
 def test_derivatives_are_differences_of_predictions(extra):
-    """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike.
+    """Of a hundred columns each within 3 % of its size, own entries and all that may be missing alike.
 
     With DVL errors the initial states are anchored: their logged values change with those errors.
     """
@@ -68,7 +68,7 @@ def test_derivatives_are_differences_of_predictions(extra):
     unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.track)
     changed, steps = nudged(unknown, unknown.starts[0])
     names = [entry.effect for entry in unknown.entries]
-    for suspect in suspects(vehicle, without=names, reach=record.track):
+    for suspect in suspects(vehicle, without=names, reach=record.track, completing=True):
         changed, steps = [*changed, *suspect.changed], [*steps, *suspect.steps]
         names += [suspect.effect] * len(suspect.steps)
     assert set(names) == {
@@ -86,10 +86,10 @@ def test_derivatives_are_differences_of_predictions(extra):
             f"{n} {i} {names[k]} {k}": round(float(away[i, k]), 4)
             for i, n in enumerate(names)
             for k in range(i)
-            if away[i, k] > 0.02
+            if away[i, k] > 0.03
         }
     )
-    told = {f"{name} {i}": round(float(worst[i]), 4) for i, name in enumerate(names) if worst[i] > 0.02}
+    told = {f"{name} {i}": round(float(worst[i]), 4) for i, name in enumerate(names) if worst[i] > 0.03}
     assert not told
     assert away[-1, -1] < 1e-3
 
