@@ -172,7 +172,7 @@ class Discovery:
         return bool((gained >= least).all())
 
     def best(self, choice: Choice, progress: Progress) -> Choice | None:
-        """Return the formula with the best further term; None if none removes enough error in all sessions."""
+        """Return the formula with the best further term; None if no term can be fitted."""
         share = self._new_terms(choice) / MOST_STEPS
         progress = part(progress, share, share + 1.0 / MOST_STEPS)
         progress("terms tested on held-out data", 0.0)
