@@ -34,6 +34,7 @@ from hydro.core.evaluation.replay_error import Ahead
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
+from hydro.report.words import percent
 from hydro.study import proof, proof_tables
 from hydro.study.proof import Study
 from hydro.study.steps import LEDGER
@@ -201,11 +202,6 @@ def changed(study: Study, number: int, effect: dict[str, Any], actor: Path) -> d
         if cli.main([*line, "-o", str(out)]):
             raise SystemExit(f"benchmarks.proof: {actor} was not tested")
     return table.read(out, "evaluations").frame.row(0, named=True)
-
-
-def percent(share: float) -> str:
-    """Return a share in percent."""
-    return f"{100 * share:.0f} %"
 
 
 def changes(commit: str, folder: Path) -> None:

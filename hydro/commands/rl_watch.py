@@ -53,7 +53,7 @@ def watch(
     Details:
 
     With --seconds a film shows the tasks of the seeds N, N + 1, ... one after another, each to its end. The
-    first is shown even if it takes longer. A run that ends before the one beside it waits. A film of two
+    first is shown even if it takes longer. A run that ends before the other one waits. A film of two
     policies in a changed vehicle, in the reference simulator:
 
         hydro rl watch before --beside after --truth true.toml --in teacher \
@@ -61,8 +61,7 @@ def watch(
     """
     if output.suffix not in (".png", ".mp4"):
         raise UsageError(f"{output}: name a .png for a picture or an .mp4 for a film")
-    policy, _, builder, chosen, level = flight_of(run, asked_task(run, task, stage), level, truth)
-    shown = _Shown(run, policy, builder, chosen, level, simulator)
+    shown = _Shown.of(run, asked_task(run, task, stage), level, truth, simulator)
     if output.suffix == ".png":
         if beside is not None or seconds:
             raise UsageError(f"{output}: a picture shows one flight; with --beside or --seconds name an .mp4")
@@ -70,8 +69,7 @@ def watch(
     else:
         shows = [shown]
         if beside is not None:
-            policy, _, builder, chosen, level = flight_of(beside, chosen.name, level, truth)
-            shows.append(_Shown(beside, policy, builder, chosen, level, simulator))
+            shows.append(_Shown.of(beside, shown.task.name, shown.level, truth, simulator))
         ending = _film(shows, seed, seconds, output)
     typer.echo(f"{output}: {ending}", err=True)
 
@@ -86,6 +84,14 @@ class _Shown:
     task: Task
     level: int
     simulator: Simulator
+
+    @classmethod
+    def of(
+        cls, run: Path, task: str | None, level: int | None, truth: Path | None, simulator: Simulator
+    ) -> _Shown:
+        """Return what is shown of a run, see `flight_of`."""
+        policy, _, builder, chosen, at = flight_of(run, task, level, truth)
+        return cls(run, policy, builder, chosen, at, simulator)
 
     def flight(self, seed: int) -> Flight:
         """Return the flight in the task of a seed."""

@@ -9,7 +9,7 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.explanation.with_hull import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
-from hydro.core.residual.hull import ACCEPTABLE, Hull
+from hydro.core.residual.hull import Hull, describes
 from hydro.report import words
 from hydro.report.screen import Text, table
 from hydro.report.sources import Named, Sources
@@ -68,7 +68,7 @@ def learnt(before: Mapping[str, Any]) -> str:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"
     fails = ""
-    if before["left"] > max(before["given"], ACCEPTABLE):
+    if not describes(before["given"], before["left"]):
         fails = " The model does not describe the vehicle, so no change is certain: improve the file first."
     return (
         f"On the earlier recording ({before['recording']}), the squared error of short predictions is "
@@ -168,7 +168,7 @@ def title(comparison: pl.DataFrame) -> str:
     seconds = comparison.filter(level=LEVEL).select("horizon").row(0)[0]
     return (
         f"Errors of predictions over {seconds:.2g} s: of the file alone, and with the hull-force model, "
-        "before (the floor) and after"
+        "before and after"
     )
 
 

@@ -27,7 +27,7 @@ from hydro.core.diagnosis.contenders import (
     fitted_together,
     with_hull_response,
 )
-from hydro.core.diagnosis.findings import STATED, Finding, Result, extended, limited_confidence
+from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.provisional import Provisional, Told
@@ -168,8 +168,8 @@ class ByChange:
             entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
             fit = joint_fit(compared, first.vehicle, self._last(changes).vehicle, entries)
             dt = self.log.record.dt
-            new = [_finding(change, first.vehicle, fit, dt, given, left) for change in changes.found]
-            found += new if compared.hull.describes else [_unconfirmed(one) for one in new]
+            most = 1.0 if compared.hull.describes else DOUBTFUL
+            found += [_finding(change, first.vehicle, fit, dt, given, left, most) for change in changes.found]
         words = (
             f"no {'further ' * self.further}change stands out from the error of the hull-force model: the "
             f"squared error is {given:.3g} times that before the change, and no effect clearly lowers it"
@@ -215,7 +215,7 @@ def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bo
     """Return whether changes describe the earlier recording better than the hull-force model does.
 
     The vehicle did not have them then, so they must fit that recording worse than the model.  Otherwise the
-    file is so far from the vehicle that the model could not be learnt, and nothing is known of a change.
+    file is so far from the vehicle that the model could not be learnt, and no change can be named.
 
     Args:
         compared: Recordings.
@@ -394,7 +394,9 @@ def _candidate(
     )
 
 
-def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, left: float) -> Finding:
+def _finding(
+    change: Change, file: Vehicle, fit: Fit, dt: float, given: float, left: float, most: float = 1.0
+) -> Finding:
     """Return a change as a finding.
 
     Args:
@@ -404,6 +406,7 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
         dt: Time between rows [s].
         given: Residual of the file as given, in floors.
         left: Residual with all changes, in floors.
+        most: Greatest confidence, less than 1 if the hull-force model does not describe the vehicle.
     """
     name, wins = change.best.effect, change.wins()
     parameters, errors = fit.table(name)
@@ -419,21 +422,19 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
         entries = [fit.free.entries[i] for i in own]
         greatest = greatest_change(file, entries, fit.values[own])
         words = f"{advice.having_changed(name, greatest)}; {words}"
+        away = np.abs(fit.values[own] - in_file(file, entries))
+        if not (away > CLEAR * fit.standard_errors[own]).any():
+            most = min(most, DOUBTFUL)  # the file's values may be right after all
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
-    if (
-        known
-        and not (np.abs(fit.values[own] - in_file(file, entries)) > CLEAR * fit.standard_errors[own]).any()
-    ):
-        sure = min(sure, DOUBTFUL)  # the file's values may be right after all
     found = Finding(
         "retune" if known else "missing",
         name,
         (name,),
         change.score,
         *change.interval(),
-        confidence=sure,
+        confidence=min(sure, most),
         parameters=parameters,
         standard_errors=errors,
         advice=words,
@@ -442,14 +443,6 @@ def _finding(change: Change, file: Vehicle, fit: Fit, dt: float, given: float, l
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
-
-
-def _unconfirmed(one: Finding) -> Finding:
-    """Return a finding beside a hull-force model that describes nothing, so that no change is certain."""
-    sure, words = min(one.confidence, DOUBTFUL), one.advice
-    if one.verdict in STATED:
-        words = advice.suspecting(one.effect, words)
-    return replace(one, verdict="suspect", confidence=sure, advice=words)
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:

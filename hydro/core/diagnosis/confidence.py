@@ -297,7 +297,7 @@ def lead_confidence(over_next: float, over_none: float, by_chance: float) -> flo
 
     Of two candidates either may lead by chance, so the difference has a Laplace distribution: without a lead
     each is right with a probability of one half.  A lead over no effect has an exponential distribution:
-    without a lead there is no effect.
+    without a lead, nothing is missing.
 
     Args:
         over_next: Lead over the next candidate; infinite without one.

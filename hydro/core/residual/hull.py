@@ -59,8 +59,18 @@ class Hull:
 
     @property
     def describes(self) -> bool:
-        """Whether the law predicts held-out data better than the file alone, or the file needs no law."""
-        return self.left <= max(self.given, ACCEPTABLE)
+        """Whether the law describes the vehicle, see `describes`."""
+        return describes(self.given, self.left)
+
+
+def describes(given: float, left: float) -> bool:
+    """Return whether a law predicts held-out data better than the file alone, or acceptably.
+
+    Args:
+        given: Reduced chi-square of the file without the law.
+        left: Reduced chi-square of held-out stretches with the law.
+    """
+    return left <= max(given, ACCEPTABLE)
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:

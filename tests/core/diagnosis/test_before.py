@@ -17,7 +17,6 @@ from hydro.core.diagnosis import by_change as before_
 from hydro.core.diagnosis import contenders, log_faults
 from hydro.core.diagnosis.by_change import Change, Changes
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, DOUBTFUL, RIGHT, SURE
@@ -81,23 +80,28 @@ def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
         assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
 
 
-@pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
-def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
-    late = {"name": "command_delay", "d": 0.02}
-    file = damped(late)
-    entries = free(file, ["command_delay"], reach=np.zeros((1, 3))).entries
+LATE = {"name": "command_delay", "d": 0.02}
+
+
+def delayed(file, error, **options):
+    """The finding of a clear change of the delay to 0.2 s, with a standard error."""
+    entries = free(damped(LATE), ["command_delay"], reach=np.zeros((1, 3))).entries
     fit = SimpleNamespace(
         free=SimpleNamespace(entries=entries),
         values=np.array([0.2]),
         standard_errors=np.array([error]),
-        vehicle=damped(late | {"d": 0.2}),
+        vehicle=damped(LATE | {"d": 0.2}),
         table=lambda _: ({"d": 0.2}, {"d": error}),
     )
     model = cast(Any, SimpleNamespace(vehicle=file, values=np.zeros(1)))
     best = Contender("command_delay", model, np.full(8, 1e-3))
-    change = Change(best, {"command_delay": best}, np.full(8, 100.0), 8.0)
-    found = before_._finding(change, file, cast(Any, fit), 0.02, 100.0, 1.0)
-    assert found.verdict == verdict
+    found = Change(best, {"command_delay": best}, np.full(8, 100.0), 8.0)
+    return before_._finding(found, file, cast(Any, fit), 0.02, 100.0, 1.0, **options)
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
+def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
+    assert delayed(damped(LATE), error).verdict == verdict
 
 
 @pytest.mark.parametrize(
@@ -107,9 +111,10 @@ def test_no_change_is_certain_beside_a_hull_model_that_predicts_worse_than_the_f
     hull, given, left, describes
 ):
     assert replace(hull, given=given, left=left).describes == describes
-    known = Finding("missing", GAINS, (GAINS,), confidence=0.99, advice="add it")
-    doubted = before_._unconfirmed(known)
-    assert (doubted.verdict, doubted.confidence) == ("suspect", DOUBTFUL)
+    for file, verdict in ((damped(), "missing"), (damped(LATE), "retune")):
+        assert delayed(file, 0.01).verdict == verdict
+        doubted = delayed(file, 0.01, most=DOUBTFUL)
+        assert (doubted.verdict, doubted.confidence) == ("suspect", DOUBTFUL)
     told = change.learnt({"recording": "earlier", "given": given, "left": left})
     assert ("no change is certain" in told) == (not describes)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from hydro.core.diagnosis import settings
+from hydro.core.residual import hull
 
 CORE = Path(settings.__file__).parents[1]
 PACKAGES = ("diagnosis", "discovery", "explanation")
@@ -54,6 +55,10 @@ def test_each_setting_has_a_docstring_and_is_used() -> None:
         for alias in node.names
     }
     assert set(found) == used
+
+
+def test_a_prediction_is_acceptable_by_one_number() -> None:
+    assert hull.ACCEPTABLE == settings.FIT
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)

@@ -424,11 +424,17 @@ def test_an_unlikely_suspect_is_reported_but_not_tried(staged):
     )
 
 
+def first_plain(recordings, vehicle):
+    """The three most promising effects; drag of the whole hull, which replaces plain damping, left out."""
+    names = [one["name"] for one in recordings.promising(vehicle, [])]
+    return {*[name for name in names if name != "ellipsoid_drag"][:3]}
+
+
 def test_damping_is_the_most_promising_effect_of_a_file_without_damping(known):
     """By one step of all effects about the bare file, damping that it lacks; and what is there it is not."""
     bare = known.without("linear_damping").without("quadratic_damping")
     recordings = trials.Recordings.of(bare, flown(known, 9, 60.0), None, None)
-    assert {one["name"] for one in recordings.promising(bare, [])[:4]} & {*DAMPING, "power_drag"}
+    assert first_plain(recordings, bare) & {*DAMPING, "power_drag"}
     assert not {one["name"] for one in recordings.promising(known, DAMPING)} & {*DAMPING}
 
 
@@ -461,7 +467,7 @@ def test_a_diverging_shot_does_not_hide_an_effect(known, monkeypatch):
         return costs
 
     monkeypatch.setattr(screening, "left_out_costs", lost)
-    assert {one["name"] for one in recordings.promising(bare, [])[:4]} & {*DAMPING, "power_drag"}
+    assert first_plain(recordings, bare) & {*DAMPING, "power_drag"}
 
 
 @pytest.mark.parametrize(

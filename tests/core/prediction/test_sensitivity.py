@@ -56,8 +56,9 @@ def by_differences(base, changed, steps, shots):
 
 @pytest.mark.parametrize("extra", [(), SURROUNDED, LATE], ids=["damped", "surrounded", "late log"])
 def test_derivatives_are_differences_of_predictions(extra):
-    """Of a hundred columns each within 3 % of its size, own entries and all that may be missing alike.
+    """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike.
 
+    Those of `ellipsoid_drag` are within 3 %: its force is not linear over a step.
     With DVL errors the initial states are anchored: their logged values change with those errors.
     """
     vehicle = damped(*extra)
@@ -86,10 +87,14 @@ def test_derivatives_are_differences_of_predictions(extra):
             f"{n} {i} {names[k]} {k}": round(float(away[i, k]), 4)
             for i, n in enumerate(names)
             for k in range(i)
-            if away[i, k] > 0.03
+            if away[i, k] > 0.02
         }
     )
-    told = {f"{name} {i}": round(float(worst[i]), 4) for i, name in enumerate(names) if worst[i] > 0.03}
+    told = {
+        f"{name} {i}": round(float(worst[i]), 4)
+        for i, name in enumerate(names)
+        if worst[i] > (0.03 if name == "ellipsoid_drag" else 0.02)
+    }
     assert not told
     assert away[-1, -1] < 1e-3
 
