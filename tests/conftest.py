@@ -41,6 +41,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """Leave what all tests and libraries hold out of every later collection of garbage: it stays anyway."""
+    freeze()
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Do so again after each file, as tests import large libraries when they first need them."""
+    if nextitem is not None and nextitem.path != item.path:
+        freeze()
+
+
+def freeze() -> None:
+    """Collect the garbage, and take all that is left out of later collections."""
     gc.collect()
     gc.freeze()
 

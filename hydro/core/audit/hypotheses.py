@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 
 import numpy as np
@@ -325,7 +325,7 @@ def _signs(gram: Array, score: Array) -> Array:
     """
     count = len(score)
     if count <= ENUMERATED:
-        return np.array(list(product((1.0, -1.0), repeat=count))).reshape(-1, count)
+        return _every_sign(count)
     fitted = np.linalg.solve(gram + np.eye(count) / FREE**2, score)
     centres = [np.where(fitted < 0.0, -1.0, 1.0), np.ones(count)]
     turned = [np.ones(count)]
@@ -335,6 +335,12 @@ def _signs(gram: Array, score: Array) -> Array:
             one[[i, k]] = -1.0
             turned.append(one)
     return np.unique(np.vstack([centre * one for centre in centres for one in turned]), axis=0)
+
+
+@cache
+def _every_sign(count: int) -> Array:
+    """Return all combinations of signs of n thrusters, (2^n, n)."""
+    return np.array(list(product((1.0, -1.0), repeat=count))).reshape(-1, count)
 
 
 def _evidence(gram: Array, score: Array, signs: Array) -> Array:

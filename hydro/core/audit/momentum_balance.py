@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -431,8 +431,7 @@ class _Terms:
         drifting = windows.drifting(model)
         if self.beside is not None:
             drifting += self.beside[windows.rows] @ self.inverse.T
-        left = windows.moved(model) - windows.sums(drifting)
-        R = rotation(*windows.eta[windows.rows, 3:].T)
+        left, R = windows.moved(model) - windows.sums(drifting), self.turned
         nu = windows.nu[windows.rows].copy()
         nu[:, :3] -= np.einsum("kji,j->ki", R[:, :2], current)
         return [self._axis(i, left[:, i], nu, R, None if known is None else known[i]) for i in wanted]
@@ -443,7 +442,7 @@ class _Terms:
         weights = np.ones(len(left)) if windows.known is None else windows.known[:, axis]
         terms = windows.sums(self._along(axis, nu, R))
         if axis < 3:
-            terms = np.hstack([terms, windows.changes(self._lever(axis, nu))])
+            terms = np.hstack([terms, self.levers[:, :, axis]])
         size = float(np.sqrt(np.mean(self.arms[axis] ** 2)))
         lever = 1.0 if axis < 3 else 0.5 * self.vehicle.hull.length
         size = max(size, LEAST_ARM * lever * self.inverse[axis, axis])
@@ -459,11 +458,21 @@ class _Terms:
             noise=windows.noise(ORDER)[:, axis] * float(np.mean(weights**2)),
         )
 
-    def _lever(self, axis: int, nu: Array) -> Array:
-        """Return the extra velocity at a DVL half a hull's size forward, starboard or below, (K, 3)."""
-        hull = self.vehicle.hull
+    @cached_property
+    def turned(self) -> Array:
+        """Rotation from body to NED at the rows of the windows, (K, 3, 3)."""
+        return rotation(*self.windows.eta[self.windows.rows, 3:].T)
+
+    @cached_property
+    def levers(self) -> Array:
+        """Accelerations due to a DVL half a hull's size ahead, to starboard or below, (W, 3 places, 3 axes).
+
+        The axes are those of the body.
+        """
+        hull, windows = self.vehicle.hull, self.windows
+        rates = windows.nu[windows.rows, 3:]
         places = 0.5 * np.diag([hull.length, hull.width, hull.height])
-        return np.cross(nu[:, None, 3:], places)[:, :, axis]
+        return np.stack([windows.changes(np.cross(rates, place)) for place in places], axis=1)
 
     def _along(self, axis: int, nu: Array, R: Array) -> Array:
         """Return nuisance accelerations at the rows of the windows, scaled by their priors, (K, p).

@@ -110,8 +110,16 @@ class Evidence:
             return conventions.in_frames(block, own_attitude(unframed))
 
         @cache
+        def own_turns(unframed: Attitude) -> Array:
+            return _turns(own_attitude(unframed))
+
+        def turns(block: Attitude) -> Array:
+            # a fixed rotation of the world's axes changes no turn, and one of the body's rotates its vector
+            return own_turns(msgspec.structs.replace(block, **UNFRAMED)) @ conventions.AXES[block.body].T
+
+        @cache
         def turning(block: Attitude) -> Array:
-            return np.asarray(_turns(attitude(block)).sum(axis=1) / self.length)
+            return np.asarray(turns(block).sum(axis=1) / self.length)
 
         @cache
         def velocity(block: Velocity) -> Array:
@@ -149,7 +157,7 @@ class Evidence:
             return _rms(turning(attitude_block) - self.mean(spinning(block), rule))
 
         self.placed, self.travel, self.travelled = placed, travel, travelled
-        self.attitude, self.turning, self.turned = attitude, turning, turned
+        self.attitude, self.turns, self.turning, self.turned = attitude, turns, turning, turned
         self.velocity, self.moving, self.spinning = velocity, moving, spinning
         self.rotation_error = rotation_error
 
@@ -213,8 +221,7 @@ class Evidence:
                 pose = pose[..., 2:]
             found[0] = self._beyond_noise(pose, self.velocity(given.velocity))
         if given.attitude is not None and given.rates is not None:
-            turns = _turns(self.attitude(given.attitude))
-            found[1] = self._beyond_noise(turns, self.spinning(given.rates))
+            found[1] = self._beyond_noise(self.turns(given.attitude), self.spinning(given.rates))
         return np.array(found)
 
     def _beyond_noise(self, steps: Array, rates: Array) -> bool:
@@ -244,8 +251,15 @@ class Evidence:
 def _turns(attitudes: Array) -> Array:
     """Return the rotation vectors from each attitude (W, m, 3, 3) of a window to the next, (W, m - 1, 3)."""
     step = np.swapaxes(attitudes[:, :-1], -1, -2) @ attitudes[:, 1:]
-    vectors = scipy.spatial.transform.Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec()
-    return np.asarray(vectors.reshape(*step.shape[:2], 3))
+    axial = 0.5 * np.stack([step[..., i, k] - step[..., k, i] for i, k in ((2, 1), (0, 2), (1, 0))], axis=-1)
+    cosine = 0.5 * (np.trace(step, axis1=-2, axis2=-1) - 1.0)
+    sine = np.sqrt(np.einsum("...i,...i->...", axial, axial))
+    angle = np.arctan2(sine, cosine)
+    vectors = axial * (angle / np.where(sine > 0.0, sine, 1.0) + (sine == 0.0))[..., None]
+    large = cosine < 0.0  # near a half turn, the axial vector does not determine the axis
+    if large.any():
+        vectors[large] = scipy.spatial.transform.Rotation.from_matrix(step[large]).as_rotvec()
+    return np.asarray(vectors)
 
 
 def _levels(block: Position) -> Mask:

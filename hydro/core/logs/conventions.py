@@ -38,7 +38,7 @@ from hydro.core.logs.resample import (
     same_sign,
     unwrapped,
 )
-from hydro.core.vehicle.frames import HALF_TURN
+from hydro.core.vehicle.frames import HALF_TURN, rotation
 
 AXES: dict[str, Array] = {
     "NED": np.eye(3),
@@ -282,6 +282,8 @@ def _euler(log: SessionLog, block: Attitude, at: Array) -> Array:
         axis: unit * interpolated(unwrapped(log.channel(source), turn), at)
         for axis, source in zip("XYZ", block.columns or (), strict=True)
     }
+    if block.order == "ZYX":
+        return rotation(about["X"], about["Y"], about["Z"])
     angles = np.stack([about[axis] for axis in block.order], axis=1)
     return np.asarray(scipy.spatial.transform.Rotation.from_euler(block.order, angles).as_matrix())
 
