@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO ?= demo-out
-WORKERS ?= 2
+WORKERS ?= 3
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 HYDRO_THREADS=1
 
 .PHONY: help install demo quick test mutants fuzz kills browser lint types docs site wheel release wheel-test clean
@@ -31,12 +31,13 @@ QUICK := tests/test_layers.py tests/test_effect_names.py tests/io/test_schema.py
 quick: $(STAMP)       ## layers, schemas, effects and one study: within two minutes
 	$(ALONE) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(QUICK)
 
-# Each worker has one processor: threads of the linear algebra, or of hydro itself, would only wait for one another.
-test: $(STAMP)        ## the whole test suite on two workers
+# Each worker has one thread: threads of the linear algebra, or of hydro itself, would only wait for one another.
+# Three workers keep two processors busy, since a worker often waits for another process.
+test: $(STAMP)        ## the whole test suite on three workers, for two processors
 	$(ALONE) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 mutants: $(STAMP)     ## change 200 operators and constants one at a time and see which no test notices: two hours
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants --workers $(WORKERS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants --workers 2
 
 fuzz: $(STAMP)        ## almost right files of every kind through every command, some five minutes
 	HYDRO_FUZZ=400 $(BIN)/python -m pytest -n 0 -s tests/fuzz tests/io/readers/test_damage.py
