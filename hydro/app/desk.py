@@ -29,6 +29,7 @@ class Choice:
         correct: Whether to accept the directions of the thrusters that the audit states.
         holdout: Held-out recording; empty without one.
         before: Recording before a change; empty without one.
+        guess: Reason why the vehicle was chosen for the user; empty if the user chose it.
     """
 
     vehicle: str = ""
@@ -37,6 +38,7 @@ class Choice:
     correct: bool = False
     holdout: str = ""
     before: str = ""
+    guess: str = ""
 
 
 @dataclass

@@ -65,7 +65,7 @@ def link(desk: Desk) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def tab(link: str) -> Iterator[Page]:
     with page() as opened:
-        opened.seconds = 90.0
+        opened.seconds = 40.0
         opened.screen(1280, 800)
         opened.visit(link, "document.querySelector('.bench') !== null")
         opened.wait(f"{DRAWN} >= 2")
@@ -103,6 +103,16 @@ def choose(tab: Page, title: str, words: str) -> None:
     tab.run(f"{item}.click()")
 
 
+def unfold(tab: Page, title: str) -> None:
+    """Open a part of the panel that is folded."""
+    part = "[...document.querySelectorAll('.panel .q-expansion-item')]"
+    head = f"{part}.find(one => one.innerText.startsWith('{title}')).querySelector('.q-item')"
+    tab.run(f"{head}.click()")
+    body = f"{head}.parentElement.querySelector('.q-expansion-item__content')"
+    tab.wait(f"{body}.clientHeight > 0")
+    time.sleep(0.4)  # it moves while it opens
+
+
 def upload(tab: Page, name: str, text: str) -> None:
     tab.run(f"workbench.upload([new File([{json.dumps(text)}], {json.dumps(name)})])")
 
@@ -112,6 +122,7 @@ def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
 ) -> None:
     says(tab, "800 rows at 25 Hz in 2 sessions")
     assert "token" not in tab.run("location.href")
+    unfold(tab, "Optional")
     choose(tab, "Held-out recording", "other.parquet")
     click(tab, "Open")
     says(tab, "held-out recording: 400 rows at 25 Hz in 1 session")

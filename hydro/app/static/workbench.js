@@ -379,7 +379,28 @@ var workbench = (() => {
     event.preventDefault();
   });
 
+  /* The panel is drawn again after each action: stay at the same place of the same step. */
+  const SETTLING = 300;     // ms in which a panel that was drawn again takes its final height
+  function keepPlace() {
+    const panel = document.querySelector(".panel"), title = () => (panel.querySelector("h2") || {}).textContent;
+    let place = 0, renewed = 0, step = title();
+    const restore = () => {
+      panel.scrollTop = place;
+      if (performance.now() - renewed < SETTLING) requestAnimationFrame(restore);
+    };
+    panel.addEventListener("scroll", () => { if (performance.now() - renewed >= SETTLING) place = panel.scrollTop; });
+    new MutationObserver((changes) => {
+      const now = title();
+      const again = changes.some((one) => (one.target === panel || one.target.parentElement === panel) && one.addedNodes.length);
+      if (!again || now === undefined) return;
+      if (now !== step) { step = now; place = 0; }
+      renewed = performance.now();
+      restore();
+    }).observe(panel, { childList: true, subtree: true });
+  }
+
   function listen() {
+    keepPlace();
     const canvas = document.getElementById("track");
     let from = null;
     canvas.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
@@ -427,6 +448,24 @@ var workbench = (() => {
   document.addEventListener("click", (event) => {
     const place = event.target.closest && event.target.closest("[data-do]");
     if (place) report("do", [place.dataset.do, place.dataset.with]);
+  });
+
+  /* A click on a column of the log adds it to the line of the map that has, or last had, the cursor. */
+  let line = null, written = null;
+  document.addEventListener("focusin", (event) => { if (event.target.matches(".map input[type=text], .map input:not([type])")) line = event.target; });
+  document.addEventListener("focusout", (event) => {
+    if (event.target !== written) return;
+    written = null;
+    event.target.dispatchEvent(new Event("change", { bubbles: true }));
+  });
+  document.addEventListener("mousedown", (event) => {
+    if (!event.target.matches(".columns span") || !line || !line.isConnected) return;
+    event.preventDefault();   // keeps the cursor in the line
+    line.focus();
+    const before = line.value.trim();
+    line.value = before && before !== "none" ? `${before} ${event.target.textContent}` : event.target.textContent;
+    line.dispatchEvent(new Event("input", { bubbles: true }));
+    written = line;
   });
 
   async function upload(files) {
