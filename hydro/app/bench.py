@@ -79,6 +79,8 @@ class Bench:
         self.so_far: ui.label | None = None
         self._sliders = dict[str, Slider]()
         self._evaluating = self._again = False
+        self._openings = 0
+        self._toast: ui.notification | None = None
         tab.owner = self.client.id
 
     @property
@@ -115,18 +117,25 @@ class Bench:
     def show_step(self, number: int) -> None:
         """Show the panel of a step, 1 to 5."""
         self.tab.step = number
-        self.problem = ""
+        self.forget_problem()
         self.refresh()
+
+    def forget_problem(self) -> None:
+        """Take away the last problem."""
+        self.problem = ""
+        if self._toast is not None and not self._toast.is_deleted:
+            self._toast.dismiss()
 
     def say(self, line: str) -> None:
         """Show a problem in one line."""
+        self.forget_problem()
         self.problem = line
         with self.client:
-            ui.notify(
+            self._toast = ui.notification(
                 line,
                 type="warning",
                 position="bottom-right",
-                timeout=8000,
+                timeout=8.0,
                 close_button="close",
                 multi_line=True,
             )
@@ -139,7 +148,8 @@ class Bench:
             self.say(f"still busy: {self.busy}; wait or cancel it")
             return None
         self.busy, self.share, self.provisional = label, 0.0, ""
-        self.began, self.problem = time.monotonic(), ""
+        self.began = time.monotonic()
+        self.forget_problem()
         self.refresh()
 
         def told(kind: str, content: Any) -> None:
@@ -173,24 +183,12 @@ class Bench:
     # 1, Load
 
     def choose(self, logs: tuple[str, ...]) -> bool:
-        """Choose the recording to open.
-
-        The sample gives way to another recording.  The map, and a vehicle that the user did not choose,
-        belong to the earlier recording and are dropped.
-
-        Args:
-            logs: A raw table, or the logs of one dive.
-
-        Returns:
-            Whether the choice now differs from the given files, or another vehicle is chosen.
-        """
-        choice, sample = self.tab.choice, opening.sample()
-        kept = logs if len(logs) == 1 else tuple(one for one in logs if one != sample[1])
-        forgotten = bool(choice.vehicle) and (bool(choice.guess) or choice.vehicle == sample[0])
-        if forgotten and kept != choice.logs:
-            choice.vehicle, choice.guess = "", ""
-        choice.logs, choice.map, choice.correct, self.tab.proposed = kept, "", False, None
-        return forgotten or kept != logs
+        """Choose the recording to open; return whether the menus then show another choice than they did."""
+        choice = self.tab.choice
+        vehicle = choice.vehicle
+        choice.choose(logs, opening.sample())
+        self.tab.proposed = None
+        return choice.logs != logs or choice.vehicle != vehicle
 
     def choose_vehicle(self, path: str) -> None:
         """Choose the vehicle file; empty for the one in the recording, or a preset that fits."""
@@ -221,6 +219,8 @@ class Bench:
             self.say("choose a recording first")
             return
         await self._end_loading()
+        wanted, self._openings = choice.logs, self._openings + 1
+        number = self._openings
         try:
             logs = [str(self._readable(one)) for one in choice.logs]
             beside = [str(self._readable(one)) if one else "" for one in (choice.holdout, choice.before)]
@@ -246,7 +246,10 @@ class Bench:
         finally:
             self.busy = ""
             self.refresh()
-        choice.vehicle, choice.guess = craft.path, guess
+        if choice.logs == wanted:  # no other recording was chosen meanwhile
+            choice.vehicle, choice.guess = craft.path, guess
+        if number != self._openings:
+            return
         self.remark = "the thrusters contradict the vehicle file: see step 1" if found.audit else ""
         self.window = (0.0, drawing.FIRST_WINDOW)
         self.refresh()
@@ -266,7 +269,7 @@ class Bench:
         opened = self.session.opened
         if opened is None:
             return
-        found = await self.work("comparing", jobs.compare, opened, self.session.present)
+        found = await self.work("comparing", jobs.compare, opened.to_send, self.session.present)
         if found is not None and self.session.opened is opened:
             self.session.compared = found
             self.refresh()
@@ -423,7 +426,7 @@ class Bench:
         session = self.session
         if session.opened is None or session.live is None:
             return
-        found = await self.work("force", jobs.force, session.opened, vehicle, vehicle.without(effect))
+        found = await self.work("force", jobs.force, session.opened.to_send, vehicle, vehicle.without(effect))
         if found is not None:
             self.send("forces", place, drawing.force(session.live, found))
 
@@ -436,7 +439,7 @@ class Bench:
             return
         rung = session.rung
         wanted = effect if effect == BEST or not session.diagnosed else session.wanted(effect)
-        found = await self.work(label, jobs.add_step, session.opened, rung.base, rung.steps, wanted)
+        found = await self.work(label, jobs.add_step, session.opened.to_send, rung.base, rung.steps, wanted)
         if found is None:
             return
         if session.rung is not rung:
@@ -457,7 +460,7 @@ class Bench:
             self.say(str(error))
             return
         rung = session.rung
-        found = await self.work("fitting", jobs.fit, session.opened, session.present, names, held)
+        found = await self.work("fitting", jobs.fit, session.opened.to_send, session.present, names, held)
         if found is None or session.rung is not rung:
             return
         await asyncio.to_thread(session.accept_fit, found, held)
@@ -583,7 +586,7 @@ class Bench:
         folder = self.desk.places.writable(self.desk.places.folders[0] / name)
         wanted = () if session.over and set(rung.wanted) <= {BEST} else rung.wanted
         done = await self.work(
-            "saving", jobs.save_study, session.opened, rung.base, rung.steps, wanted, str(folder)
+            "saving", jobs.save_study, session.opened.to_send, rung.base, rung.steps, wanted, str(folder)
         )
         if done is None:
             return ""

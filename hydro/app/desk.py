@@ -40,6 +40,21 @@ class Choice:
     before: str = ""
     guess: str = ""
 
+    def choose(self, logs: tuple[str, ...], sample: tuple[str, str]) -> None:
+        """Choose the recording to open.
+
+        The sample gives way to another recording.  The map, and a vehicle that the user did not choose,
+        belong to the earlier recording and are dropped.
+
+        Args:
+            logs: A raw table, or the logs of one dive.
+            sample: Vehicle file and recording of the sample.
+        """
+        logs = logs if len(logs) == 1 else tuple(one for one in logs if one != sample[1])
+        if logs != self.logs and (self.guess or self.vehicle == sample[0]):
+            self.vehicle, self.guess = "", ""
+        self.logs, self.map, self.correct = logs, "", False
+
 
 @dataclass
 class Tab:

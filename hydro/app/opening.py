@@ -148,6 +148,11 @@ class Opened:
     holdout: Further | None = None
     before: Further | None = None
 
+    @property
+    def to_send(self) -> Opened:
+        """The recording for the worker process, without the predictions that only the page uses."""
+        return replace(self, log=replace(self.log))
+
 
 def sample() -> tuple[str, str]:
     """Return the vehicle file and the recording of the sample."""

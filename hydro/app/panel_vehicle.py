@@ -75,7 +75,7 @@ def show(bench: Bench) -> None:
                 return
             bench.choose_vehicle(written)
             bench.folds["own"] = False
-            bench.problem = ""
+            bench.forget_problem()
             bench.refresh()
 
         ui.button("Write the vehicle file", on_click=write).props("outline dense no-caps").mark("own-write")

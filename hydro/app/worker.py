@@ -127,6 +127,7 @@ def serve(pipe: Connection, module: str) -> None:
             told = " ".join(str(error).split())
             answer = ("failed", DataError(f"{type(error).__name__}: {told}; this is a bug: please report it"))
         pipe.send(answer)
+        del work, arguments, answer  # the next work may need the memory
 
 
 def _forward_notices(pipe: Connection) -> None:

@@ -42,6 +42,34 @@ def test_each_bundled_format_opens_with_its_map(log: str, datasets: Path, heavy:
     assert 0.0 < Live(opened).errors(heavy.vehicle, 1.0).all < 1.0
 
 
+def test_a_raw_table_opens_alone(folder: Path, datasets: Path) -> None:
+    raw, log = str(folder / "short.parquet"), str(datasets / "logs" / "example.csv")
+    assert opening.is_table([raw])
+    assert not opening.is_table([log, log])
+    with pytest.raises(DataError, match=r"short\.parquet: a raw table opens alone"):
+        opening.is_table([log, raw])
+
+
+def test_sensors_without_columns_are_named_while_columns_are_unused() -> None:
+    blocks = {"time": {"column": "t"}, "attitude": {"columns": ["roll", "pitch", {"column": "yaw"}]}}
+    used = ("t", "roll", "pitch", "yaw")
+    found = opening.Proposed((*used, "a", "b", "c"), blocks, {}, (), ())
+    assert opening.unrecognised(found) == ["position", "velocity", "rates"]
+    assert opening.unrecognised(opening.Proposed((*used, "a", "b"), blocks, {}, (), ())) == []
+
+
+def test_implausible_rates_name_the_line_of_the_map(
+    heavy: Craft, datasets: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*given: object, **options: object) -> None:
+        raise DataError("raw: r [rad/s] must be at least -50: 3 of 9 rows are not")
+
+    monkeypatch.setattr(opening.recordings, "imported", refuse)
+    log = str(datasets / "logs" / "example.csv")
+    with pytest.raises(DataError, match="are not: check the unit of rates in the map"):
+        opening.open_recording([log], "map.toml", heavy, quiet)
+
+
 def test_a_map_is_proposed_edited_and_written(datasets: Path, tmp_path: Path) -> None:
     log = [str(datasets / "logs" / "example.csv")]
     found = opening.propose_map(log, {}, None, quiet)

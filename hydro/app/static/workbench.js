@@ -13,6 +13,7 @@ var workbench = (() => {
   const ROWS = 7;           // of panels: six of velocity and pose, one of commands
   const STEP = 1.0;         // s, of an arrow key; 10 times that with shift
   const FRAME = 50;         // ms between redraws while the vehicle moves
+  const NARROW = 700;       // px, width of the curves below which the columns stand further apart
   let plot = null, cursor = 0, end = 0, playing = false, speed = 1, last = 0, moved = 0;
   let track = null, hull = [1, 1, 1], predicted = null, view = { azimuth: -0.6, tilt: 0.9, zoom: 1 };
   let asking = 0, window_ = [0, 60], quiet = false, slid = 0;
@@ -26,7 +27,8 @@ var workbench = (() => {
     };
     for (let i = 0; i < 13; i++) {
       const row = i < 12 ? i >> 1 : 6, column = i & 1, name = i ? String(i + 1) : "";
-      const domain = i === 12 ? [0, 1] : column ? [0.54, 1] : [0, 0.46];
+      const gap = plot.clientWidth < NARROW ? 0.08 : 0.04;   // room for the labels of the right column
+      const domain = i === 12 ? [0, 1] : column ? [0.5 + gap, 1] : [0, 0.5 - gap];
       const top = i < 12 ? 1 - row * height : height * 0.72, low = i < 12 ? top - height * 0.86 : 0;
       made["xaxis" + name] = {
         domain, anchor: "y" + name, matches: i ? "x" : undefined, showticklabels: i >= 10,
