@@ -186,7 +186,7 @@ class Bench:
         """Choose the recording to open; return whether the menus then show another choice than they did."""
         choice = self.tab.choice
         vehicle = choice.vehicle
-        choice.choose(logs, opening.sample())
+        choice.choose(logs, opening.sample()[0])
         self.tab.proposed = None
         return choice.logs != logs or choice.vehicle != vehicle
 

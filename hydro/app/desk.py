@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 MOST_TABS = 6
 """Maximum number of sessions that are kept; the one that was unused for longest is dropped."""
+TABLE = ".parquet"
+"""Ending of a raw table."""
 
 
 @dataclass
@@ -40,18 +42,19 @@ class Choice:
     before: str = ""
     guess: str = ""
 
-    def choose(self, logs: tuple[str, ...], sample: tuple[str, str]) -> None:
+    def choose(self, logs: tuple[str, ...], sample: str) -> None:
         """Choose the recording to open.
 
-        The sample gives way to another recording.  The map, and a vehicle that the user did not choose,
-        belong to the earlier recording and are dropped.
+        A raw table opens alone, so that it gives way to a recording that is chosen after it.  The map, and a
+        vehicle that the user did not choose, belong to the earlier recording and are dropped.
 
         Args:
-            logs: A raw table, or the logs of one dive.
-            sample: Vehicle file and recording of the sample.
+            logs: A raw table, or the logs of one dive, in the order in which they were chosen.
+            sample: Vehicle file of the sample.
         """
-        logs = logs if len(logs) == 1 else tuple(one for one in logs if one != sample[1])
-        if logs != self.logs and (self.guess or self.vehicle == sample[0]):
+        if any(one.endswith(TABLE) for one in logs):
+            logs = logs[-1:]
+        if logs != self.logs and (self.guess or self.vehicle == sample):
             self.vehicle, self.guess = "", ""
         self.logs, self.map, self.correct = logs, "", False
 

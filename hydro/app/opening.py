@@ -42,6 +42,8 @@ SAMPLE = "hidden effects"
 """Name of the sample: a bundled recording of a vehicle with more effects than its file."""
 AXES = 3
 """Columns of a sensor with three axes: with fewer unused columns a log has no sensor left to name."""
+COLUMNS = frozenset({"column", "columns", "quaternion", "depth", "height", "latitude", "longitude"})
+"""Keys of a block that name its columns; all others state axes, units or an order."""
 UNTESTED = "the motion was not tested"
 """Beginning of a note on a map, which the next test replaces."""
 SENSOR_OF = dict(zip(MOTION, (name for name in BLOCKS for _ in range(AXES)), strict=True))
@@ -237,13 +239,17 @@ def edited(before: Proposed, name: str, text: str) -> dict[str, Block]:
 def correct_map(
     paths: Sequence[str], before: Proposed, blocks: Mapping[str, Block], progress: Progress
 ) -> Proposed:
-    """Return a map with blocks that a person has changed; the motion corrects the others.
+    """Return a map with blocks that a person has changed.
+
+    The motion corrects the axes and units of all blocks but those for which the person stated them.
 
     Raises:
         DataError: A file cannot be read.
     """
     progress("testing the map by the motion", 0.1)
-    changed = {name for name in blocks if blocks[name] != before.blocks.get(name)}
+    changed = {
+        name for name, block in blocks.items() if block != before.blocks.get(name) and set(block) - COLUMNS
+    }
     if lacking(blocks):
         return _proposed(before.columns, blocks, ())
     with ExitStack() as stack:

@@ -43,7 +43,7 @@ def show(bench: Bench) -> None:
         )
     ui.html("<p>Or drop a log, a map or a vehicle file anywhere.</p>", sanitize=False)
     logs = _recordings(bench)
-    ui.html("<h3>Recording</h3>", sanitize=False)
+    ui.html("<h3>Recording: a raw table, or the logs of one dive</h3>", sanitize=False)
     _menu_of_recordings(bench, logs)
     ui.html("<h3>Vehicle</h3>", sanitize=False)
     _menu_of_vehicles(bench)

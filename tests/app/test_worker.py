@@ -108,16 +108,17 @@ def test_the_server_answers_before_the_physics_is_loaded() -> None:
     assert not loaded & {"numpy", "scipy", "polars", "numba"}
 
 
-def test_another_recording_takes_the_place_of_the_sample_and_of_a_guessed_vehicle() -> None:
-    sample = ("sample.toml", "sample.parquet")
-    choice = Choice(sample[0], (sample[1],), correct=True)
-    choice.choose((sample[1], "dive.csv"), sample)
+def test_another_recording_takes_the_place_of_a_raw_table_and_of_a_guessed_vehicle() -> None:
+    sample = "sample.toml"
+    choice = Choice(sample, ("sample.parquet",), correct=True)
+    choice.choose(("sample.parquet", "dive.csv"), sample)
     assert (choice.logs, choice.vehicle, choice.correct) == (("dive.csv",), "", False)
     choice.vehicle, choice.guess, choice.map = "rov.toml", "guessed from 8 commands", "map.toml"
     choice.choose(("dive.csv",), sample)
     assert choice.vehicle == "rov.toml"
-    choice.choose(("other.csv",), sample)
-    assert (choice.vehicle, choice.guess, choice.map) == ("", "", "")
+    choice.choose(("dive.csv", "table.parquet"), sample)
+    assert (choice.logs, choice.vehicle) == (("table.parquet",), "")
+    assert (choice.guess, choice.map) == ("", "")
     choice.vehicle = "own.toml"
-    choice.choose(("dive.csv", "other.csv"), sample)
-    assert (choice.logs, choice.vehicle) == (("dive.csv", "other.csv"), "own.toml")
+    choice.choose(("dive.csv", "second.csv"), sample)
+    assert (choice.logs, choice.vehicle) == (("dive.csv", "second.csv"), "own.toml")
