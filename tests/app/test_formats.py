@@ -75,6 +75,10 @@ def test_a_map_is_proposed_edited_and_written(datasets: Path, tmp_path: Path) ->
     found = opening.propose_map(log, {}, None, quiet)
     assert found.missing == ()
     assert "unit" in opening.settings("velocity", found.blocks["velocity"])
+    bare = opening.edited(found, "attitude", "roll_deg pitch_deg yaw_deg")
+    assert opening.correct_map(log, found, bare, quiet).blocks["attitude"]["unit"] == "deg"
+    stated = opening.edited(found, "attitude", "roll_deg pitch_deg yaw_deg rad")
+    assert opening.correct_map(log, found, stated, quiet).blocks["attitude"]["unit"] == "rad"
     without = opening.edited(found, "rates", "none")
     changed = opening.correct_map(log, found, without, quiet)
     assert changed.lines["rates"] == "none"
