@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -51,7 +52,10 @@ def test_a_raw_table_opens_alone(folder: Path, datasets: Path) -> None:
 
 
 def test_sensors_without_columns_are_named_while_columns_are_unused() -> None:
-    blocks = {"time": {"column": "t"}, "attitude": {"columns": ["roll", "pitch", {"column": "yaw"}]}}
+    blocks: dict[str, dict[str, Any]] = {
+        "time": {"column": "t"},
+        "attitude": {"columns": ["roll", "pitch", {"column": "yaw"}]},
+    }
     used = ("t", "roll", "pitch", "yaw")
     found = opening.Proposed((*used, "a", "b", "c"), blocks, {}, (), ())
     assert opening.unrecognised(found) == ["position", "velocity", "rates"]
@@ -64,7 +68,7 @@ def test_implausible_rates_name_the_line_of_the_map(
     def refuse(*given: object, **options: object) -> None:
         raise DataError("raw: r [rad/s] must be at least -50: 3 of 9 rows are not")
 
-    monkeypatch.setattr(opening.recordings, "imported", refuse)
+    monkeypatch.setattr("hydro.io.recordings.imported", refuse)
     log = str(datasets / "logs" / "example.csv")
     with pytest.raises(DataError, match="are not: check the unit of rates in the map"):
         opening.open_recording([log], "map.toml", heavy, quiet)
