@@ -65,7 +65,7 @@ def link(desk: Desk) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def tab(link: str) -> Iterator[Page]:
     with page() as opened:
-        opened.seconds = 40.0
+        opened.seconds = 90.0
         opened.screen(1280, 800)
         opened.visit(link, "document.querySelector('.bench') !== null")
         opened.wait(f"{DRAWN} >= 2")
