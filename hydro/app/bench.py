@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +23,7 @@ from hydro.app.session import Session
 from hydro.app.worker import Cancelled
 from hydro.core.diagnosis.provisional import Provisional
 from hydro.core.diagnosis.status import in_words
-from hydro.core.errors import DataError, HydroError
+from hydro.core.errors import DataError, HydroError, listed
 from hydro.core.explanation.explain import BEST
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as vehicles
@@ -31,6 +34,10 @@ POINTS = 1200
 """Points of a curve: twice the pixels of a panel on a usual screen."""
 MODIFIED = "vehicle-new.toml"
 """Name under which the page offers to save the vehicle."""
+LOADING = ("opening", "comparing")
+"""Work that the page begins by itself, so that opening another recording may cancel it."""
+POLL = 0.05
+"""Interval at which the end of cancelled work is awaited [s]."""
 
 
 class Bench:
@@ -41,6 +48,7 @@ class Bench:
         tab: The tab.
         busy: Words on the work that runs; empty if none does.
         share: Share of it that is done.
+        began: Time at which it began, by the monotonic clock [s].
         provisional: Best candidate of a diagnosis that is still running, in words.
         problem: Last problem, in one line.
         remark: Last remark.
@@ -48,14 +56,20 @@ class Bench:
         unfolded: Effects whose numbers are shown; None before they are first shown.
         saved: What was saved, the last first.
         so_far: Label of the provisional answer.
+        folds: Whether each part of the panel that can be folded is unfolded.
+        menus: State of the menus of step 1 as they are drawn; empty before they are.
+        refresh_below: Draws the part below these menus again.
     """
 
     def __init__(self, desk: Desk, tab: Tab) -> None:
         """Show nothing yet; `page` sets the functions that refresh its parts."""
         self.desk, self.tab = desk, tab
         self.client = ui.context.client
-        self.busy, self.share, self.provisional = "", 0.0, ""
+        self.busy, self.share, self.began, self.provisional = "", 0.0, 0.0, ""
         self.problem = self.remark = ""
+        self.folds = dict[str, bool]()
+        self.menus: tuple[Any, ...] = ()
+        self.refresh_below: Callable[[], Any] = lambda: None
         self.window = (0.0, drawing.FIRST_WINDOW)
         self.refresh: Callable[[], None] = lambda: None
         self.refresh_error: Callable[[], None] = lambda: None
@@ -65,6 +79,8 @@ class Bench:
         self.so_far: ui.label | None = None
         self._sliders = dict[str, Slider]()
         self._evaluating = self._again = False
+        self._openings = 0
+        self._toast: ui.notification | None = None
         tab.owner = self.client.id
 
     @property
@@ -80,15 +96,46 @@ class Bench:
         self.say("this session is open in another tab: reload to take it back")
         return False
 
+    @property
+    def shows_sample(self) -> bool:
+        """Whether the sample is the chosen recording."""
+        return self.tab.choice.logs == (opening.sample()[1],)
+
+    @property
+    def opens_choice(self) -> bool:
+        """Whether the recording that is open is the chosen one."""
+        opened = self.session.opened
+        chosen = tuple(str(Path(one).resolve()) for one in self.tab.choice.logs)
+        return opened is not None and tuple(str(Path(one).resolve()) for one in opened.paths) == chosen
+
+    @property
+    def commands(self) -> int:
+        """Number of commands in the proposed map; 0 without one."""
+        found = self.tab.proposed
+        return 0 if found is None else len(found.blocks.get("commands", {}).get("columns", ()))
+
+    def show_step(self, number: int) -> None:
+        """Show the panel of a step, 1 to 5."""
+        self.tab.step = number
+        self.forget_problem()
+        self.refresh()
+
+    def forget_problem(self) -> None:
+        """Take away the last problem."""
+        self.problem = ""
+        if self._toast is not None and not self._toast.is_deleted:
+            self._toast.dismiss()
+
     def say(self, line: str) -> None:
         """Show a problem in one line."""
+        self.forget_problem()
         self.problem = line
         with self.client:
-            ui.notify(
+            self._toast = ui.notification(
                 line,
                 type="warning",
-                position="bottom-left",
-                timeout=8000,
+                position="bottom-right",
+                timeout=8.0,
                 close_button="close",
                 multi_line=True,
             )
@@ -101,13 +148,17 @@ class Bench:
             self.say(f"still busy: {self.busy}; wait or cancel it")
             return None
         self.busy, self.share, self.provisional = label, 0.0, ""
-        self.problem = ""
+        self.began = time.monotonic()
+        self.forget_problem()
         self.refresh()
 
         def told(kind: str, content: Any) -> None:
             if kind == "progress":
-                said, self.share = content
+                said, share = content
+                self.share = max(self.share, share)
                 self.busy = f"{label}: {said}"
+            elif kind == "notice":
+                self.busy = f"{label}: {content}"
             elif isinstance(content, Provisional):
                 self.provisional = (
                     f"so far: {words.effect_name(content.effect)} ({in_words(content.confidence)}), "
@@ -131,6 +182,20 @@ class Bench:
 
     # 1, Load
 
+    def choose(self, logs: tuple[str, ...]) -> bool:
+        """Choose the recording to open; return whether the menus then show another choice than they did."""
+        choice = self.tab.choice
+        vehicle = choice.vehicle
+        choice.choose(logs, opening.sample()[0])
+        self.tab.proposed = None
+        return choice.logs != logs or choice.vehicle != vehicle
+
+    def choose_vehicle(self, path: str) -> None:
+        """Choose the vehicle file; empty for the one in the recording, or a preset that fits."""
+        choice = self.tab.choice
+        if path != choice.vehicle:
+            choice.vehicle, choice.guess, choice.correct = path, "", False
+
     async def start(self) -> None:
         """Show what is open already, after a reload; else open the command line's files or the sample."""
         if self.session.live is not None:
@@ -153,6 +218,9 @@ class Bench:
         if not choice.logs:
             self.say("choose a recording first")
             return
+        await self._end_loading()
+        wanted, self._openings = choice.logs, self._openings + 1
+        number = self._openings
         try:
             logs = [str(self._readable(one)) for one in choice.logs]
             beside = [str(self._readable(one)) if one else "" for one in (choice.holdout, choice.before)]
@@ -160,31 +228,48 @@ class Bench:
             map_ = "" if table else await self._map(logs)
             if not table and not map_:
                 return
-            craft = await asyncio.to_thread(self._craft, logs[0], map_)
+            craft, guess = await asyncio.to_thread(self._craft, logs[0], map_)
         except (HydroError, OSError) as error:
             self.say(str(error))
+            self.refresh()
             return
         found = await self.work("opening", jobs.open_recording, logs, map_, craft, choice.correct, *beside)
         if found is None:
             return
+        self.busy = "opening: first prediction"
+        self.refresh()
         try:
             await asyncio.to_thread(self.session.open, craft, found)
         except HydroError as error:
             self.say(str(error))
             return
-        choice.vehicle = craft.path
-        self.remark = found.audit
+        finally:
+            self.busy = ""
+            self.refresh()
+        if choice.logs == wanted:  # no other recording was chosen meanwhile
+            choice.vehicle, choice.guess = craft.path, guess
+        if number != self._openings:
+            return
+        self.remark = "the thrusters contradict the vehicle file: see step 1" if found.audit else ""
         self.window = (0.0, drawing.FIRST_WINDOW)
         self.refresh()
         await self.draw_all()
         await self.compare()
+
+    async def _end_loading(self) -> None:
+        """Cancel the opening of another recording, and wait until it has ended."""
+        if self.busy.startswith(LOADING):
+            self.cancel()
+        while self.busy.startswith(LOADING):
+            await asyncio.sleep(POLL)
+        self.remark = ""
 
     async def compare(self) -> None:
         """Compare the present vehicle with the recording: noise floor, and where it fails."""
         opened = self.session.opened
         if opened is None:
             return
-        found = await self.work("comparing", jobs.compare, opened, self.session.present)
+        found = await self.work("comparing", jobs.compare, opened.to_send, self.session.present)
         if found is not None and self.session.opened is opened:
             self.session.compared = found
             self.refresh()
@@ -196,12 +281,20 @@ class Bench:
             return str(self._readable(self.tab.choice.map))
         if self.tab.proposed is None:
             vehicle = self.tab.choice.vehicle
-            count = len(Craft.read(self._readable(vehicle)).vehicle.thruster) if vehicle else None
-            self.tab.proposed = await self.work("reading", jobs.propose, logs, {}, count)
+            thrusters = len(Craft.read(self._readable(vehicle)).vehicle.thruster) if vehicle else None
+            self.tab.proposed = found = await self.work("reading", jobs.propose, logs, {}, thrusters)
+            if found is not None and (left := opening.unrecognised(found)) and not found.missing:
+                self.say(
+                    f"no columns are recognised as {listed(left)}: name them in the map below, "
+                    "or press Open again to go without"
+                )
+                self.refresh()
+                return ""
         if (found := self.tab.proposed) is None:
             return ""
         if found.missing:
-            self.say(f"the log does not show its {', '.join(found.missing)}: name the columns in the map")
+            self.say(f"no columns are recognised as {listed(found.missing)}: name them in the map below")
+            self.refresh()
             return ""
         return opening.write_map(found, logs, self.desk.places.uploads / f"map-{self.tab.name}.toml")
 
@@ -228,26 +321,38 @@ class Bench:
             self.tab.proposed = made
             self.refresh()
 
-    def _craft(self, log: str, map_: str) -> Craft:
-        """Return the chosen vehicle file; else the one in the recording, or a preset that fits it."""
-        if self.tab.choice.vehicle:
-            return Craft.read(self._readable(self.tab.choice.vehicle))
-        count, text = (0, "") if map_ else opening.commands_of(log)
+    def _craft(self, log: str, map_: str) -> tuple[Craft, str]:
+        """Return the chosen vehicle file; else the one in the recording, or a preset that fits it.
+
+        Returns:
+            The file, and the reason for it in words; empty if the user chose it.
+        """
+        choice = self.tab.choice
+        if choice.vehicle:
+            return Craft.read(self._readable(choice.vehicle)), choice.guess
+        commands, text = (0, "") if map_ else opening.commands_of(log)
         if text:
             path = self.desk.places.uploads / f"vehicle-{self.tab.name}.toml"
             write_bytes(text.encode(), path)
-            return Craft.read(path)
+            return Craft.read(path), "the vehicle file in the recording"
         if map_ and self.tab.proposed is not None:
-            count = len(self.tab.proposed.blocks["commands"].get("columns", ()))
-        fitting = [Craft.read(path) for path in opening.presets().values()]
-        fitting = [one for one in fitting if len(one.vehicle.thruster) == count]
+            commands = self.commands
+        fleet = [Craft.read(path) for path in opening.presets().values()]
+        fitting = [
+            one
+            for one in fleet
+            if len(one.vehicle.thruster) == commands and all(each.pushes for each in one.vehicle.thruster)
+        ]
         if not fitting:
-            raise DataError(f"no bundled vehicle has {count} thrusters: choose or drop a vehicle file")
+            self.folds["own"] = True
+            raise DataError(
+                f"no bundled vehicle has {commands} thrusters: choose or drop a file, or describe yours"
+            )
         lightest = min(fitting, key=lambda one: one.vehicle.rigid_body.mass)
-        self.remark = (
-            f"vehicle guessed from {count} thrusters: {lightest.vehicle.name}; change it in the menu"
+        return (
+            lightest,
+            f"guessed from {commands} commands; if it is wrong, choose the vehicle and open again",
         )
-        return lightest
 
     def _readable(self, path: str) -> Path:
         """Return a path that may be read: bundled, in the folders, uploaded, or of the command line."""
@@ -321,7 +426,7 @@ class Bench:
         session = self.session
         if session.opened is None or session.live is None:
             return
-        found = await self.work("force", jobs.force, session.opened, vehicle, vehicle.without(effect))
+        found = await self.work("force", jobs.force, session.opened.to_send, vehicle, vehicle.without(effect))
         if found is not None:
             self.send("forces", place, drawing.force(session.live, found))
 
@@ -334,7 +439,7 @@ class Bench:
             return
         rung = session.rung
         wanted = effect if effect == BEST or not session.diagnosed else session.wanted(effect)
-        found = await self.work(label, jobs.add_step, session.opened, rung.base, rung.steps, wanted)
+        found = await self.work(label, jobs.add_step, session.opened.to_send, rung.base, rung.steps, wanted)
         if found is None:
             return
         if session.rung is not rung:
@@ -355,7 +460,7 @@ class Bench:
             self.say(str(error))
             return
         rung = session.rung
-        found = await self.work("fitting", jobs.fit, session.opened, session.present, names, held)
+        found = await self.work("fitting", jobs.fit, session.opened.to_send, session.present, names, held)
         if found is None or session.rung is not rung:
             return
         await asyncio.to_thread(session.accept_fit, found, held)
@@ -455,7 +560,7 @@ class Bench:
 
         session = self.session
         session.settle("value")
-        path, rung = self._destination(name, ".toml"), session.rung
+        path, rung = self.destination(name, ".toml"), session.rung
         vehicles.write(rung.text, path)
         beside = covariance.beside(path)
         beside.unlink(missing_ok=True)
@@ -481,7 +586,7 @@ class Bench:
         folder = self.desk.places.writable(self.desk.places.folders[0] / name)
         wanted = () if session.over and set(rung.wanted) <= {BEST} else rung.wanted
         done = await self.work(
-            "saving", jobs.save_study, session.opened, rung.base, rung.steps, wanted, str(folder)
+            "saving", jobs.save_study, session.opened.to_send, rung.base, rung.steps, wanted, str(folder)
         )
         if done is None:
             return ""
@@ -491,7 +596,7 @@ class Bench:
         await self.work("report", jobs.write_report, str(folder), str(page))
         return f"{folder}, {page}"
 
-    def _destination(self, name: str, ending: str) -> Path:
+    def destination(self, name: str, ending: str) -> Path:
         """Return the path of a file to save, in the first folder unless the name has another one."""
         name = name if name.endswith(ending) else f"{name}{ending}"
         return self.desk.places.writable(self.desk.places.folders[0] / name)
@@ -500,10 +605,12 @@ class Bench:
         """Copy the map of the log to the folder of a saved vehicle, unless it was a given file."""
         opened = self.session.opened
         if opened is not None and Path(opened.map).is_relative_to(self.desk.places.uploads):
-            target = folder / "map.toml"
-            content = Path(opened.map).read_bytes()
-            if not target.exists():
-                write_bytes(content, target)
+            content, stem = Path(opened.map).read_bytes(), Path(opened.name).stem
+            names = chain(("map", f"map-{stem}"), (f"map-{stem}-{number}" for number in count(2)))
+            places = (folder / f"{name}.toml" for name in names)
+            target = next(one for one in places if not one.exists() or one.read_bytes() == content)
+            write_bytes(content, target)
+            self.session.opened = replace(opened, map=str(target))
             self.remark = f"the map of the log is in {target}"
 
     # Drawing

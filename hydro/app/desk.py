@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 MOST_TABS = 6
 """Maximum number of sessions that are kept; the one that was unused for longest is dropped."""
+TABLE = ".parquet"
+"""Ending of a raw table."""
 
 
 @dataclass
@@ -29,6 +31,7 @@ class Choice:
         correct: Whether to accept the directions of the thrusters that the audit states.
         holdout: Held-out recording; empty without one.
         before: Recording before a change; empty without one.
+        guess: Reason why the vehicle was chosen for the user; empty if the user chose it.
     """
 
     vehicle: str = ""
@@ -37,6 +40,23 @@ class Choice:
     correct: bool = False
     holdout: str = ""
     before: str = ""
+    guess: str = ""
+
+    def choose(self, logs: tuple[str, ...], sample: str) -> None:
+        """Choose the recording to open.
+
+        A raw table opens alone, so that it gives way to a recording that is chosen after it.  The map, and a
+        vehicle that the user did not choose, belong to the earlier recording and are dropped.
+
+        Args:
+            logs: A raw table, or the logs of one dive, in the order in which they were chosen.
+            sample: Vehicle file of the sample.
+        """
+        if any(one.endswith(TABLE) for one in logs):
+            logs = logs[-1:]
+        if logs != self.logs and (self.guess or self.vehicle == sample):
+            self.vehicle, self.guess = "", ""
+        self.logs, self.map, self.correct = logs, "", False
 
 
 @dataclass

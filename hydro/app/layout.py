@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from html import escape
 from typing import Any
 
@@ -24,7 +25,7 @@ class Layout:
 
     def __init__(self, bench: Bench, frame: Frame) -> None:
         """Connect the page's events with the actions of the tab."""
-        self.bench, self.frame = bench, frame
+        self.bench, self.frame, self._drawn = bench, frame, 0
         bench.refresh = self.refresh
         bench.refresh_error = self.refresh_error
 
@@ -60,7 +61,10 @@ class Layout:
         """Show the present state everywhere but in the curves."""
         with self.bench.client:
             self._steps.refresh()
-            self._panel.refresh()
+            if self.bench.tab.step == self._drawn == 1 and self.bench.menus == panel_load.menus(self.bench):
+                self.bench.refresh_below()
+            else:
+                self._panel.refresh()
             self._busy.refresh()
             self._head()
 
@@ -73,9 +77,9 @@ class Layout:
         with ui.element("nav").classes("steps"):
             for number, title in enumerate(STEPS, 1):
                 here = "here" if number == self.bench.tab.step else ""
-                ui.button(f"{number} {title}", on_click=lambda n=number: self._show(n), color=None).props(
-                    "flat dense no-caps"
-                ).classes(here)
+                ui.button(
+                    f"{number} {title}", on_click=lambda n=number: self.bench.show_step(n), color=None
+                ).props("flat dense no-caps").classes(here)
 
     def _history(self) -> None:
         self.undo, self.redo = (
@@ -87,7 +91,8 @@ class Layout:
 
     @ui.refreshable_method
     def _panel(self) -> None:
-        PANELS[self.bench.tab.step - 1](self.bench)
+        self._drawn = self.bench.tab.step
+        PANELS[self._drawn - 1](self.bench)
 
     @ui.refreshable_method
     def _busy(self) -> None:
@@ -96,12 +101,14 @@ class Layout:
             return
         with ui.element("div").classes("busy"):
             self.spinner = ui.circular_progress(bench.share, show_value=False, size="20px")
-            self.doing = ui.label(bench.busy)
+            self.doing = ui.label(bench.busy).classes("doing")
             ui.button("Cancel", on_click=bench.cancel).props("flat dense no-caps size=sm")
 
     def _progress(self) -> None:
         if self.bench.busy and hasattr(self, "doing") and not self.doing.is_deleted:
-            self.doing.set_text(f"{self.bench.busy[:46]} {100 * self.bench.share:.0f} %")
+            seconds = time.monotonic() - self.bench.began
+            said = self.bench.busy.replace("_", " ")
+            self.doing.set_text(f"{100 * self.bench.share:.0f} %, {seconds:.0f} s: {said}")
             self.spinner.set_value(self.bench.share)
             if (label := self.bench.so_far) is not None and not label.is_deleted:
                 label.set_text(self.bench.provisional)
@@ -114,11 +121,6 @@ class Layout:
         self.redo.set_enabled(session.can_redo)
         self.refresh_error()
         bench.client.run_javascript(f"workbench.ladder({_quoted(_ladder(bench))})")
-
-    def _show(self, number: int) -> None:
-        self.bench.tab.step = number
-        self.bench.problem = ""
-        self.refresh()
 
     # Events of the page's script
 
@@ -143,7 +145,7 @@ class Layout:
         await self.bench.switch(str(effect), bool(on))
 
     def _step(self, event: events.GenericEventArguments) -> None:
-        self._show(min(max(int(event.args), 1), len(STEPS)))
+        self.bench.show_step(min(max(int(event.args), 1), len(STEPS)))
 
     async def _undo(self, way: Any) -> None:
         session = self.bench.session
@@ -151,7 +153,7 @@ class Layout:
             await self.bench.go(session.at + (1 if way == "redo" else -1))
 
     def _uploading(self, event: events.GenericEventArguments) -> None:
-        ui.notify(f"uploading {event.args}", position="bottom-left")
+        ui.notify(f"uploading {event.args}", position="bottom-right")
 
     def _uploaded(self, event: events.GenericEventArguments) -> None:
         told = event.args
@@ -163,11 +165,11 @@ class Layout:
             return
         if path.endswith(".toml"):
             if panel_load.is_vehicle(path):
-                choice.vehicle = path
+                self.bench.choose_vehicle(path)
             else:
                 choice.map = path
         else:
-            choice.logs, choice.map, self.bench.tab.proposed = (path,), "", None
+            self.bench.choose((path,))
         self.bench.tab.step = 1
         self.refresh()
 

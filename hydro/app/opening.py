@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from hydro.core import effects
 from hydro.core.cleaning.readiness import require_ready
-from hydro.core.columns import COMMAND, Array
+from hydro.core.columns import COMMAND, MOTION, Array
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.errors import DataError, listed
 from hydro.core.evaluation.replay_error import HORIZONS
@@ -22,6 +23,7 @@ from hydro.core.explanation.explain import long_enough
 from hydro.core.guessing.aliases import Block
 from hydro.core.guessing.interview import lacking
 from hydro.core.guessing.map_lines import KINDS, block_of, text_of
+from hydro.core.logs.logmap import BLOCKS
 from hydro.core.prediction.candidate import candidate
 from hydro.core.progress import Progress
 from hydro.core.recording.segments import gaps
@@ -38,6 +40,16 @@ HELD_OUT, BEFORE = "held-out recording", "recording before a change"
 """Further recordings in the words of the page."""
 SAMPLE = "hidden effects"
 """Name of the sample: a bundled recording of a vehicle with more effects than its file."""
+AXES = 3
+"""Columns of a sensor with three axes: with fewer unused columns a log has no sensor left to name."""
+COLUMNS = frozenset({"column", "columns", "quaternion", "depth", "height", "latitude", "longitude"})
+"""Keys of a block that name its columns; all others state axes, units or an order."""
+UNTESTED = "the motion was not tested"
+"""Beginning of a note on a map, which the next test replaces."""
+SENSOR_OF = dict(zip(MOTION, (name for name in BLOCKS for _ in range(AXES)), strict=True))
+"""Block of a map that fills a column of the raw table."""
+_OUT_OF_RANGE = re.compile(r"raw: (\w+) \[")
+"""Beginning of the message on implausible values in a column of an imported recording."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +150,11 @@ class Opened:
     holdout: Further | None = None
     before: Further | None = None
 
+    @property
+    def to_send(self) -> Opened:
+        """The recording for the worker process, without the predictions that only the page uses."""
+        return replace(self, log=replace(self.log))
+
 
 def sample() -> tuple[str, str]:
     """Return the vehicle file and the recording of the sample."""
@@ -151,10 +168,17 @@ def presets() -> dict[str, str]:
 
 
 def is_table(paths: Sequence[str]) -> bool:
-    """Return whether a recording is a raw table, which needs no map."""
+    """Return whether a recording is a raw table, which needs no map.
+
+    Raises:
+        DataError: Several files were chosen, and one of them is a raw table.
+    """
     with ExitStack() as stack:
         files = [stack.enter_context(opened(path, None)) for path in paths]
-        return len(files) == 1 and recordings.is_artefact(files[0])
+        tables = [path for path, file in zip(paths, files, strict=True) if recordings.is_artefact(file)]
+    if tables and len(paths) > 1:
+        raise DataError(f"{Path(tables[0]).name}: a raw table opens alone: take it or the others away")
+    return bool(tables)
 
 
 def commands_of(path: str) -> tuple[int, str]:
@@ -215,19 +239,43 @@ def edited(before: Proposed, name: str, text: str) -> dict[str, Block]:
 def correct_map(
     paths: Sequence[str], before: Proposed, blocks: Mapping[str, Block], progress: Progress
 ) -> Proposed:
-    """Return a map with blocks that a person has changed; the motion corrects the others.
+    """Return a map with blocks that a person has changed.
+
+    The motion corrects the axes and units of all blocks but those for which the person stated them.
 
     Raises:
         DataError: A file cannot be read.
     """
     progress("testing the map by the motion", 0.1)
-    changed = {name for name in blocks if blocks[name] != before.blocks.get(name)}
+    changed = {
+        name for name, block in blocks.items() if block != before.blocks.get(name) and set(block) - COLUMNS
+    }
     if lacking(blocks):
         return _proposed(before.columns, blocks, ())
     with ExitStack() as stack:
         files = [stack.enter_context(opened(path, None)) for path in paths]
         found, notes = corrected(files, before.columns, blocks, changed)
-    return _proposed(before.columns, found, notes)
+    kept = [note for note in before.notes if note not in notes and not note.startswith(UNTESTED)]
+    return _proposed(before.columns, found, (*kept, *notes))
+
+
+def unrecognised(found: Proposed) -> list[str]:
+    """Return the sensors that a map lacks although the log has unused columns that may hold one of them."""
+    used = {name for block in found.blocks.values() for name in _texts(block)}
+    unused = [name for name in found.columns if name not in used]
+    return [name for name in BLOCKS if name not in found.blocks] if len(unused) >= AXES else []
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in a block, among them the names of its columns."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for one in value.values():
+            yield from _texts(one)
+    elif isinstance(value, Sequence):
+        for one in value:
+            yield from _texts(one)
 
 
 def _proposed(columns: Sequence[str], blocks: Mapping[str, Block], notes: Sequence[str]) -> Proposed:
@@ -325,7 +373,13 @@ def _read(paths: Sequence[str], map_: str, craft: Craft) -> tuple[Artefact, list
     lines = list[str]()
     with ExitStack() as stack:
         files = [stack.enter_context(opened(path, None)) for path in paths]
-        source = recordings.imported(files, Path(map_), lines.append, vehicle_file=Path(craft.path))
+        try:
+            source = recordings.imported(files, Path(map_), lines.append, vehicle_file=Path(craft.path))
+        except DataError as error:
+            match = _OUT_OF_RANGE.match(str(error))
+            if match is None or match[1] not in SENSOR_OF:
+                raise
+            raise DataError(f"{error}: check the unit of {SENSOR_OF[match[1]]} in the map") from error
     return source, lines
 
 

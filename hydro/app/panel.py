@@ -1,4 +1,4 @@
-"""Beginning that the panels of the workbench share."""
+"""Beginning and end that the panels of the workbench share."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.frame import STEPS
 from hydro.app.live import Live
 
 
@@ -22,3 +23,15 @@ def begun(bench: Bench, title: str) -> Live | None:
     if live is None:
         ui.html("<p>Open a recording first.</p>", sanitize=False)
     return live
+
+
+def onward(bench: Bench, step: int) -> None:
+    """Make a button that shows a later step.
+
+    Args:
+        bench: The workbench.
+        step: Number of the step, 2 to 5.
+    """
+    ui.button(f"Next: {step} {STEPS[step - 1]}", on_click=lambda: bench.show_step(step)).props(
+        "outline dense no-caps"
+    ).classes("next").mark("next")

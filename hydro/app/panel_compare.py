@@ -8,7 +8,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
-from hydro.app.panel import begun
+from hydro.app.panel import begun, onward
 from hydro.core.columns import DOF, UNITS, VELOCITY
 from hydro.report import words
 
@@ -40,6 +40,7 @@ def show(bench: Bench) -> None:
         for one in session.worst()
     ]
     ui.html("".join(rows) or "<p>Nothing stands out from the noise.</p>", sanitize=False)
+    onward(bench, 3)
 
 
 def _errors(bench: Bench) -> str:

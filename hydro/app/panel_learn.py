@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from hydro.app.bench import Bench
-from hydro.app.panel import begun
+from hydro.app.panel import begun, onward
 from hydro.core.diagnosis.findings import WITH_VALUES, extended, tables
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import HydroError
@@ -39,13 +39,21 @@ def show(bench: Bench) -> None:
         ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)
     if not session.diagnosed:
         ui.html(
-            "<p>The diagnosis tries every effect of the catalogue against the recording. It runs in the "
-            "background: the curves and sliders stay usable.</p>",
+            "<p>The diagnosis tries every effect of the catalogue against the recording. It takes from ten "
+            "seconds to a few minutes, in the background: the curves and sliders stay usable.</p>",
             sanitize=False,
         )
         return
     if session.over:
         ui.html(f"<div class='said'>{escape(session.over.capitalize())}.</div>", sanitize=False)
+    else:
+        ui.html(
+            "<p>“Add” puts a finding into the vehicle, fits its numbers and diagnoses again. The error "
+            "ladder shows the new error.</p>",
+            sanitize=False,
+        )
+    if session.at:
+        onward(bench, 5)
     unseen = []
     for row in session.findings:
         if row["verdict"] == UNSEEN:

@@ -8,72 +8,154 @@ from typing import Any
 
 from nicegui import ui
 
-from hydro.app import opening
+from hydro.app import opening, panel_vehicle
 from hydro.app.bench import Bench
+from hydro.app.panel import onward
 from hydro.app.places import LOGS
-from hydro.core.guessing.map_lines import KINDS
+from hydro.core.guessing.interview import MEANINGS
+from hydro.core.guessing.map_lines import EXAMPLES, KINDS
+from hydro.io import covariance
 
 SIZE = 65536
 """Bytes of a TOML file that are searched for the mark of a vehicle."""
 PROPOSE = "propose one; none for a raw table"
 IN_RECORDING = "the one in the recording, or a preset that fits"
+PURPOSE = (
+    "Compare a vehicle model with a recording, find the effects that it lacks, add them, and save the file."
+)
+SAMPLE_IS_OPEN = f"{PURPOSE} The bundled sample is open: choose your own recording, or go on with the sample."
+WARNING = "warning: "
+"""Beginning of a line of the import that needs attention."""
+MOST_COLUMNS = 2000
+"""Maximum number of columns that are listed, so that a large log does not slow the page."""
 
 
 def show(bench: Bench) -> None:
     """Make the panel."""
-    choice = bench.tab.choice
     ui.html("<h2>Load a recording and a vehicle</h2>", sanitize=False)
+    ui.html(f"<p>{SAMPLE_IS_OPEN if bench.shows_sample else PURPOSE}</p>", sanitize=False)
     with ui.element("div").classes("row"):
-        ui.button("Sample: hidden effects", on_click=bench.open_sample).props("outline dense no-caps").mark(
-            "sample"
-        )
         ui.button("Upload …", on_click=lambda: bench.client.run_javascript(PICK)).props(
             "outline dense no-caps"
         )
+        ui.button("Sample: hidden effects", on_click=bench.open_sample).props("outline dense no-caps").mark(
+            "sample"
+        )
     ui.html("<p>Or drop a log, a map or a vehicle file anywhere.</p>", sanitize=False)
-    logs = {str(one): _named(bench, one) for one in bench.desk.places.listed(LOGS)}
+    logs = _recordings(bench)
+    ui.html("<h3>Recording: a raw table, or the logs of one dive</h3>", sanitize=False)
+    _menu_of_recordings(bench, logs)
+    ui.html("<h3>Vehicle</h3>", sanitize=False)
+    _menu_of_vehicles(bench)
+    with _fold(bench, "own", "My vehicle has no file: describe it"):
+        panel_vehicle.show(bench)
+    with _fold(bench, "more", "Optional: held-out or earlier recording, map"):
+        _further(bench, logs)
+        ui.html("<h3>Map of the log</h3>", sanitize=False)
+        _menu_of_maps(bench)
+    ui.button("Open", on_click=bench.open).props("unelevated dense no-caps color=primary").mark("open")
+    bench.menus = menus(bench)
+
+    @ui.refreshable
+    def below() -> None:
+        _below(bench)
+
+    below()
+    bench.refresh_below = below.refresh
+
+
+def menus(bench: Bench) -> tuple[Any, ...]:
+    """Return the state of the menus: while it is the same, they need not be drawn again.
+
+    A menu that is drawn again closes, also while a person chooses from it.
+    """
+    choice = bench.tab.choice
+    chosen = (choice.logs, choice.vehicle, choice.guess, choice.map, choice.holdout, choice.before)
+    return (*chosen, tuple(bench.desk.uploaded), bench.commands, bench.folds.get("own"))
+
+
+def _below(bench: Bench) -> None:
+    """Make the part below the menus: the last problem, the result of opening, and the map."""
+    if bench.problem:
+        ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False).mark("problem")
+    if bench.opens_choice:
+        _understood(bench)
+        onward(bench, 2)
+        if bench.tab.proposed is not None:
+            with _fold(bench, "map", "Map of the log: correct it"):
+                _map(bench)
+    else:
+        _map(bench)
+
+
+def _recordings(bench: Bench) -> dict[str, str]:
+    """Return the recordings to choose from with their names: those listed, uploaded and chosen."""
+    choice = bench.tab.choice
+    found = [
+        one for one in bench.desk.places.listed(LOGS) if not one.name.endswith(f".{covariance.KIND}.parquet")
+    ]
+    logs = {str(one): _named(bench, one) for one in found}
     logs |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if not one.endswith(".toml")}
+    if opening.sample()[1] in choice.logs:
+        logs[opening.sample()[1]] = f"the sample: {opening.SAMPLE}"
     chosen_already = (*choice.logs, choice.holdout, choice.before)
-    logs |= {one: Path(one).name for one in chosen_already if one and one not in logs}
+    return logs | {one: Path(one).name for one in chosen_already if one and one not in logs}
+
+
+def _menu_of_recordings(bench: Bench, logs: dict[str, str]) -> None:
+    """Make the menu of recordings."""
 
     def chosen(event: Any) -> None:
-        picked = event.value or []
-        choice.logs, choice.map, bench.tab.proposed = tuple(picked), "", None
+        if bench.choose(tuple(event.value or ())):
+            bench.refresh()
 
-    ui.html("<h3>Recording</h3>", sanitize=False)
-    ui.select(logs, value=list(choice.logs), multiple=True, on_change=chosen, with_input=True).props(
-        "dense outlined options-dense"
-    ).mark("recording")
-    _further(bench, logs)
+    ui.select(
+        logs, value=list(bench.tab.choice.logs), multiple=True, on_change=chosen, with_input=True
+    ).props("dense outlined options-dense").mark("recording")
+
+
+def _menu_of_vehicles(bench: Bench) -> None:
+    """Make the menu of vehicle files."""
+    choice = bench.tab.choice
     craft = {"": IN_RECORDING, **{path: name for name, path in opening.presets().items()}}
-    tomls = bench.desk.places.listed((".toml",))
-    craft |= {str(one): _named(bench, one) for one in tomls if is_vehicle(one)}
+    craft |= {str(one): _named(bench, one) for one in _tomls(bench) if is_vehicle(one)}
     craft |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if is_vehicle(one)}
-    craft |= (
-        {choice.vehicle: Path(choice.vehicle).name} if choice.vehicle and choice.vehicle not in craft else {}
-    )
+    if choice.vehicle and choice.vehicle not in craft:
+        craft[choice.vehicle] = Path(choice.vehicle).name
+    ui.select(
+        craft, value=choice.vehicle, on_change=lambda event: bench.choose_vehicle(event.value or "")
+    ).props("dense outlined options-dense").mark("vehicle")
+    if choice.guess:
+        ui.html(f"<p>{escape(choice.guess)}</p>", sanitize=False).mark("guess")
 
-    def flown(event: Any) -> None:
-        choice.vehicle = event.value or ""
 
-    ui.html("<h3>Vehicle</h3>", sanitize=False)
-    ui.select(craft, value=choice.vehicle, on_change=flown).props("dense outlined options-dense").mark(
-        "vehicle"
-    )
-    maps = {"": PROPOSE, **{str(one): _named(bench, one) for one in tomls if is_map(one)}}
+def _menu_of_maps(bench: Bench) -> None:
+    """Make the menu of map files."""
+    choice = bench.tab.choice
+    maps = {"": PROPOSE, **{str(one): _named(bench, one) for one in _tomls(bench) if is_map(one)}}
     maps |= {one: f"{Path(one).name} (uploaded)" for one in bench.desk.uploaded if is_map(one)}
-    maps |= {choice.map: Path(choice.map).name} if choice.map and choice.map not in maps else {}
+    if choice.map and choice.map not in maps:
+        maps[choice.map] = Path(choice.map).name
 
     def mapped(event: Any) -> None:
         choice.map = event.value or ""
 
-    ui.html("<h3>Map of the log</h3>", sanitize=False)
     ui.select(maps, value=choice.map, on_change=mapped).props("dense outlined options-dense").mark("map")
-    ui.button("Open", on_click=bench.open).props("unelevated dense no-caps color=primary").mark("open")
-    if bench.problem:
-        ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False).mark("problem")
-    _map(bench)
-    _understood(bench)
+
+
+def _tomls(bench: Bench) -> list[Path]:
+    """Return the listed vehicle and map files."""
+    return bench.desk.places.listed((".toml",))
+
+
+def _fold(bench: Bench, key: str, title: str) -> ui.expansion:
+    """Return a part of the panel that unfolds; it stays as it is when the panel is drawn again."""
+
+    def turned(event: Any) -> None:
+        bench.folds[key] = bool(event.value)
+
+    part = ui.expansion(title, value=bench.folds.get(key, False), on_value_change=turned)
+    return part.props("dense dense-toggle").mark(f"fold-{key}")
 
 
 def _further(bench: Bench, logs: dict[str, str]) -> None:
@@ -87,8 +169,8 @@ def _further(bench: Bench, logs: dict[str, str]) -> None:
         choice.before = event.value or ""
 
     for title, value, chosen, mark in (
-        ("Held-out recording (optional)", choice.holdout, held_out, "holdout"),
-        ("Recording before a change (optional)", choice.before, earlier, "before"),
+        ("Held-out recording", choice.holdout, held_out, "holdout"),
+        ("Recording before a change", choice.before, earlier, "before"),
     ):
         ui.html(f"<h3>{title}</h3>", sanitize=False)
         ui.select({"": "none", **logs}, value=value, on_change=chosen).props(
@@ -103,12 +185,16 @@ def _map(bench: Bench) -> None:
         return
     ui.html("<h3>Map of the log</h3>", sanitize=False)
     ui.html(
-        "<p>Columns and words such as ENU or deg; “none” leaves a sensor out. Then press Open.</p>",
+        "<p>Each line names the columns of a sensor, then its axes and unit; “none” leaves a sensor out. "
+        "A click on a column adds it to the line. The motion corrects axes and units. Then press Open.</p>",
         sanitize=False,
     )
+    ui.html(f"<h3>{len(found.columns):,} columns of the log</h3>", sanitize=False)
+    names = "".join(f"<span>{escape(one)}</span> " for one in found.columns[:MOST_COLUMNS])
+    ui.html(f"<div class='columns'>{names}</div>", sanitize=False).mark("columns")
     for name in KINDS:
         with ui.element("div").classes("map"):
-            ui.label(name)
+            ui.label(name).tooltip(MEANINGS[name])
             with ui.element("div"):
                 line = (
                     ui.input(value=found.lines[name])
@@ -120,6 +206,8 @@ def _map(bench: Bench) -> None:
                 if name in found.blocks:
                     with ui.element("div").classes("row"):
                         _menus(bench, name, found.blocks[name])
+                else:
+                    ui.html(f"<p>such as {escape(EXAMPLES[name])}</p>", sanitize=False)
     for note in found.notes:
         ui.html(f"<div class='said'>{escape(note)}</div>", sanitize=False)
 
@@ -143,16 +231,31 @@ def _understood(bench: Bench) -> None:
         return
     ui.html(f"<h3>Understood: {escape(opened.name)}</h3>", sanitize=False)
     if opened.audit:
-        ui.html(f"<div class='said warning'>{escape(opened.audit)}</div>", sanitize=False)
-
-        async def accept() -> None:
-            bench.tab.choice.correct = True
-            await bench.open()
-
-        ui.button("Continue with the directions of the audit", on_click=accept).props("outline dense no-caps")
+        _contradiction(bench, opened.audit)
     for line in opened.lines:
-        kind = "warning" if line.startswith("warning") else ""
+        if opened.audit and _claim(line) == _claim(opened.audit):
+            continue
+        kind = "warning" if line.startswith(WARNING) else ""
         ui.html(f"<div class='said {kind}'>{escape(line)}</div>", sanitize=False)
+
+
+def _contradiction(bench: Bench, audit: str) -> None:
+    """Show that the thrusters contradict the vehicle file, with the ways on."""
+    advice = (
+        f"{_claim(audit)}. If this is the right vehicle, continue with these directions; else choose another"
+    )
+    ui.html(f"<div class='said warning'>{escape(advice)} vehicle.</div>", sanitize=False)
+
+    async def accept() -> None:
+        bench.tab.choice.correct = True
+        await bench.open()
+
+    ui.button("Continue with the directions of the audit", on_click=accept).props("outline dense no-caps")
+
+
+def _claim(line: str) -> str:
+    """Return a line of the audit without its advice."""
+    return line.removeprefix(WARNING).partition(": ")[0]
 
 
 def is_vehicle(path: str | Path) -> bool:

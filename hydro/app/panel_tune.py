@@ -7,7 +7,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
-from hydro.app.panel import begun
+from hydro.app.panel import begun, onward
 from hydro.app.parameters import Slider
 from hydro.core.effects import CATALOGUE
 from hydro.report import words
@@ -38,6 +38,7 @@ def show(bench: Bench) -> None:
     ui.html("".join(_effect(bench, name, on=True) for name in present), sanitize=False)
     ui.html("<h3>Other effects of the catalogue</h3>", sanitize=False)
     ui.html("".join(_effect(bench, name, on=False) for name in absent), sanitize=False)
+    onward(bench, 5)
 
 
 def toggle(bench: Bench, effect: str) -> None:

@@ -9,15 +9,16 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import threading
+import warnings
 from collections.abc import Callable
 from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
 
-from hydro.core.errors import DataError, HydroError
+from hydro.core.errors import DataError, HydroError, HydroNotice
 
 Report = Callable[[str, Any], None]
-"""Called with the kind of a message, `progress` or `provisional`, and its content."""
+"""Called with the kind of a message, `progress`, `provisional` or `notice`, and its content."""
 WORK = "hydro.app.jobs"
 """Module of the work, with all its libraries."""
 PATIENCE = 5.0
@@ -110,6 +111,7 @@ def serve(pipe: Connection, module: str) -> None:
     """Load a module, and run functions as they come through a pipe, until its other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
     import_module(module)
+    _forward_notices(pipe)
     while True:
         try:
             work, arguments = pipe.recv()
@@ -125,3 +127,18 @@ def serve(pipe: Connection, module: str) -> None:
             told = " ".join(str(error).split())
             answer = ("failed", DataError(f"{type(error).__name__}: {told}; this is a bug: please report it"))
         pipe.send(answer)
+        del work, arguments, answer  # the next work may need the memory
+
+
+def _forward_notices(pipe: Connection) -> None:
+    """Send notices, such as those of the first compilation, through the pipe instead of to the terminal."""
+    usual = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **options: Any) -> None:
+        if issubclass(category, HydroNotice):
+            pipe.send(("notice", str(message)))
+        else:
+            usual(message, category, *place, **options)
+
+    warnings.simplefilter("always", HydroNotice)
+    warnings.showwarning = show

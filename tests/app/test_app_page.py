@@ -103,6 +103,16 @@ def choose(tab: Page, title: str, words: str) -> None:
     tab.run(f"{item}.click()")
 
 
+def unfold(tab: Page, title: str) -> None:
+    """Open a part of the panel that is folded."""
+    part = "[...document.querySelectorAll('.panel .q-expansion-item')]"
+    head = f"{part}.find(one => one.innerText.startsWith('{title}')).querySelector('.q-item')"
+    tab.run(f"{head}.click()")
+    body = f"{head}.parentElement.querySelector('.q-expansion-item__content')"
+    tab.wait(f"{body}.clientHeight > 0")
+    time.sleep(0.4)  # it moves while it opens
+
+
 def upload(tab: Page, name: str, text: str) -> None:
     tab.run(f"workbench.upload([new File([{json.dumps(text)}], {json.dumps(name)})])")
 
@@ -112,6 +122,7 @@ def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
 ) -> None:
     says(tab, "800 rows at 25 Hz in 2 sessions")
     assert "token" not in tab.run("location.href")
+    unfold(tab, "Optional")
     choose(tab, "Held-out recording", "other.parquet")
     click(tab, "Open")
     says(tab, "held-out recording: 400 rows at 25 Hz in 1 session")
@@ -186,6 +197,63 @@ def test_the_sample_goes_from_the_log_to_the_file_that_explain_writes(
     estimates, warning = covariance.read(folder / "vehicle-new.toml", saved)
     assert warning == ""
     assert len(estimates.entries) == len(last.estimates.entries)
+
+
+NAMES = {
+    "t": "Zeit",
+    "x": "Nord",
+    "y": "Ost",
+    "z": "Tiefe",
+    "phi": "Krängung",
+    "theta": "Trimm",
+    "psi": "Kurs",
+}
+"""Names of columns in a log that no rule knows."""
+
+
+def named(tab: Page, sensor: str, *columns: str) -> None:
+    """Name the columns of a sensor in the map by clicks on them."""
+    row = f"[...document.querySelectorAll('.panel .map')].find(one => one.innerText.startsWith('{sensor}'))"
+    field = f"{row}.querySelector('input')"
+    tab.run(f"{field}.focus()")
+    for column in columns:
+        word = f"[...document.querySelectorAll('.columns span')].find(one => one.textContent === '{column}')"
+        tab.run(f"{word}.dispatchEvent(new MouseEvent('mousedown', {{bubbles: true, cancelable: true}}))")
+    tab.run(f"{field}.blur()")
+    tab.wait(f"{row}.querySelector('.q-select') !== null")
+
+
+def test_columns_with_unknown_names_are_named_by_clicks_and_the_map_is_kept(
+    tab: Page, folder: Path, short: Artefact
+) -> None:
+    commands = [name for name in short.frame.columns if name.startswith("cmd_")]
+    velocities = dict(zip("uvwpqr", ("vor", "quer", "tief", "wx1", "wy1", "wz1"), strict=True))
+    names = NAMES | velocities | {one: f"Kanal{number}" for number, one in enumerate(commands, 1)}
+    log = short.frame.filter(session="run-1").select(*names).rename(names)
+    tab.press("1")
+    upload(tab, "tauchgang.csv", log.write_csv())
+    says(tab, "tauchgang.csv")
+    click(tab, "Open")
+    warned(tab, "no columns are recognised as")
+    named(tab, "time", "Zeit")
+    named(tab, "commands", *(names[one] for one in commands))
+    named(tab, "position", "Nord", "Ost", "Tiefe")
+    named(tab, "attitude", "Krängung", "Trimm", "Kurs")
+    named(tab, "velocity", "vor", "quer", "tief")
+    named(tab, "rates", "wx1", "wy1", "wz1")
+    click(tab, "Open")
+    says(tab, "Understood: tauchgang.csv")
+    click(tab, "Next: 2 Compare")
+    says(tab, "Error over")
+    tab.screen(390, 844)
+    tab.wait("document.documentElement.scrollWidth <= 390")
+    assert tab.run("document.getElementById('curves').getBoundingClientRect().height") > 300
+    tab.screen(1280, 800)
+    (folder / "map.toml").write_text("another map")
+    tab.press("5")
+    click(tab, "Save")
+    says(tab, "--map " + str(folder / "map-tauchgang.toml"))
+    assert (folder / "map.toml").read_text() == "another map"
 
 
 def test_a_wrong_vehicle_and_a_bad_log_show_a_line_and_the_page_lives(tab: Page, folder: Path) -> None:

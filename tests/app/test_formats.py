@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -42,11 +43,46 @@ def test_each_bundled_format_opens_with_its_map(log: str, datasets: Path, heavy:
     assert 0.0 < Live(opened).errors(heavy.vehicle, 1.0).all < 1.0
 
 
+def test_a_raw_table_opens_alone(folder: Path, datasets: Path) -> None:
+    raw, log = str(folder / "short.parquet"), str(datasets / "logs" / "example.csv")
+    assert opening.is_table([raw])
+    assert not opening.is_table([log, log])
+    with pytest.raises(DataError, match=r"short\.parquet: a raw table opens alone"):
+        opening.is_table([log, raw])
+
+
+def test_sensors_without_columns_are_named_while_columns_are_unused() -> None:
+    blocks: dict[str, dict[str, Any]] = {
+        "time": {"column": "t"},
+        "attitude": {"columns": ["roll", "pitch", {"column": "yaw"}]},
+    }
+    used = ("t", "roll", "pitch", "yaw")
+    found = opening.Proposed((*used, "a", "b", "c"), blocks, {}, (), ())
+    assert opening.unrecognised(found) == ["position", "velocity", "rates"]
+    assert opening.unrecognised(opening.Proposed((*used, "a", "b"), blocks, {}, (), ())) == []
+
+
+def test_implausible_rates_name_the_line_of_the_map(
+    heavy: Craft, datasets: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*given: object, **options: object) -> None:
+        raise DataError("raw: r [rad/s] must be at least -50: 3 of 9 rows are not")
+
+    monkeypatch.setattr("hydro.io.recordings.imported", refuse)
+    log = str(datasets / "logs" / "example.csv")
+    with pytest.raises(DataError, match="are not: check the unit of rates in the map"):
+        opening.open_recording([log], "map.toml", heavy, quiet)
+
+
 def test_a_map_is_proposed_edited_and_written(datasets: Path, tmp_path: Path) -> None:
     log = [str(datasets / "logs" / "example.csv")]
     found = opening.propose_map(log, {}, None, quiet)
     assert found.missing == ()
     assert "unit" in opening.settings("velocity", found.blocks["velocity"])
+    bare = opening.edited(found, "attitude", "roll_deg pitch_deg yaw_deg")
+    assert opening.correct_map(log, found, bare, quiet).blocks["attitude"]["unit"] == "deg"
+    stated = opening.edited(found, "attitude", "roll_deg pitch_deg yaw_deg rad")
+    assert opening.correct_map(log, found, stated, quiet).blocks["attitude"]["unit"] == "rad"
     without = opening.edited(found, "rates", "none")
     changed = opening.correct_map(log, found, without, quiet)
     assert changed.lines["rates"] == "none"

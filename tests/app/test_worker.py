@@ -5,20 +5,25 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hydro.app.desk import Desk
+from hydro.app.desk import Choice, Desk
 from hydro.app.places import Places
 from hydro.app.worker import Cancelled, Report, Worker
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, HydroNotice
 
 
 def double(number: int, report: Report) -> int:
     report("progress", ("doubling", 0.5))
     return 2 * number
+
+
+def compile_first(report: Report) -> None:
+    warnings.warn("compiling kernels: 3 compiled", HydroNotice, stacklevel=1)
 
 
 def fail(report: Report) -> None:
@@ -43,6 +48,8 @@ def test_work_reports_progress_fails_in_one_line_and_is_cancelled() -> None:
     try:
         assert worker.run(double, 21, report=lambda kind, content: told.append((kind, content))) == 42
         assert told == [("progress", ("doubling", 0.5))]
+        worker.run(compile_first, report=lambda kind, content: told.append((kind, content)))
+        assert told[1:] == [("notice", "compiling kernels: 3 compiled")]
         with pytest.raises(DataError, match="the log is empty"):
             worker.run(fail)
         with pytest.raises(DataError, match="ValueError: two lines; this is a bug"):
@@ -99,3 +106,19 @@ def test_the_server_answers_before_the_physics_is_loaded() -> None:
     loaded = {name.split(".")[0] for name in done.stdout.split()}
     assert "nicegui" in loaded
     assert not loaded & {"numpy", "scipy", "polars", "numba"}
+
+
+def test_another_recording_takes_the_place_of_a_raw_table_and_of_a_guessed_vehicle() -> None:
+    sample = "sample.toml"
+    choice = Choice(sample, ("sample.parquet",), correct=True)
+    choice.choose(("sample.parquet", "dive.csv"), sample)
+    assert (choice.logs, choice.vehicle, choice.correct) == (("dive.csv",), "", False)
+    choice.vehicle, choice.guess, choice.map = "rov.toml", "guessed from 8 commands", "map.toml"
+    choice.choose(("dive.csv",), sample)
+    assert choice.vehicle == "rov.toml"
+    choice.choose(("dive.csv", "table.parquet"), sample)
+    assert (choice.logs, choice.vehicle) == (("table.parquet",), "")
+    assert (choice.guess, choice.map) == ("", "")
+    choice.vehicle = "own.toml"
+    choice.choose(("dive.csv", "second.csv"), sample)
+    assert (choice.logs, choice.vehicle) == (("dive.csv", "second.csv"), "own.toml")

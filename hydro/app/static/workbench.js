@@ -13,6 +13,7 @@ var workbench = (() => {
   const ROWS = 7;           // of panels: six of velocity and pose, one of commands
   const STEP = 1.0;         // s, of an arrow key; 10 times that with shift
   const FRAME = 50;         // ms between redraws while the vehicle moves
+  const NARROW = 700;       // px, width of the curves below which the columns stand further apart
   let plot = null, cursor = 0, end = 0, playing = false, speed = 1, last = 0, moved = 0;
   let track = null, hull = [1, 1, 1], predicted = null, view = { azimuth: -0.6, tilt: 0.9, zoom: 1 };
   let asking = 0, window_ = [0, 60], quiet = false, slid = 0;
@@ -26,7 +27,8 @@ var workbench = (() => {
     };
     for (let i = 0; i < 13; i++) {
       const row = i < 12 ? i >> 1 : 6, column = i & 1, name = i ? String(i + 1) : "";
-      const domain = i === 12 ? [0, 1] : column ? [0.54, 1] : [0, 0.46];
+      const gap = plot.clientWidth < NARROW ? 0.08 : 0.04;   // room for the labels of the right column
+      const domain = i === 12 ? [0, 1] : column ? [0.5 + gap, 1] : [0, 0.5 - gap];
       const top = i < 12 ? 1 - row * height : height * 0.72, low = i < 12 ? top - height * 0.86 : 0;
       made["xaxis" + name] = {
         domain, anchor: "y" + name, matches: i ? "x" : undefined, showticklabels: i >= 10,
@@ -379,7 +381,28 @@ var workbench = (() => {
     event.preventDefault();
   });
 
+  /* The panel is drawn again after each action: stay at the same place of the same step. */
+  const SETTLING = 300;     // ms in which a panel that was drawn again takes its final height
+  function keepPlace() {
+    const panel = document.querySelector(".panel"), title = () => (panel.querySelector("h2") || {}).textContent;
+    let place = 0, renewed = 0, step = title();
+    const restore = () => {
+      panel.scrollTop = place;
+      if (performance.now() - renewed < SETTLING) requestAnimationFrame(restore);
+    };
+    panel.addEventListener("scroll", () => { if (performance.now() - renewed >= SETTLING) place = panel.scrollTop; });
+    new MutationObserver((changes) => {
+      const now = title();
+      const again = changes.some((one) => (one.target === panel || one.target.parentElement === panel) && one.addedNodes.length);
+      if (!again || now === undefined) return;
+      if (now !== step) { step = now; place = 0; }
+      renewed = performance.now();
+      restore();
+    }).observe(panel, { childList: true, subtree: true });
+  }
+
   function listen() {
+    keepPlace();
     const canvas = document.getElementById("track");
     let from = null;
     canvas.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
@@ -427,6 +450,24 @@ var workbench = (() => {
   document.addEventListener("click", (event) => {
     const place = event.target.closest && event.target.closest("[data-do]");
     if (place) report("do", [place.dataset.do, place.dataset.with]);
+  });
+
+  /* A click on a column of the log adds it to the line of the map that has, or last had, the cursor. */
+  let line = null, written = null;
+  document.addEventListener("focusin", (event) => { if (event.target.matches(".map input[type=text], .map input:not([type])")) line = event.target; });
+  document.addEventListener("focusout", (event) => {
+    if (event.target !== written) return;
+    written = null;
+    event.target.dispatchEvent(new Event("change", { bubbles: true }));
+  });
+  document.addEventListener("mousedown", (event) => {
+    if (!event.target.matches(".columns span") || !line || !line.isConnected) return;
+    event.preventDefault();   // keeps the cursor in the line
+    line.focus();
+    const before = line.value.trim();
+    line.value = before && before !== "none" ? `${before} ${event.target.textContent}` : event.target.textContent;
+    line.dispatchEvent(new Event("input", { bubbles: true }));
+    written = line;
   });
 
   async function upload(files) {

@@ -31,14 +31,14 @@ def _xyz(*stems: str, axes: str = "xyz", **settings: Any) -> list[_Family]:
 _ROS = {"world": "ENU", "body": "FLU"}
 _POSITION = [
     *_xyz("pose_position_", world="ENU"),
-    *_xyz("", "pos_", "position_", "p", "p_"),
-    *_xyz("", "pos_", "p_", axes="ned"),
-    *_xyz("", "pos_", "p_", axes="enu", world="ENU"),
+    *_xyz("", "pos_", "pos", "position_", "p", "p_"),
+    *_xyz("", "pos_", "pos", "p_", axes="ned"),
+    *_xyz("", "pos_", "pos", "p_", axes="enu", world="ENU"),
     _Family(("north", "east", "down")),
     _Family(("east", "north", "up"), {"world": "ENU"}),
 ]
 _FLAT = [
-    *_xyz("", "pos_", "position_", "p", "p_", axes="xy"),
+    *_xyz("", "pos_", "pos", "position_", "p", "p_", axes="xy"),
     _Family(("north", "east")),
     _Family(("northing", "easting")),
     _Family(("east", "north"), {"world": "ENU"}),
@@ -66,6 +66,7 @@ _ANGLES = [
     _Family(("phi", "theta", "psi")),
     _Family(("roll", "pitch", "yaw")),
     _Family(("roll", "pitch", "heading")),
+    _Family(("att_r", "att_p", "att_y")),
 ]
 _QUATERNIONS = [
     *_xyz("q", "q_", "quat_", "quaternion_", axes="wxyz", layout="wxyz"),
@@ -75,7 +76,7 @@ _QUATERNIONS = [
 _VELOCITY = [
     _Family(("u", "v", "w")),
     _Family(("surge", "sway", "heave")),
-    *_xyz("v", "v_", "vel_", "vel", "velocity_", "dvl_", "dvl_v", "dvl"),
+    *_xyz("v", "v_", "vel_", "vel", "velocity_", "dvl_", "dvl_v", "dvlv", "dvl"),
     *_xyz("linear_", "linear_velocity_", frame="FLU"),
     *_xyz("v", "v_", "vel_", "velocity_", axes="ned", frame="NED"),
     *_xyz("v", "v_", "vel_", "velocity_", axes="enu", frame="ENU"),
