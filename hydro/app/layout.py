@@ -20,7 +20,7 @@ REFRESH = 0.4
 
 
 class Layout:
-    """The parts of the page of one tab."""
+    """Content of one tab's page: steps, progress, undo, panel, error and error ladder."""
 
     def __init__(self, bench: Bench, frame: Frame) -> None:
         """Connect the page's events with the actions of the tab."""
@@ -57,7 +57,7 @@ class Layout:
         self._head()
 
     def refresh(self) -> None:
-        """Show the present state everywhere but in the curves."""
+        """Show the present state in all parts of the page except the curves."""
         with self.bench.client:
             self._steps.refresh()
             self._panel.refresh()
@@ -65,7 +65,7 @@ class Layout:
             self._head()
 
     def refresh_error(self) -> None:
-        """Show the error of the vehicle on the page."""
+        """Show the error of the vehicle that the page shows."""
         self.frame.error.set_content(_error(self.bench))
 
     @ui.refreshable_method
@@ -184,14 +184,14 @@ class Layout:
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a literal of JavaScript."""
+    """Return a text as a string literal of JavaScript."""
     import orjson
 
     return orjson.dumps(text).decode()
 
 
 def _error(bench: Bench) -> str:
-    """Return the error of the vehicle on the page, and the noise floor, as HTML."""
+    """Return the error of the vehicle that the page shows, and the noise floor, as HTML."""
     shown, session = bench.shown, bench.session
     if shown is None or not math.isfinite(shown.all):
         return ""
@@ -203,12 +203,12 @@ def _error(bench: Bench) -> str:
 
 
 def _figure(error: float) -> str:
-    """Return an error as text; a dash where it is not known."""
+    """Return an error as text; a dash if it is NaN."""
     return words.figure(error) if math.isfinite(error) else "–"
 
 
 def _ladder(bench: Bench) -> str:
-    """Return the history with the error of each state as HTML."""
+    """Return the error ladder as HTML: the states of the history with the error of each."""
     session = bench.session
     if not session.history:
         return "<h3>error ladder</h3><p class='hint'>opening …</p>"
