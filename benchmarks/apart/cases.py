@@ -28,9 +28,9 @@ class Case:
     """One recording to diagnose.
 
     Attributes:
-        name: Of its folder.
+        name: Name of the case's folder.
         kind: Kind of the change, one of `CHANGES`.
-        vehicles: Makers that it may be drawn from.
+        vehicles: Makers of vehicles, one of which is drawn.
     """
 
     name: str
@@ -91,16 +91,16 @@ class Drawn:
     """A case of a seed.
 
     Attributes:
-        seed: Of all cases.
-        place: Of the case in `CASES`.
+        seed: Seed of all cases.
+        place: Index of the case in `CASES`.
         case: The change.
-        maker: Of the vehicle.
-        vehicle: The unchanged one.
-        fitted: Whether its file is fitted to flights.
-        modes: How sessions are flown, by recording: `fit`, `before` and `after`.
-        rows: How many rows of them are kept, as `modes`.
-        depth: That sessions after the change begin near [m].
-        excursion: Of way-points after the change [m].
+        maker: Maker of the vehicle.
+        vehicle: The unchanged vehicle.
+        fitted: Whether the vehicle file is fitted to flights.
+        modes: Modes in which the sessions are flown, by recording: `fit`, `before` and `after`.
+        rows: Number of rows that are kept of each session, by recording.
+        depth: Depth near which sessions after the change begin [m].
+        excursion: Greatest change of depth between way-points after the change [m].
     """
 
     seed: int

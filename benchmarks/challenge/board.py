@@ -45,8 +45,8 @@ def line(name: str, scores: Sequence[Score], plain: dict[str, float]) -> Row:
     """Return the line of one entry.
 
     Args:
-        name: Its name.
-        scores: Its scores.
+        name: Name of the entry.
+        scores: Scores of its answers.
         plain: Held-out error of the file as given, by case.
     """
     ratios = [one.error / plain[one.case] for one in scores if one.case in plain]
