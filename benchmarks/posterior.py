@@ -53,7 +53,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def flights(folder: Path) -> list[Row]:
-    """Return every evaluation of a study, with the training distribution of its policy."""
+    """Return every evaluation of a study, with the vehicles that its policy was trained with."""
     rows = []
     for name in TRAINED:
         for path in sorted(folder.glob(f"{place(Path(), name, '*')}.parquet")):
@@ -63,7 +63,7 @@ def flights(folder: Path) -> list[Row]:
 
 
 def by_flyer(found: list[Row]) -> list[Row]:
-    """Return a row for each pilot and each training distribution: the median training and all, by place."""
+    """Return a row for each pilot and kind of training: the median training and all, by test."""
     places: dict[str, dict[str, list[Row]]] = {}
     for row in found:
         who = f"policy trained on {row['trained']}" if row["trained"] else str(row["flown_by"])
