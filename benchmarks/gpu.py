@@ -38,10 +38,10 @@ PERIOD, STEPS = 0.04, 4
 ROOM = 200_000_000
 """Maximum size of the commands, all control steps together."""
 ON_PROCESSOR, STUDENTS = 250, 512
-"""Vehicles of the processor in a round; the time per vehicle is independent of their number."""
+"""Vehicles in a round of kernels and of MuJoCo on the processor: time per vehicle is constant beyond that."""
 
 Flight = Callable[[], int]
-"""Flies some control steps of many vehicles, and says how many."""
+"""Function that flies some control steps of many vehicles and returns their number."""
 
 
 def of_gpu(vehicle: Vehicle, commands: Array, condition: conditions.Condition | None = None) -> Flight:

@@ -28,7 +28,7 @@ PRESETS = ("bluerov2_heavy", "remus100", "auv151", "stonefish")
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "new-vehicle.md"
 START, END = "<!-- table -->", "<!-- end -->"
 SPEED = 0.5
-"""Of the comparison of drag [m/s] and [rad/s]."""
+"""Speed at which drag is compared [m/s, rad/s]."""
 FACTOR, ERRORS = 2.0, 2.0
 """Limits of an accurate estimate: a factor, and standard errors."""
 

@@ -70,7 +70,10 @@ def named(row: Row, counted: dict[str, str]) -> str:
 
 
 def medians(found: pl.DataFrame) -> list[Row]:
-    """Return evaluations with the trainings of each policy merged by `of_seeds`; pilots do not vary."""
+    """Return evaluations with the trainings of each policy merged by `of_seeds`.
+
+    Of a pilot, which is the same for every training, one evaluation is kept.
+    """
     alike = ["task", "level", "flown_by", "condition", "plant", "setting", "episodes"]
     once = found.unique([*alike, "seed"], keep="first", maintain_order=True)
     once = once.filter((pl.col("flown_by") == POLICY) | (pl.col("seed") == pl.col("seed").min().over(alike)))

@@ -29,7 +29,7 @@ from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
-"""Options of each training distribution."""
+"""Options of trainings on each distribution of vehicles."""
 RECIPE = ("--recipe", "imitation", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),

@@ -215,7 +215,12 @@ def changed(study: Study, number: int, effect: dict[str, Any], actor: Path) -> d
 
 
 def changes(commit: str, folder: Path) -> None:
-    """Write the kept table of arrivals of the pilot and the policies of a study with every change."""
+    """Fly the pilot and the policies of a study under each of CHANGES, and keep the shares of arrivals.
+
+    Args:
+        commit: Commit of the measured code, kept with the table.
+        folder: Folder of the study.
+    """
     study = study_of(folder)
     policies = {run.seed: run.folder for run in study.runs if run.file == proof.BEFORE}
     rows: list[Row] = []

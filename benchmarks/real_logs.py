@@ -39,7 +39,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as vehicles
 
 SPLITS = {"two sessions": 2, "all sessions": None}
-"""How many sessions of each log a split has, from the first on."""
+"""Number of the first sessions of each log in a split; None for all."""
 JUDGED = ("u", "v", "w", "r")
 """Axes that the vehicle's controller drives."""
 

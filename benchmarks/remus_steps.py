@@ -206,7 +206,11 @@ def flown(vehicle: Vehicle, start: Start, rudder: float, planes: float, seconds:
 
 
 def turn_figures(motion: Array) -> dict[str, float]:
-    """Return figures of a turn by name: yaw rate, speed and radius in the last ten seconds, and rise time."""
+    """Return figures of a turn by name: yaw rate, speed and radius in the last ten seconds, and rise time.
+
+    Args:
+        motion: Pose and velocity at N rows of DT [s], (N, 12).
+    """
     yaw = np.unwrap(motion[:, 5])
     rate, last = np.gradient(yaw, DT), round(10.0 / DT)
     steady = float(rate[-last:].mean())

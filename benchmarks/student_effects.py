@@ -92,7 +92,16 @@ def in_mujoco(vehicle: Vehicle, rounds: int, seconds: float) -> Rows:
 
 @numba.njit  # type: ignore[untyped-decorator]
 def repeated(calls: int, flat: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Compute a wrench `calls` times."""
+    """Compute the wrench of a compiled vehicle several times.
+
+    Args:
+        calls: Number of computations.
+        flat: Program of the vehicle.
+        s: State of motion.
+        x: States of the effects.
+        dx: Buffer for the rates of these states.
+        tau: Buffer for the wrench (6,).
+    """
     for _ in range(calls):
         tau[:] = 0.0
         wrench(flat, s, x, dx, tau)

@@ -13,13 +13,13 @@ from benchmarks.apart.vehicles import MAKERS, Vehicle
 
 ROV, HOVER, FIXED, DRIVEN = "rov", "hover", "fixed", "driven"
 PLACES = 48
-"""That vehicles are dealt out over: more than there are cases, so that cases may be added."""
+"""Number of places over which vehicles are distributed: more than cases, so that cases may be added."""
 FITTED = 0.4
 """Share of files whose effects are fitted to flights; the others are used as stated."""
 SPREAD = {True: 0.3, False: 0.1}
 """Log-scale spread of the errors of a file's numbers, for files fitted afterwards and for others."""
 LARGER = 2.2
-"""Size that a small weight begins with on an open frame, whose file's error would hide less."""
+"""Initial size of a small weight on an open frame, because the file's error would hide a smaller one."""
 SMALL = ("payload_plus", "payload_float", "trapped_water", "net_buoyancy")
 
 
@@ -82,7 +82,7 @@ CASES = (
     Case("unchanged_3", "unchanged", (FIXED,)),
     Case("unchanged_4", "unchanged", (DRIVEN,)),
 )
-"""In the order that numbers a case: a seed's numbers hang on it."""
+"""All cases; the order sets their numbers, and with these the random draws of a seed."""
 UNCHANGED = "unchanged"
 
 

@@ -23,9 +23,9 @@ SPEEDS = {
     "hover": np.array([0.8, 0.35, 0.3, 0.4, 0.3, 0.4]),
     "torpedo": np.array([1.3, 0.3, 0.3, 0.6, 0.4, 0.4]),
 }
-"""Speeds that added drag is sized by, per axis [m/s, rad/s]."""
+"""Speed on each axis for which the size of added drag is chosen [m/s, rad/s]."""
 MIDDLE = 20.0
-"""Depth that sessions are flown about [m]."""
+"""Mean depth of sessions [m]."""
 Truth = dict[str, Any]
 
 

@@ -20,10 +20,10 @@ REACHED = {
     "hover": np.array([0.8, 0.35, 0.3, 0.4, 0.3, 0.4]),
     "torpedo": np.array([1.3, 0.3, 0.3, 0.6, 0.3, 0.35]),
 }
-"""Speeds that forces are sized for, per axis [m/s, rad/s]."""
+"""Speed on each axis for which the size of forces is chosen [m/s, rad/s]."""
 MODES = ("axes", "steps", "way")
 UNBOUND = 1e9
-"""A bound that binds nothing [N, N m]."""
+"""Bound that never takes effect [N, N m]."""
 
 
 def multisine(

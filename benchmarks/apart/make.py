@@ -30,12 +30,12 @@ from benchmarks.apart.vehicles import Parameters
 SHARE = 0.15
 """Minimum share of the squared 5 s error that a change must cause."""
 LARGER, SMALLER = 1.6, 0.7
-"""Factors on a size with an effect that is too small, and on one with which the vehicle cannot be flown."""
+"""Factors on the size of an effect that is too small, and of one with which the vehicle cannot be flown."""
 ROUNDS = 5
 SHOTS = 70
-"""Of the fit of a file."""
+"""Number of shots of the fit of a file."""
 TOO_LONG = 900.0
-"""For one command of hydro [s]."""
+"""Longest duration of one command of hydro [s]."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 

@@ -20,9 +20,9 @@ TOWED = {
     "hover": np.array([0.8, 0.35, 0.3, 0.4, 0.3, 0.4]),
     "torpedo": np.array([1.2, 0.3, 0.3, 0.6, 0.4, 0.4]),
 }
-"""Greatest speeds that drag is taken from, per axis [m/s, rad/s]."""
+"""Greatest speed on each axis at which drag is measured [m/s, rad/s]."""
 QUARTER = 1.570796
-"""[rad], as a file states it."""
+"""Quarter of a turn [rad], with the digits of a file."""
 Effect = tuple[str, list[tuple[str, str]]]
 
 

@@ -22,12 +22,12 @@ from benchmarks.apart.simulator import ROW, Simulator
 from benchmarks.apart.vehicles import Parameters
 
 ROWS = 4000
-"""Flown of every session."""
+"""Number of rows of every session."""
 STREAMS = {"fit": 1, "before": 2, "after": 3}
 NOISE = np.array([2e-3] * 3 + [1e-3] * 3 + [5e-3] * 3 + [1.5e-3] * 3)
-"""Standard deviations: position [m], attitude [rad], velocity [m/s], rates [rad/s]."""
+"""Standard deviations of the noise: position [m], attitude [rad], velocity [m/s], rates [rad/s]."""
 AHEAD = 250
-"""Rows that an effect is looked at ahead: 5 s."""
+"""Number of rows of a prediction that shows the size of an effect: 5 s."""
 COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 

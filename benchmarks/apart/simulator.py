@@ -18,11 +18,11 @@ from benchmarks.apart.frames import Array, G, cross, euler, kirchhoff, quaternio
 from benchmarks.apart.hulls import HULLS, fins
 
 STEP = 0.01
-"""Of the integration [s]."""
+"""Integration step [s]."""
 ROW = 0.02
-"""Between rows of a recording, while which commands are held [s]."""
+"""Time between rows of a recording, during which commands are held [s]."""
 LONGEST = 64
-"""Steps of past commands that are remembered: no delay is longer."""
+"""Number of steps for which past commands are kept: no delay is longer."""
 
 
 def defaults(n: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from benchmarks.kept_tables import Row
 from benchmarks.shares import rate
 
 GIVEN = "file as given"
-"""Entry that errors are compared with."""
+"""Name of the entry with whose errors the others are compared."""
 
 
 def scores_of(folder: Path, entry: Path) -> list[Score]:

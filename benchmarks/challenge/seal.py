@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 SEEDS = 1_000_000_000
-"""Seeds lie from here to twice it, beyond all seeds that developments and published tables use."""
+"""Seeds are drawn from this number to twice it, beyond all seeds of development and published tables."""
 
 
 def key_of(path: Path) -> bytes:

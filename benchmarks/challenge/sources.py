@@ -29,9 +29,9 @@ from hydro.core.vehicle.frames import wrapped
 from hydro.io.files import bundled
 
 UNCHANGED = 4
-"""Every such case of a simulator has no change, from its second on."""
+"""Of the cases of a simulator, every fourth has no change, from the second on."""
 WITHOUT_BEFORE = 4
-"""Every such case of a simulator has no earlier log, from its fourth on."""
+"""Of the cases of a simulator, every fourth has no earlier log, from the fourth on."""
 PANEL_SECONDS, PANEL_BEFORE = 120.0, 240.0
 """Lengths of a panel vehicle's log and of its earlier log [s]."""
 APART_SESSIONS, APART_BEFORE = 2, 4

@@ -29,7 +29,7 @@ NEWEST = (
     "reference_point",
 )
 LATER = ("thruster_curve", *NEWEST)
-"""Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
+"""Effects newer than published figures; only the kind `later` has them, so that seeds keep their cases."""
 BY_LAW = tuple(
     name for name in TRUTHS if not (CATALOGUE[name].is_random or Role.WHOLE_HULL in CATALOGUE[name].roles)
 )
@@ -50,7 +50,7 @@ FIXED = {
     "offset_drag": ("position",),
     "control_surface": ("position", "roll", "deflection", "stall"),
 }
-"""Parameters that say where or how fast an effect acts, not how strongly."""
+"""Parameters for the place or the rate of an effect, not for its strength."""
 ALSO = {"current that grows with depth": ("current_shear",)}
 """Additional names of a form that the catalogue now has."""
 SIZES = (
@@ -65,7 +65,7 @@ SIZES = (
     "hysteresis",
     "swell",
 )
-"""Foreign numbers that say how strongly something acts."""
+"""Parameters for the strength of effects that the catalogue lacks, see `plant.FOREIGN`."""
 WITHIN = {
     "added_mass_coriolis": 0.9,
     "buoyancy_offset": 0.02,
@@ -86,9 +86,9 @@ WITHIN = {
     "reference_point": 1.0,
     "sensor_bias": 0.2,
 }
-"""Greatest size of a parameter that could not be exceeded on a vehicle that still works."""
+"""Greatest magnitude of the parameters of some effects on a vehicle that can still be used."""
 CONTAINED = ({"payload", "net_buoyancy"}, {"payload", "buoyancy_offset"}, {"payload", "added_mass"})
-"""Pairs of which one effect can be all that the other is: never hidden together."""
+"""Pairs of effects of which one can imitate the other: they are never hidden together."""
 SOURCES = {"independent": 0.6, "simulate": 0.4}
 """Probability of each simulator."""
 NOISES = (1.0, 2.0, 3.0)

@@ -231,7 +231,20 @@ def by_teacher(
     seed: int,
     mesh: tuple[Array, Any] | None = None,
 ) -> list[pl.DataFrame]:
-    """Fly sessions in the embedded simulator with its holds; the hull is a superellipsoid or a mesh."""
+    """Fly sessions in the embedded simulator, which holds depth, roll and pitch.
+
+    Args:
+        believed: Vehicle of the file.
+        hidden: Hidden effects.
+        rows: Number of rows of each session.
+        depth: Depth of the start and of the hold [m].
+        noise: Sensor noise relative to the ordinary noise.
+        seed: Seed of demands and noise.
+        mesh: Mesh of the hull; None for a superellipsoid.
+
+    Returns:
+        Raw table of each session.
+    """
     from hydro.core.effects import sensor
     from hydro.sim import teacher
 

@@ -18,7 +18,7 @@ SESSIONS = 4
 WEAKER = 4
 """Greatest number of times that hidden effects are halved until the vehicle can be flown."""
 STRONGER = 5
-"""Greatest number of times that a hidden effect is doubled until it makes the share that is asked for."""
+"""Greatest number of doublings of a hidden effect until it causes the required share of the error."""
 
 
 @dataclass(frozen=True)

@@ -24,13 +24,13 @@ from hydro.core.vehicle.panels import superellipsoid
 from hydro.io import vehicle as files
 
 UNCHANGED = 720.0
-"""Flights of the unchanged vehicle, by default [s]."""
+"""Default length of the flights of the unchanged vehicle [s]."""
 GROUP = 100
-"""Seeds that share their hulls, and so a fitted file per preset."""
+"""Number of consecutive seeds with the same hulls, and so with the same fitted file of each preset."""
 DEPTH = 20.0
-"""Where unchanged vehicles are flown [m]."""
+"""Depth of the flights of unchanged vehicles [m]."""
 NOISE = 0.5
-"""Of the flights that a file is fitted to, times ordinary noise."""
+"""Noise of the flights to which a file is fitted, relative to the ordinary noise."""
 SESSIONS = 4
 TAPER = (0.3, 0.7)
 """Share of the width that a stern, and half the share of the height that a bow may lack."""

@@ -25,7 +25,7 @@ from benchmarks.mutants.tree import Change, Tree
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.csv")
-"""Changes that alter nothing that anybody can see, with the reason of each."""
+"""File of changes without a visible effect, with the reason for each."""
 WHERE = ("hydro/core/*", "hydro/io/*", "hydro/rl/*")
 PLACE = ("file", "line", "column", "within", "kind", "code", "old", "new")
 FOUND = ("status", "by", "mode", "tests", "seconds")

@@ -49,7 +49,7 @@ NAMES = {
 }
 """Functions and methods that are swapped where they are called."""
 SAYING = {"warn", "warning", "info", "debug", "error", "exception", "print", "log", "step", "echo"}
-"""Functions and methods whose arguments are words for people."""
+"""Functions and methods whose arguments are messages to people."""
 
 
 GUARDS = {"strict", "repr"}

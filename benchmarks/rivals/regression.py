@@ -133,7 +133,7 @@ def _models(
 
 
 def _error(errors: Ahead, model: Vehicle) -> float:
-    """Return the prediction error 5 s ahead; infinite if the regressed model is physically invalid."""
+    """Return the velocity error 5 s ahead [m/s]; infinite if the regressed model is physically invalid."""
     try:
         return errors.of(model)
     except DataError:

@@ -27,7 +27,7 @@ from hydro.core.vehicle.frames import rotation
 
 VELOCITY = ("u", "v", "w", "p", "q", "r")
 THRESHOLD = 0.02
-"""Minimum share of an axis' acceleration of a kept term."""
+"""Minimum share of an axis' acceleration that a kept term explains."""
 EXPLAINED = 0.1
 """Minimum share of the residual that the terms must explain for one to be named."""
 PAIRS = tuple(itertools.combinations(range(6), 2))

@@ -146,7 +146,10 @@ def _added(wanted: Sequence[str]) -> list[str]:
 
 
 def _by_itself(rung: Rung) -> bool:
-    """Return whether `hydro explain` without further options adds the findings of a state and then stops."""
+    """Return whether `hydro explain` without further options gives the same steps as the app.
+
+    That is so if the user chose no finding, and the study ended by itself.
+    """
     return all(one == BEST for one in rung.wanted) and bool(over(rung.steps))
 
 

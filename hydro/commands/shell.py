@@ -135,7 +135,9 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
 
 
 def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
-    """Return the vehicle and text of `vehicle_to_fit`, but with standard errors from any recording.
+    """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
+
+    Standard errors from the covariance file are put into its tables, whatever recording they are from.
 
     Raises:
         DataError: the file is invalid, or has no effect or parameter of a name.

@@ -480,7 +480,7 @@ def _described(fleet: Sequence[Preset]) -> str:
 
 
 def _file_of(choice: Choice) -> Path:
-    """Return the path of the vehicle file that belongs to a choice."""
+    """Return the path of the vehicle file that the user chose: an own file, or a bundled preset."""
     from hydro.io.files import bundled
 
     return Path(choice.file) if choice.file is not None else bundled("vehicles") / f"{choice.preset}.toml"

@@ -38,15 +38,15 @@ def write(
 ) -> None:
     """Write a covariance next to a vehicle file or diagnosis.
 
-    Nothing is written if there are no values or the file is a device.
+    Nothing is written if there are no values, or if the file is no regular file, such as /dev/stdout.
 
     Args:
         estimates: Estimated values, equal to those in the file.
-        path: The vehicle file or diagnosis.
+        path: Path of the vehicle file or diagnosis.
         stage: Name of the command that made the estimates.
         inputs: Artefacts from which the values were estimated.
         vehicle_text: Text of the vehicle file.
-        parameters: Further parameters in the footer.
+        parameters: Further parameters in the footer of the table.
     """
     if not (estimates.entries and Path(path).is_file()):
         return

@@ -74,7 +74,8 @@ class Craft(NamedTuple):
 
     Attributes:
         program: Program of the vehicle, with the mass matrix of the water model.
-        inertia: Inertia (36,), row by row, whose C(nu) nu must not act because the network includes it.
+        inertia: Inertia (36,), a 6x6 matrix row by row, whose Coriolis and centripetal forces C(nu) nu must
+            not act, because the residual network contains them.
     """
 
     program: Array

@@ -265,7 +265,7 @@ def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Score
 
 
 def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
-    """Return several starting tables for each effect whose derivative at zero does not lead to it."""
+    """Return several starting tables for each effect that a fit from zero does not find."""
     return [
         {"name": name} | table
         for name in _far(fits)
@@ -275,7 +275,7 @@ def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Tab
 
 
 def _far(fits: Mapping[str, Contender]) -> list[str]:
-    """Return the effects whose derivative at zero does not lead to them, so that they need several starts."""
+    """Return the effects that a fit from zero does not find, so that they need several starts."""
     return [name for name in fits if CATALOGUE[name].identification.far]
 
 

@@ -38,13 +38,13 @@ from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.vehicle.description import Vehicle
 
 EXACT = 1e-6
-"""Largest residual of an exact alias, as a share of its column: rounding only."""
+"""Largest residual of an exact alias, due to rounding, as a share of the alias's forces."""
 STATES = 200
 """Number of random states at which forces are compared."""
 MIDDLE = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
 """Middle of the random poses, NED [m, rad]."""
 REACH = np.array([10.0, 10.0, 4.0, 0.6, 1.2, np.pi])
-"""Half range of the random poses about it [m, rad]."""
+"""Half range of the random poses about MIDDLE [m, rad]."""
 SPEED = np.array([1.5, 1.5, 1.5, 1.0, 1.0, 1.0])
 """Half range of the random velocities [m/s, rad/s]."""
 VECTORS: Mapping[str, tuple[str, str, str]] = {

@@ -14,7 +14,7 @@ from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import HORIZONTAL, Recording
 
 STATED = ("missing", "cannot_tell_apart")
-"""Verdicts that are reduced to a suspicion."""
+"""Verdicts that become unconfirmed."""
 WORDS = (
     "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
     "velocity or a position, or measure the inertia"

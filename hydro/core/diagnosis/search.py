@@ -409,7 +409,7 @@ class Search:
         )
 
     def from_distant_starts(self, filed: Model) -> dict[str, Model]:
-        """Return fits of the file with effects whose derivative at zero does not lead to them.
+        """Return fits of the file with each effect that a fit from zero does not find.
 
         Args:
             filed: Model with the file's values.

@@ -37,7 +37,7 @@ from hydro.core.vehicle.description import Vehicle
 TRIED, COMPARED = 0.2, 0.15
 """Approximate shares of the time of a step for trials and for comparisons; the diagnosis takes the rest."""
 BEST = "best"
-"""Name of the best finding, whichever it is, among the wanted ones."""
+"""Word for the best finding in a list of wanted effects."""
 NO_BETTER = "no other candidate lowers the held-out prediction error"
 
 

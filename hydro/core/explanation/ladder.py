@@ -30,7 +30,7 @@ HORIZON = JUDGED
 DATASETS = ("fit", "holdout")
 """Names of the recording that is fitted to and of the held-out one."""
 LEFT_OUT = "left_out"
-"""Axis of the ladder that stands for all velocities together, on held-out stretches of the recording."""
+"""Name of the ladder's axis for all velocities together, on held-out stretches of the recording."""
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
 """Columns of a row of the ladder."""
 UNKNOWN = pl.lit(None, pl.Float64)

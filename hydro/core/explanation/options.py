@@ -23,7 +23,7 @@ Table = Mapping[str, Any]
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of existing effects are added with it."""
 SUSPECTED, FAR = "suspect", "far_from_noise"
-"""Verdict on an uncertain name, and verdict on a recording whose noise no model reaches."""
+"""Verdict on an unconfirmed effect, and verdict on a recording whose residual stays far above the noise."""
 
 
 def options(step: Step) -> list[dict[str, Table]]:

@@ -1,9 +1,9 @@
 """Ranking of all effects of the catalogue by held-out gain, before any of them is fitted.
 
 Where no model is right, a diagnosis names one change at a time.  It names no effect that merely absorbs the
-error of the hull-force model, although such an effect can improve predictions.  Here all effects are
-linearised together about the present model.  The score of an effect is the error that one linear step of it,
-together with all existing effects, removes from held-out stretches.
+error with which the file describes the hull, although such an effect can improve predictions.  Here all
+effects are linearised together about the present model.  The score of an effect is the error that one linear
+step of it, together with all existing effects, removes from held-out stretches.
 """
 
 from __future__ import annotations

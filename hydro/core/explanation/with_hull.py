@@ -24,13 +24,13 @@ from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
 LEVEL = "hull"
-"""Level of a comparison's rows about the hull."""
+"""Level of the rows that `with_hull` adds to a comparison."""
 ALONE, BESIDE = "file alone", "with the hull"
 """Predictors in the column `by`."""
 BEFORE, AFTER = "before", "after"
 """Recordings in the column `place`."""
 FLOOR = "floor"
-"""Axis of all channels together, in units of the floor."""
+"""Name of the axis for all channels together, with errors in units of the floor of the hull model."""
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:

@@ -32,7 +32,7 @@ COMPARED_SECONDS = 1.0
 MOST_WINDOWS = 300
 """Maximum number of windows, spread evenly over the log."""
 FEW = 60
-"""Number of windows of the preselection of readings."""
+"""Number of windows on which readings are preselected."""
 CLEARLY = 0.3
 """Height above the surface that no vehicle under water reaches [m]."""
 SETTLED = 0.01

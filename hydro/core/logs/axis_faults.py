@@ -39,7 +39,7 @@ COLUMNS = {"position": POSE[:3], "attitude": POSE[3:], "velocity": VELOCITY[:3],
 MOVES: Array = np.full(6, 0.03)
 """Motion along or about an axis [m/s, rad/s] that contradicts a constant velocity."""
 ABOVE_NOISE = 5.0
-"""Minimum ratio of that motion to the noise of the pose."""
+"""Minimum ratio of such motion to the noise of the pose."""
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,17 @@ def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> No
 
 
 def _count_text(file: pq.ParquetFile, group: int, column: Any, longest: int, expansion: Expansion) -> None:
-    """Add the size of a text column with repeated texts; large columns are decoded some rows at a time."""
+    """Add to `expansion` the size of a text column of a row group that stores repeated texts once.
+
+    A large column is decoded some rows at a time, without keeping them.
+
+    Args:
+        file: Parquet file.
+        group: Number of the row group.
+        column: Metadata of the column in this group.
+        longest: Upper bound of the length of a text [bytes].
+        expansion: Count of expanded bytes, with its limit.
+    """
     if column.num_values * longest <= _SMALL_TEXT:
         expansion.add(column.num_values * longest)
         return

@@ -79,14 +79,14 @@ class Motion(NamedTuple):
 
 
 class Scenes(NamedTuple):
-    """Tasks of the vehicles.
+    """Tasks of N vehicles.
 
     Attributes:
         weights: Weights of the terms of the reward (N, WEIGHTS); see `rl.environment.reward`.
         ends: Conditions that end an episode (N, 6); see `tasks.task.Ends`.
-        goals: (N, 3), NED [m].
+        goals: Goal of each vehicle (N, 3), NED [m].
         targets: Points that the observations show as targets (N, 3), NED [m].
-        pillars: North and east of the pillars' axes (N, P, 2) [m], NaN in unused rows, which come last.
+        pillars: North and east of the axes of P pillars (N, P, 2) [m], NaN in unused rows, which come last.
         path_cost: Weighted cost of the cross-track error (N,).
     """
 

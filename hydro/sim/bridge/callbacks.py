@@ -228,7 +228,12 @@ def _add_forces(model: int, data: int, vehicle: Array) -> bool:
 
 @within
 def _subtract_held(held: Array, tau: Array) -> None:
-    """Subtract a held wrench (6,), which stands on the left-hand side of the equations, from `tau` (6,)."""
+    """Subtract the wrench that a residual network holds for a control step from `tau`, in place.
+
+    Args:
+        held: Held wrench (6,), on the left-hand side of the equations of motion.
+        tau: Wrench on the right-hand side (6,).
+    """
     for i in range(6):
         tau[i] -= held[i]
 
