@@ -370,9 +370,9 @@ def _require_length(other: Further, craft: Craft, *, beside: bool) -> None:
     """Refuse a further recording that is too short, or belongs to another vehicle.
 
     Args:
-        other: The recording.
-        craft: The vehicle file.
-        beside: Whether it is held-out data of the main recording.
+        other: Further recording.
+        craft: Vehicle file.
+        beside: Whether the study learns a hull-force model, which needs more data.
 
     Raises:
         DataError: The recording is refused.

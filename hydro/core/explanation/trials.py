@@ -119,7 +119,10 @@ class Recordings:
         return problem.reweighted(unfitted(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
-        """Return the shots for fits and comparisons of candidates for a vehicle."""
+        """Return the shots to which candidates are fitted, and on which they are compared.
+
+        They are of length HORIZON (`ahead`), or those of `problem` if there are too few.
+        """
         return self.ahead(vehicle, SHOTS // 2) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:

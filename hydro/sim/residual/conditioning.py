@@ -84,7 +84,7 @@ class Conditioning:
 
 
 class Counts(NamedTuple):
-    """Number of control steps in which each part acted.
+    """Number of control steps in which each part of the conditioning changed the network's wrench.
 
     Attributes:
         steps: All control steps.
