@@ -37,7 +37,11 @@ def opened(content: bytes, name: str) -> pq.ParquetFile:
 
 
 def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
-    """Return the storage type of every column by its name, such as `float32`."""
+    """Return the storage type of every column by its name, such as `float32`.
+
+    Raises:
+        DataError: The file is damaged, or two columns have the same name.
+    """
     try:
         fields = list(file.schema_arrow)
     except (pa.ArrowException, OSError) as error:
