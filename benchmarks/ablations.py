@@ -37,28 +37,38 @@ VARIANTS: dict[str, tuple[str, ...]] = {
 
 
 def line(choices: Sequence[str], seed: int | str) -> list[str]:
-    """The command of one training."""
+    """Return the words of the command that runs one training, without `hydro`.
+
+    Args:
+        choices: Changed settings, each `NAME=VALUE`.
+        seed: Seed of the training.
+    """
     chosen = [word for choice in (*PLAIN, *choices) for word in ("--set", choice)]
     return ["rl", "train", str(VEHICLE), "--recipe", "imitation", "--stages", "1", "--steps", str(STEPS),
             "--seed", str(seed), *chosen]  # fmt: skip
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Make the trainings that are not there, one after another."""
+    """Run the missing trainings one after another."""
     for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
         for name, choices in VARIANTS.items():
             made(line(choices, seed), place(chosen.out, name, seed))
 
 
 def training(folder: Path) -> tuple[int | None, float]:
-    """Steps until one has passed, None where it has not, and its processor time [s]."""
+    """Return the number of steps until a training passed, None if it did not, and its processor time [s]."""
     found = table.read(folder / "evaluations.parquet", "evaluations").frame
     passed = passed_exams(found)["steps"]
     return (int(passed.to_list()[0]) if len(passed) else None), seconds(folder)
 
 
 def row(name: str, found: Sequence[tuple[int | None, float]]) -> Row:
-    """Return the medians of the trainings of one variant, with minimum and maximum."""
+    """Return the medians of the trainings of one variant, with minimum and maximum.
+
+    Args:
+        name: Name of the variant.
+        found: Steps until each training passed, and its processor time [s].
+    """
     passed = sum(one is not None for one, _ in found)
     return {
         "learnt with": name,
@@ -69,7 +79,7 @@ def row(name: str, found: Sequence[tuple[int | None, float]]) -> Row:
 
 
 def kept(chosen: argparse.Namespace) -> None:
-    """Keep the table of a folder of trainings."""
+    """Write the results table of a folder of trainings."""
     rows, seeds = [], set[int]()
     for name in VARIANTS:
         folders = [path.with_suffix("") for path in chosen.folder.glob(f"{place(Path(), name, '*')}.time")]

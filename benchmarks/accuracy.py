@@ -42,7 +42,14 @@ LABELS = {"euler": "Euler", "implicitfast": "implicitfast", "rk4": "RK4"}
 
 
 def flights(thrusters: int) -> tuple[Array, Array, Array]:
-    """Initial eta (S, 6) and nu (S, 6), and commands (S, rows, n): waves, with a jump in every thruster."""
+    """Return initial states and commands of S segments: waves, with a jump in the command of every thruster.
+
+    Args:
+        thrusters: Number of thrusters n.
+
+    Returns:
+        eta (S, 6), NED [m, rad], nu (S, 6), FRD [m/s, rad/s], and commands (S, rows, n).
+    """
     rng = np.random.default_rng(0)
     t = np.arange(round(SECONDS / HELD))[None, :, None] * HELD
     eta = rng.uniform(-1, 1, (SEGMENTS, 6)) * [5.0, 5.0, 2.0, 0.3, 0.3, np.pi] + [0, 0, 20, 0, 0, 0]
@@ -54,7 +61,7 @@ def flights(thrusters: int) -> tuple[Array, Array, Array]:
 
 
 def reference(vehicle: Vehicle, eta: Array, nu: Array, commands: Array) -> Array:
-    """Motion (S, rows, 12) at the end of every row."""
+    """Return the motion (S, rows, 12) at the end of every row, simulated with a step of 0.25 ms."""
     program, rows = assemble(vehicle), commands.shape[1]
     t = np.arange(rows + 1) * HELD
     held = np.concatenate([commands, commands[:, -1:]], axis=1)
@@ -67,7 +74,13 @@ def reference(vehicle: Vehicle, eta: Array, nu: Array, commands: Array) -> Array
 
 
 def measure(vehicle: Vehicle, rounds: int, steps: tuple[float, ...]) -> pl.DataFrame:
-    """Error and speed of every setting, one row each."""
+    """Return error and speed of every integrator and step, one row each.
+
+    Args:
+        vehicle: Vehicle file.
+        rounds: Number of rounds, of which the median speed counts.
+        steps: Integration steps [s].
+    """
     eta, nu, commands = flights(len(vehicle.thruster))
     truth = reference(vehicle, eta, nu, commands)
     settings = [(integrator, step) for integrator in INTEGRATORS for step in steps]
@@ -123,7 +136,7 @@ def kept(vehicle: str) -> pl.DataFrame:
 
 
 def show(table: pl.DataFrame) -> None:
-    """The table that is drawn."""
+    """Print the table that is drawn."""
     print(
         "| integrator | step, ms | velocity, rms m/s | rates, rms rad/s | position after 5 s, m | "
         "times real time |"

@@ -67,13 +67,13 @@ def read(paths: Iterable[Path], decide: bool = False) -> pl.DataFrame:
 
 
 def forecasts(studies: Sequence[Score]) -> pl.DataFrame:
-    """Return the forecasts of studies on held-back seeds; studies that failed make none."""
+    """Return a row for each study on held-back seeds with its forecast; failed studies make none."""
     kept = [one for one in studies if one.row["seed"] >= HELD_BACK and not one.failed]
     return pl.DataFrame([_forecast(one) for one in kept], schema=SCHEMA)
 
 
 def _forecast(one: Score) -> Row:
-    """Return the first statement of a study, and whether it is right; for a tie, that of the best effect."""
+    """Return the first effect that a study names, and whether it is hidden; for a tie, the best effect."""
     found: Row = {"list": one.row["list"], "seed": one.row["seed"], "named": bool(one.named)}
     first = one.answer
     if first is None:
@@ -84,7 +84,7 @@ def _forecast(one: Score) -> Row:
 
 
 def parts(those: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
-    """Yield all studies, then those of each list if there are several."""
+    """Yield label and forecasts of all studies, then of each list if there are several."""
     yield ALL, those
     names = those["list"].unique(maintain_order=True).to_list()
     for name in names if len(names) > 1 else ():
@@ -97,10 +97,11 @@ def brier(confidence: np.ndarray, right: np.ndarray) -> float:
 
 
 def bins(confidence: np.ndarray) -> list[np.ndarray]:
-    """Return indices of names by rising confidence, in at most ten bins of equal count, at least BIN each.
+    """Return the indices of names sorted into at most ten bins of equal count by rising confidence.
 
-    Equal confidences share a bin, so that the bins do not depend on the order of names.  Names with the
-    greatest confidence have a bin of their own if they fill it, so that they do not hide less certain names.
+    A bin has at least BIN names.  Equal confidences share a bin, so that the bins do not depend on the order
+    of names.  Names with the greatest confidence have a bin of their own if they fill it, so that they do not
+    hide less certain names.
     """
     order = np.argsort(confidence, kind="stable")
     rising = confidence[order]
@@ -120,16 +121,25 @@ def bins(confidence: np.ndarray) -> list[np.ndarray]:
 
 
 def pairs(those: pl.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the probabilities of one forecast and whether they came true (1.0) or not (0.0), (N,) each."""
+    """Return the probabilities that one forecast states, and whether each came true (1.0 or 0.0), (N,) each.
+
+    Args:
+        those: Table of forecasts.
+        column: Column with the probability.
+    """
     told = those.filter("named").drop_nulls(column)
     return told[column].to_numpy().clip(0.0, 1.0), told["right"].cast(pl.Float64).to_numpy()
 
 
 def slope(those: pl.DataFrame, column: str) -> tuple[float, float, float]:
-    """Return the slope of the least-squares line of truth over one forecast, with its 95 % interval.
+    """Return the slope of the least-squares line of the truth over one forecast, with its 95 % interval.
 
     Studies of one seed share their vehicle, so whole seeds are resampled (Bayesian bootstrap, Rubin 1981).
-    NaN where all forecasts are equal.
+    The slope is NaN where all forecasts are equal.
+
+    Args:
+        those: Table of forecasts.
+        column: Column with the probability.
     """
     told = those.filter("named").drop_nulls(column)
     stated, right = pairs(those, column)
@@ -143,7 +153,7 @@ def slope(those: pl.DataFrame, column: str) -> tuple[float, float, float]:
 
 
 def _weighted_slope(stated: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
-    """Return the slope of the line through weighted points."""
+    """Return the slope of the weighted least-squares line of `right` over `stated`, (N,) each."""
     away = stated - np.average(stated, weights=weight)
     return float((weight * away * right).sum() / (weight * away**2).sum())
 
@@ -191,7 +201,12 @@ def reliability(those: pl.DataFrame) -> Iterator[Row]:
 
 
 def held(those: pl.DataFrame, column: str) -> list[bool]:
-    """Return for each bin whether the mean confidence lies in the interval of the share of right names."""
+    """Return for each bin whether the mean confidence lies in the interval of the share of right names.
+
+    Args:
+        those: Table of forecasts.
+        column: Column with the probability.
+    """
     stated, right = pairs(those, column)
     limits = [(part, interval(int(right[part].sum()), part.size)) for part in bins(stated) if stated.size]
     return [bool(low <= stated[part].mean() <= high) for part, (low, high) in limits]

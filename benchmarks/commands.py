@@ -12,14 +12,16 @@ from pathlib import Path
 
 
 def made(words: Sequence[str | Path], out: Path) -> bool:
-    """Run `hydro WORDS -o OUT` unless it is complete, and store its time next to its output.
+    """Run `hydro WORDS -o OUT` unless the output is complete, and store its processor time next to it.
+
+    If the command fails, the program ends with its exit status.
 
     Args:
         words: The command and its arguments.
-        out: The file or folder that it makes.
+        out: The file or folder that the command makes.
 
     Returns:
-        Whether it was run; one that fails ends the program with its exit status.
+        Whether the command was run.
     """
     spent = beside(out)
     if spent.exists():
@@ -36,7 +38,7 @@ def made(words: Sequence[str | Path], out: Path) -> bool:
 
 
 def seconds(out: Path) -> float:
-    """Processor time, of user and system, that making something took [s]."""
+    """Return the processor time, of user and system, of the command that made an output [s]."""
     return sum(map(float, beside(out).read_text().split()))
 
 
@@ -46,12 +48,12 @@ def beside(out: Path) -> Path:
 
 
 def place(folder: Path, name: str, seed: int | str) -> Path:
-    """Return the path of a training of a variant."""
+    """Return the path of a training: the folder's entry for a variant and a seed."""
     return folder / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
 
 
 def ranged(numbers: Sequence[float], form: str, unit: str = "") -> str:
-    """Median, with its unit, least and greatest of some numbers, in a form such as `.1f`."""
+    """Return median, least and greatest of numbers as text, in a format such as `.1f`, with a unit."""
     middle, least, greatest = statistics.median(numbers), min(numbers), max(numbers)
     return f"{middle:{form}}{unit} ({least:{form}} to {greatest:{form}})"
 
@@ -62,7 +64,14 @@ def parser(
     kept: Callable[[argparse.Namespace], None],
     seeds: int,
 ) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
-    """Return the parser of a study that is run or kept as a table, and that of `run`; `what` is chosen."""
+    """Return the parser of a study with the subcommands `run` and `keep`, and the parser of `run`.
+
+    Args:
+        about: Description of the program.
+        run: Function of the subcommand `run`.
+        kept: Function of the subcommand `keep`.
+        seeds: Default number of seeds.
+    """
     whole = argparse.ArgumentParser(description=about)
     parts = whole.add_subparsers(required=True)
     runs = parts.add_parser("run")

@@ -68,7 +68,7 @@ WIDTHS = {"R_MLP": (12, *PHYSFEAT[1:]), "R_PhysFeat": PHYSFEAT}
 
 
 def fleet(vehicle: Vehicle, condition: str, engine: Engine, count: int) -> Fleet:
-    """Return a fleet under a condition, in a row of eight pillars."""
+    """Return a fleet of `count` vehicles under a condition, in a row of eight pillars."""
     kind = conditions.MODELS.get(condition)
     model = None if kind is None else random_model(kind, WIDTHS[condition])
     settings = replace(Settings(), engine=engine)
@@ -80,7 +80,10 @@ def fleet(vehicle: Vehicle, condition: str, engine: Engine, count: int) -> Fleet
 
 
 def steps_of(flown: Fleet) -> Work:
-    """Return a step of a fleet under random actions, which end more episodes than any policy."""
+    """Return a function that makes one step of a fleet under random actions.
+
+    Random actions end more episodes than any policy.
+    """
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (256, flown.count, ACTIONS))
     tick = 0
 
@@ -94,13 +97,18 @@ def steps_of(flown: Fleet) -> Work:
 
 
 def bare_steps(model: mujoco.MjModel, count: int) -> Work:
-    """Return control steps of bare MuJoCo."""
+    """Return a function that makes control steps of `count` vehicles in MuJoCo without hydro."""
     work = side_by_side(model, count, 1)
     return lambda: work() // SUBSTEPS
 
 
 def timed(work: Callable[[], object], seconds: float) -> float:
-    """Return the processor time of a call [µs], the median of seven means."""
+    """Return the processor time of one call [µs]: the median of seven means.
+
+    Args:
+        work: The call.
+        seconds: Duration of each mean [s].
+    """
     means = []
     for _ in range(7):
         calls, start = 0, time.process_time()
@@ -139,7 +147,7 @@ def profile(flown: Fleet, seconds: float) -> dict[str, float]:
 
 
 def engines_of(found: dict[str, Any], count: int) -> Rows:
-    """Return rows of the kept table: both engines and their ratio in a round, by condition."""
+    """Return rows of the kept table: speed of both engines and their ratio, by condition."""
     rows: Rows = []
     for condition, words in CASES.items():
         slow, fast = (found[f"{condition}, {engine}"] for engine in ENGINES)

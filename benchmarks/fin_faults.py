@@ -1,15 +1,15 @@
-"""Faults of the fins of the preset `remus100_fins`: named by `hydro diagnose` with a recording before?
+"""Faults of the fins of the preset `remus100_fins`, diagnosed by `hydro diagnose` with a recording before.
 
 A case is one vehicle with one fault of its rudder or its stern planes:
 
-    stuck   They stay at a fixed angle of 2 to 6 degrees, whatever the command.
-    half    They have half their area.
-    trim    They are 2 to 4 degrees off at every command.
+    stuck   The fins stay at a fixed angle of 2 to 6 degrees, whatever the command.
+    half    The fins have half their area.
+    trim    The fins are 2 to 4 degrees off at every command.
     none    Nothing has changed.
 
 The earlier and the later recording are simulated under an autopilot with dither, with noise of ordinary
-sensors.  A finding counts if it is stated and names the fin that has the fault.  The file knows the hull, so
-that the cases show the test of the fins alone.
+sensors.  A finding counts if it is confirmed and names the fin that has the fault.  The file knows the hull,
+so that the cases show the test of the fins alone.
 
     python -m benchmarks.fin_faults --cases 20 --keep COMMIT
 """
@@ -95,7 +95,15 @@ def _session(vehicle: Vehicle, name: str, rng: np.random.Generator) -> pl.DataFr
 
 
 def held(rng: np.random.Generator, rows: int, seconds: tuple[float, float], low: float, high: float) -> Array:
-    """Draw steps (rows,) between two values, each held for a random time."""
+    """Draw values (rows,) between `low` and `high`, each held for a random time.
+
+    Args:
+        rng: Random generator.
+        rows: Number of rows.
+        seconds: Least and greatest time for which a value is held [s].
+        low: Least value.
+        high: Greatest value.
+    """
     values = np.zeros(rows)
     at = 0
     while at < rows:
@@ -123,7 +131,7 @@ def with_fault(vehicle: Vehicle, fault: str, seed: int) -> tuple[Vehicle, str]:
 
 
 def case(fault: str, seed: int) -> Row:
-    """Diagnose one case."""
+    """Return the row of one case, with its diagnosis."""
     vehicle = preset()
     changed, fin = with_fault(vehicle, fault, seed)
     before, after = flown(vehicle, seed), flown(changed, seed + 500)
@@ -138,7 +146,7 @@ def case(fault: str, seed: int) -> Row:
 
 
 def right(found: Finding, fin: str) -> bool:
-    """Return whether the first finding is stated and names the fin, or none is stated without a fault."""
+    """Return whether the first finding is confirmed and names the fin; without a fault, whether none is."""
     is_stated = found.verdict in CONFIRMED
     return is_stated and found.effect == fin if fin else not is_stated
 

@@ -21,7 +21,7 @@ ROWS, ROUNDS = 200_000, 15
 
 
 def quadratic() -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """Quadratic damping, the same as a formula, and that with powers of its own."""
+    """Return tables of quadratic damping, the same as a formula, and that formula with free powers."""
     sizes = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
     same = [one_term(f"{AXES[i]} |{VELOCITY[i]}| {VELOCITY[i]}", -sizes[i]) for i in range(6)]
     free = [one_term(f"{AXES[i]} |{VELOCITY[i]}|^n sgn({VELOCITY[i]})", -sizes[i], [2.1]) for i in range(6)]
@@ -29,14 +29,14 @@ def quadratic() -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
 
 
 def across() -> tuple[dict[str, Any], dict[str, Any]]:
-    """Cross-axis drag, fifteen terms, and the same as a formula."""
+    """Return tables of cross-axis drag with fifteen terms, and the same as a formula."""
     pairs = [(i, j) for i in range(6) for j in range(3) if i != j]
     same = [one_term(f"{AXES[i]} |{VELOCITY[j]}| {VELOCITY[i]}", -1.0) for i, j in pairs]
     return {"name": "cross_axis_drag", **{f"D{i}{j}": 1.0 for i, j in pairs}}, joined(same)
 
 
 def seconds(tables: list[Mapping[str, Any]]) -> np.ndarray:
-    """Processor time of each, (ROUNDS, effects), one after another in every round."""
+    """Return the processor time of the wrench of each table, (ROUNDS, effects), measured in alternation."""
     nu, still = np.random.default_rng(0).standard_normal((ROWS, 6)), np.zeros((ROWS, 6))
     t = 0.02 * np.arange(ROWS)
     vehicles = [msgspec.structs.replace(preset("auv151"), effect=(table,)) for table in tables]

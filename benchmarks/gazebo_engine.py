@@ -1,12 +1,13 @@
-"""DART, the engine that Gazebo steps a world with, on exported worlds: how far does it come from `simulate`?
+"""Difference between `hydro simulate` and DART, the physics engine of Gazebo, on exported worlds.
 
-Gazebo's Physics system gives DART the link's inertia with `<fluid_added_mass>` in its spatial tensor, turns
-gravity off and adds it as a force; Hydrodynamics, Thruster and Buoyancy add forces at the link's origin that
-they make of its pose and velocity before every step; in a current, Hydrodynamics of gz-sim since April 2026
-(after 8.11, 9.5, 10.1) also the difference that it makes to the Coriolis force of added mass.  Here the same
-is given to DART itself, read from the file as the tests read it (`tests/export/gazebo_world.py`); propellers
-are welded to the hull.  60 s of commands on four vehicles, thrusts in newtons, against `simulate` without
-effects that the target does not support.
+Gazebo's Physics system gives DART the link's inertia with `<fluid_added_mass>` in its spatial tensor.  It
+turns gravity off and adds it as a force.  The systems Hydrodynamics, Thruster and Buoyancy add forces at the
+link's origin, computed from its pose and velocity before every step.  In a current, Hydrodynamics of gz-sim
+since April 2026 (after 8.11, 9.5, 10.1) also adds the difference that the current makes to the Coriolis force
+of added mass.  Here the same is given to DART itself, read from the file as the tests read it
+(`tests/export/gazebo_world.py`); propellers are welded to the hull.  Four vehicles get 60 s of commands, as
+thrusts in newtons.  Their motion is compared with `simulate` without effects that the target does not
+support.
 
     pip install dartpy
     PYTHONPATH=tests python -m benchmarks.gazebo_engine --keep COMMIT
@@ -39,7 +40,7 @@ STEPS = {"1 ms, Gazebo's own": 1e-3, "0.25 ms": 2.5e-4}
 
 
 def body_of(world: World) -> tuple[Any, Any]:
-    """DART's world and the body in it, as gz-physics makes them."""
+    """Return DART's world and the vehicle's body in it, built as gz-physics builds them."""
     simulation = dartpy.simulation.World()
     simulation.setGravity([0.0, 0.0, 0.0])
     skeleton = dartpy.dynamics.Skeleton("vehicle")
@@ -55,9 +56,13 @@ def body_of(world: World) -> tuple[Any, Any]:
 
 
 def fly(world: World, thrusts: Array, step: float, *, corrected: bool = True) -> Array:
-    """Motion (N, 12), NED and FRD, under thrusts (N, n) held for a row each, from rest.
+    """Return the motion (N, 12), NED and FRD, from rest under thrusts that are held for a row each.
 
-    `corrected`: as gz-sim makes it since April 2026.
+    Args:
+        world: The exported world.
+        thrusts: Thrust of each thruster (N, n) [N].
+        step: Time step [s].
+        corrected: Compute the Coriolis force in a current as gz-sim does since April 2026.
     """
     simulation, body = body_of(world)
     simulation.setTimeStep(step)
@@ -83,7 +88,7 @@ def fly(world: World, thrusts: Array, step: float, *, corrected: bool = True) ->
 
 
 def state_of(body: Any) -> Array:
-    """Position, quaternion (w, x, y, z) and body velocity (13,) of the link's origin."""
+    """Return position, quaternion (w, x, y, z) and body velocity (13,) of the link's origin."""
     pose = body.getWorldTransform()
     R = pose.rotation()
     q = pose.quaternion()
@@ -99,7 +104,7 @@ def state_of(body: Any) -> Array:
 
 
 def row(what: str, craft: Vehicle, name: str, step: str, seconds: float, **options: bool) -> Row:
-    """A row of the table."""
+    """Return a row of the table: the difference of one vehicle's motion from `simulate`."""
     table = commanded(len(craft.thruster), GENTLE.get(name, 1.0), seconds)
     moved = simulate(all_left_out(craft, lacks(craft)), table).select(MOTION).to_numpy()
     flown = fly(World(to_sdf(craft)), newtons(craft, given(table)), STEPS[step], **options)
@@ -117,7 +122,7 @@ def row(what: str, craft: Vehicle, name: str, step: str, seconds: float, **optio
 
 
 def study(seconds: float) -> list[Row]:
-    """Four vehicles in still water, and one in a current."""
+    """Return the rows of four vehicles in still water, and of one in a current."""
     found = {name: vehicle(bundled("vehicles").parent, name) for name in VEHICLES}
     rows = [row(name, craft, name, step, seconds) for name, craft in found.items() for step in STEPS]
     adrift = msgspec.structs.replace(found["auv151"], effect=(*found["auv151"].effect, CURRENT))
@@ -133,7 +138,7 @@ def _angles(flown: Array, moved: Array) -> float:
 
 
 def main() -> None:
-    """Fly, print, and keep where asked to."""
+    """Fly all vehicles, print the table, and write it with --keep."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

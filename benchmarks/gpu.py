@@ -38,14 +38,14 @@ PERIOD, STEPS = 0.04, 4
 ROOM = 200_000_000
 """Maximum size of the commands, all control steps together."""
 ON_PROCESSOR, STUDENTS = 250, 512
-"""Vehicles of the processor in a round; the time per vehicle is independent of their number."""
+"""Vehicles in a round of kernels and of MuJoCo on the processor: time per vehicle is constant beyond that."""
 
 Flight = Callable[[], int]
-"""Flies some control steps of many vehicles, and says how many."""
+"""Function that flies some control steps of many vehicles and returns their number."""
 
 
 def of_gpu(vehicle: Vehicle, commands: Array, condition: conditions.Condition | None = None) -> Flight:
-    """Fly so many vehicles under commands (K, N, n), which lie on the device; by default under effects."""
+    """Fly N vehicles on the GPU under commands (K, N, n); by default with all effects of the file."""
     from numba import cuda
 
     from hydro.sim.gpu.plant import GpuPlant
@@ -90,7 +90,7 @@ def of_gpu_with_tasks(vehicle: Vehicle, commands: Array) -> Flight:
 
 
 def of_processor(vehicle: Vehicle, commands: Array) -> Flight:
-    """Fly some of them by `simulate`'s loop."""
+    """Fly a part of the vehicles on the processor by the loop of `simulate`."""
     program, rows = assemble(vehicle), len(commands)
     few = np.ascontiguousarray(np.moveaxis(commands[:, :ON_PROCESSOR], 1, 0))
     t = np.arange(rows) * PERIOD
@@ -104,7 +104,7 @@ def of_processor(vehicle: Vehicle, commands: Array) -> Flight:
 
 
 def of_mujoco(vehicle: Vehicle, commands: Array) -> Flight:
-    """Fly some of them as MuJoCo's students, on all threads."""
+    """Fly a part of the vehicles as MuJoCo models, on all threads."""
     few = np.ascontiguousarray(commands[:, :STUDENTS])
     threads = len(os.sched_getaffinity(0))
     plant = conditions.plant(conditions.Condition(), vehicle, Settings(), few.shape[1], threads=threads)
@@ -126,7 +126,7 @@ TITLES = {"gpu": "GPU", "gpu_tasks": "with tasks", "processor": "simulate, 1 thr
 
 
 def networked(path: Path) -> Ways:
-    """Return the ways to fly with a residual network."""
+    """Return the ways to fly with the residual network in a file."""
     from hydro.io import table
     from hydro.io.model import from_artefact
 
@@ -139,7 +139,15 @@ def networked(path: Path) -> Ways:
 def measured(
     ways: Ways, vehicle: Vehicle, counts: list[int], rows: int, rounds: int
 ) -> Iterator[dict[str, float]]:
-    """Control steps per second of all ways to fly, by the number of vehicles."""
+    """Yield the control steps per second of all ways to fly, one dict for each number of vehicles.
+
+    Args:
+        ways: Ways to fly by name.
+        vehicle: Vehicle file.
+        counts: Numbers of vehicles.
+        rows: Number of control steps.
+        rounds: Number of rounds, of which medians are reported.
+    """
     for count in counts:
         rng = np.random.default_rng(2)
         thrusters = len(vehicle.thruster)

@@ -41,7 +41,7 @@ PASSED = 0.97  # success rate at which a training ends
 
 
 def environment(device: str, vehicle: str, task: str, count: int, seed: int) -> Batch:
-    """Create vehicles of a preset at a task's highest level."""
+    """Return an environment with `count` vehicles of a preset at a task's highest level."""
     if device == "cpu":
         return FleetEnv(make_fleet(FleetConfig(task, vehicle=vehicle), count=count, seed=seed))
     from hydro.rl.gpu.env import GpuEnv
@@ -52,7 +52,7 @@ def environment(device: str, vehicle: str, task: str, count: int, seed: int) -> 
 
 
 def trained(chosen: argparse.Namespace, config: TrainingConfig, exam: Batch) -> tuple[Any, dict[str, Any]]:
-    """Train until the learner passes or runs out of steps; return it with its results."""
+    """Train until the learner passes or runs out of steps; return the learner and its results."""
     env = environment(chosen.device, chosen.vehicle, chosen.task, config.vehicles, config.seed)
     learner = DeviceLearner(env, encoding(config.settings), config.sac, config.seed)
     limit = task_of(chosen.task).steps(config.settings)

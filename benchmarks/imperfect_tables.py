@@ -30,7 +30,7 @@ SPENT = 3.0
 
 
 def told(studies: Sequence[Score]) -> dict[str, str]:
-    """Return the cells of the diagnosis, from studies with and without a hidden effect."""
+    """Return the table's cells for the diagnosis, from studies with and without a hidden effect."""
     hidden, nothing = _parted(studies)
     return {
         "named first": rate(one.first for one in hidden),
@@ -61,7 +61,7 @@ def _tied(one: Score) -> bool:
 
 
 def _stated(one: Score) -> bool:
-    """Return whether the first name is a statement, right or wrong."""
+    """Return whether the first name is confirmed, right or wrong."""
     return one.answer is not None and one.answer.stated
 
 
@@ -71,7 +71,7 @@ def _blind(one: Score) -> bool:
 
 
 def rival(rows: Sequence[Row]) -> dict[str, str]:
-    """Return the cells of a rival."""
+    """Return the table's cells for one rival method, from the rows of its studies."""
     hidden = [row for row in rows if row["kind"] == "one" and row["share"] >= SHARE]
     nothing = [row for row in rows if row["kind"] == "none"]
 
@@ -141,7 +141,7 @@ def logs(studies: Sequence[Score], others: pl.DataFrame) -> Iterator[Row]:
 
 
 def _rivals(others: pl.DataFrame) -> Iterator[Row]:
-    """Yield the cells of each rival."""
+    """Yield the table's cells for each rival method."""
     for (name,), part in others.filter(failure="").group_by("rival", maintain_order=True):
         yield {"by": name, **rival(part.to_dicts())}
 

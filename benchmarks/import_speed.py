@@ -118,7 +118,12 @@ def _circle(types: Any) -> list[list[tuple[str, bytes]]]:
 
 
 def library(path: Path, keep: bool) -> int:
-    """Read every message with `rosbags` alone."""
+    """Read every message with `rosbags` alone; return their number.
+
+    Args:
+        path: The bag.
+        keep: Whether the numbers of each message are appended to lists.
+    """
     from rosbags.rosbag1 import Reader
     from rosbags.typesys import Stores, get_typestore
 
@@ -140,7 +145,7 @@ def library(path: Path, keep: bool) -> int:
 
 
 def measured(case: str, path: Path, results: Any) -> None:
-    """Run a case in this process; report processor time [s], peak and growth of memory [MB], and count."""
+    """Run a case in this process; put time [s], peak and growth of memory [MB] and count into `results`."""
     import hydro
     from hydro.io import log, logmap
 
@@ -171,7 +176,7 @@ def _memory(name: str) -> float:
 
 
 def _warm(path: Path, meaning: Any) -> None:
-    """Load and compile everything that the cases need, with a short bag."""
+    """Run every case once on a short bag, to load libraries and compile kernels."""
     import hydro
 
     library(path, True)
@@ -202,7 +207,7 @@ def run(megabytes: float, rounds: int, cases: Sequence[str] = CASES) -> pl.DataF
 
 
 def summary(rows: pl.DataFrame) -> pl.DataFrame:
-    """Return medians over the rounds, and times relative to the library's in the same round."""
+    """Return medians over the rounds, and times relative to the time of `library` in the same round."""
     floor = rows.filter(case="library").select("round", pl.col("seconds").alias("floor"))
     beside = rows.join(floor, on="round").with_columns(ratio=pl.col("seconds") / pl.col("floor"))
     return beside.group_by("case", maintain_order=True).agg(

@@ -18,7 +18,13 @@ Row = dict[str, Any]
 
 
 def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
-    """Return the origin of the figures in the format of docs/generate_benchmarks.py."""
+    """Return the origin of a table's figures, in the columns that docs/generate_benchmarks.py reads.
+
+    Args:
+        results: Table of results, with the seeds.
+        command: Command that repeats the measurement.
+        commit: Measured commit.
+    """
     seeds = f"{results['seed'].min()} to {results['seed'].max()}"
     return {
         **{"commit": commit, "recorded": "", "date": datetime.date.today().isoformat()},
@@ -50,7 +56,7 @@ def keep(name: str, rows: Sequence[Row], folder: Path = RESULTS) -> None:
     Args:
         name: Name of the table.
         rows: Cells by column, as displayed; missing cells are empty.
-        folder: Where it is written.
+        folder: Folder of the table.
     """
     columns = list(dict.fromkeys(column for row in rows for column in row))
     last = [column for column in columns if column in origin(pl.DataFrame({"seed": [0]}), "", "")]

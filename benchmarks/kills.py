@@ -51,9 +51,9 @@ class Work:
     """Command with its inputs.
 
     Attributes:
-        name: Its name.
-        line: Its words, without `hydro`; run in its own folder.
-        needs: Commands that make its inputs, likewise.
+        name: Name of the command.
+        line: Words of the command without `hydro`; run in its own folder.
+        needs: Command lines that make its inputs.
     """
 
     name: str
@@ -91,17 +91,17 @@ def works() -> list[Work]:
 
 
 def hydro(line: str, folder: Path) -> subprocess.Popen[str]:
-    """Start a command in a folder, as the head of a group of processes."""
+    """Start a command of hydro in a folder, in a new process group."""
     words = [sys.executable, "-m", "hydro", *line.split()]
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
     return subprocess.Popen(words, cwd=folder, text=True, start_new_session=True, **quiet)  # type: ignore[call-overload, no-any-return]
 
 
 def finished(line: str, folder: Path) -> float:
-    """Run a command to its end; how long it took [s].
+    """Run a command to its end, and return its duration [s].
 
     Raises:
-        DataError: It failed.
+        DataError: The command failed.
     """
     started = time.perf_counter()
     process = hydro(line, folder)
@@ -112,7 +112,11 @@ def finished(line: str, folder: Path) -> float:
 
 
 def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[bool, str]:
-    """Run a command and send it a signal after some seconds; return whether it had ended, and errors."""
+    """Run a command and send it a signal after `after` [s].
+
+    Returns:
+        Whether the command had ended before, and a description of a fault; empty without a fault.
+    """
     before = {path for path in files(folder) if unfinished(path)}  # of a kill, swept when next written
     process = hydro(line, folder)
     try:
@@ -134,7 +138,7 @@ def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[
 
 
 def files(folder: Path) -> Iterator[Path]:
-    """All files in a folder and below."""
+    """Yield all files in a folder and below."""
     yield from sorted(path for path in folder.rglob("*") if path.is_file())
 
 
@@ -144,12 +148,12 @@ def unfinished(path: Path) -> bool:
 
 
 def broken(folder: Path) -> str:
-    """Names of the files that are not whole."""
+    """Return the names of the files in a folder that are not complete, separated by commas."""
     return ", ".join(path.name for path in files(folder) if not unfinished(path) and not whole(path))
 
 
 def whole(path: Path) -> bool:
-    """Whether a file can be read to its end."""
+    """Return whether a file can be read to its end."""
     try:
         if path.suffix == ".parquet":
             table.read(path)
@@ -163,7 +167,7 @@ def whole(path: Path) -> bool:
 
 
 def different(folder: Path, other: Path) -> str:
-    """Names of the files that are not alike in two folders."""
+    """Return the names of the files that differ between two folders, separated by commas."""
     those, its = (
         {str(path.relative_to(one)): path for path in files(one) if path.name not in CLOCKS}
         for one in (folder, other)
@@ -173,7 +177,7 @@ def different(folder: Path, other: Path) -> str:
 
 
 def study(work: Work, kills: int, rng: np.random.Generator) -> Iterator[dict[str, Any]]:
-    """Kill a command so often, and see it through in between; one row for each kill."""
+    """Kill a command at random times and continue it; yield one row for each kill."""
     with tempfile.TemporaryDirectory() as place:
         unbroken = begun(work, Path(place) / "unbroken")
         span = finished(work.line, unbroken)

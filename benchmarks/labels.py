@@ -37,27 +37,27 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss); sys.exit(code)"
 
 
 def seconds(call: Callable[[], object]) -> float:
-    """Wall time of one call."""
+    """Return the wall time of one call [s]."""
     start = time.perf_counter()
     call()
     return time.perf_counter() - start
 
 
 def label(raw: str, vehicle: str, destination: Path) -> None:
-    """Run the command in this process."""
+    """Run `hydro labels` in this process."""
     if code := cli.main(["labels", raw, "--vehicle", vehicle, "-o", str(destination)]):
         sys.exit(code)
 
 
 def peak(raw: str, vehicle: str, destination: Path) -> float:
-    """Peak resident memory [GB] of a process that runs the command once."""
+    """Return the peak resident memory [GB] of a process that runs the command once."""
     line = [sys.executable, "-c", MEASURE_PEAK, "labels", raw, "--vehicle", vehicle, "-o", str(destination)]
     done = subprocess.run(line, check=True, stdout=subprocess.PIPE, text=True)
     return int(done.stdout) * (1 if sys.platform == "darwin" else 1024) / 1e9
 
 
 def narrow(table: pa.Table) -> pa.Table:
-    """The table with float32 where it has float64, time excepted."""
+    """Return the table with float32 in place of float64, except for the time."""
     fields = [
         field.with_type(pa.float32()) if field.type == pa.float64() and field.name != "t" else field
         for field in table.schema
@@ -66,7 +66,7 @@ def narrow(table: pa.Table) -> pa.Table:
 
 
 def filterpy_loop(raw: pl.DataFrame) -> None:
-    """Smooth the six velocities of consecutive rows as one writes it with filterpy."""
+    """Smooth the six velocities of each session in a plain loop with filterpy."""
     from filterpy.common import Q_continuous_white_noise
     from filterpy.kalman import KalmanFilter
 

@@ -32,6 +32,7 @@ Plant = Callable[[pl.DataFrame, np.random.Generator], tuple[pl.DataFrame, Check]
 
 
 def changed(raw: pl.DataFrame, values: dict[str, NDArray[np.float64]]) -> pl.DataFrame:
+    """Return a raw table with the values of some columns replaced."""
     return raw.with_columns(pl.Series(name, column) for name, column in values.items())
 
 
@@ -41,19 +42,19 @@ def reported(*columns: str) -> Check:
 
 
 def spikes(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """0.3 % of the velocity readings off by half a metre per second or so."""
+    """Plant spikes of about half a metre per second in 0.3 % of the velocity readings."""
     size = {name: (rng.random(raw.height) < 0.003) * rng.normal(0.0, 0.5, raw.height) for name in DVL}
     return changed(raw, {name: raw[name].to_numpy() + size[name] for name in DVL}), reported(*DVL)
 
 
 def dropouts(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """0.5 % of the rows without a velocity, written as 0."""
+    """Write the velocities of 0.5 % of the rows as 0."""
     kept = rng.random(raw.height) > 0.005
     return changed(raw, {name: raw[name].to_numpy() * kept for name in DVL}), reported(*DVL)
 
 
 def frozen(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Freeze velocities for three seconds, once."""
+    """Hold the velocities for three seconds, once."""
     at = int(rng.integers(500, raw.height - 1000))
     columns = {name: raw[name].to_numpy().copy() for name in DVL}
     for values in columns.values():
@@ -68,7 +69,7 @@ def biased(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, C
 
 
 def exchanged(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Two command columns exchanged."""
+    """Exchange two command columns."""
     names = [name for name in raw.columns if name.startswith("cmd_")]
     first, second = rng.choice(names, 2, replace=False)
     swapped = raw.with_columns(pl.col(second).alias(first), pl.col(first).alias(second))
@@ -76,14 +77,14 @@ def exchanged(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame
 
 
 def reversed_(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """One command column reversed."""
+    """Reverse the sign of one command column."""
     names = [name for name in raw.columns if name.startswith("cmd_")]
     turned = raw.with_columns(-pl.col(str(rng.choice(names))))
     return turned, lambda log: log.raw.select(names).equals(raw.select(names))
 
 
 def repeated(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """5 % of the rows repeat the motion of the last one."""
+    """Repeat the motion of the previous row in 5 % of the rows."""
     lost = rng.random(raw.height) < 0.05
     lost[0] = False
     source = np.maximum.accumulate(np.where(lost, 0, np.arange(raw.height)))
@@ -91,7 +92,12 @@ def repeated(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame,
 
 
 def put_right(spoilt: pl.DataFrame, raw: pl.DataFrame) -> tuple[pl.DataFrame, Check]:
-    """Return the log with a fault of its columns, and a check of its report and its correction."""
+    """Return the log with a fault of its columns, and a check that the fault is reported and corrected.
+
+    Args:
+        spoilt: Log with the fault.
+        raw: Log without the fault.
+    """
 
     def right(log: Preprocessed) -> bool:
         if not log.faults or log.raw.height != raw.height:
@@ -104,18 +110,18 @@ def put_right(spoilt: pl.DataFrame, raw: pl.DataFrame) -> tuple[pl.DataFrame, Ch
 
 
 def opposite(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """One velocity or rate reversed."""
+    """Reverse the sign of one velocity or rate."""
     return put_right(raw.with_columns(-pl.col(str(rng.choice(MOTION[6:])))), raw)
 
 
 def sideways(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """X and y, or u and v, exchanged."""
+    """Exchange x and y, or u and v."""
     first, second = (("x", "y"), ("u", "v"))[int(rng.integers(2))]
     return put_right(raw.with_columns(pl.col(first).alias(second), pl.col(second).alias(first)), raw)
 
 
 def upward(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Z positive up, alone, with the world's axes ENU, or v and w as in FLU."""
+    """Make z positive up: alone, with the world's axes ENU, or v and w as in FLU."""
     kind = int(rng.integers(3))
     if kind == 2:
         return put_right(raw.with_columns(-pl.col("v"), -pl.col("w")), raw)
@@ -124,19 +130,19 @@ def upward(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, C
 
 
 def tilted(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Roll, pitch or both reversed."""
+    """Reverse the sign of roll, pitch or both."""
     names = (("phi",), ("theta",), ("phi", "theta"))[int(rng.integers(3))]
     return put_right(raw.with_columns(-pl.col(name) for name in names), raw)
 
 
 def degrees(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Angles, or rates, in degrees."""
+    """Write angles or rates in degrees."""
     names = (MOTION[3:6], MOTION[9:])[int(rng.integers(2))]
     return put_right(raw.with_columns(pl.col(name) * (180.0 / np.pi) for name in names), raw)
 
 
 def never_measured(raw: pl.DataFrame, rng: np.random.Generator) -> tuple[pl.DataFrame, Check]:
-    """Hold one velocity at one value throughout: the diagnosis must stop and name it."""
+    """Hold one velocity at one value throughout, so that the diagnosis must stop and name it."""
     name = str(rng.choice(DVL))
     stuck = raw.with_columns(pl.lit(0.1).alias(name))
     return stuck, lambda log: False
@@ -149,7 +155,7 @@ PLANTS: tuple[Plant, ...] = (
 
 
 def told(plant: Plant, given: Vehicle, raw: pl.DataFrame, rng: np.random.Generator) -> bool:
-    """Return whether a planted fault is reported correctly; uncorrectable ones by a refusal."""
+    """Return whether a planted fault is reported correctly; a fault without correction must be refused."""
     spoilt, found = plant(raw, rng)
     try:
         return found(preprocess(given, spoilt))

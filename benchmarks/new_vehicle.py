@@ -28,14 +28,23 @@ PRESETS = ("bluerov2_heavy", "remus100", "auv151", "stonefish")
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "new-vehicle.md"
 START, END = "<!-- table -->", "<!-- end -->"
 SPEED = 0.5
-"""Of the comparison of drag [m/s] and [rad/s]."""
+"""Speed at which drag is compared [m/s, rad/s]."""
 FACTOR, ERRORS = 2.0, 2.0
 """Limits of an accurate estimate: a factor, and standard errors."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Six axes of one quantity of one vehicle: estimate, its standard error, the file's value."""
+    """Comparison of an estimate with the vehicle file, for one quantity of one vehicle.
+
+    Attributes:
+        vehicle: Name of the vehicle.
+        shape: Shape of the hull.
+        quantity: Name of the quantity.
+        values: Estimate of each axis (6,).
+        errors: Standard errors of the estimate (6,).
+        file: Values of the file (6,).
+    """
 
     vehicle: str
     shape: str
@@ -54,7 +63,7 @@ class Comparison:
 
 
 def comparisons() -> Iterator[Comparison]:
-    """Added mass of all presets, and drag of those whose file has damping."""
+    """Yield added mass of all presets, and drag of the presets whose file has damping."""
     for name in PRESETS:
         file, _ = vehicle.read(bundled(f"vehicles/{name}.toml"))
         found = estimated(file)
@@ -69,14 +78,14 @@ def comparisons() -> Iterator[Comparison]:
 
 
 def estimated(file: Vehicle) -> Estimate:
-    """A vehicle of the same mass, box, thrusters and water."""
+    """Return the estimate of `hydro vehicle new` for a vehicle's mass, box, thrusters and water."""
     sides = (file.hull.length, file.hull.width, file.hull.height)
     density = file.environment.water_density
     return estimate(Known(file.name, file.rigid_body.mass, sides, file.thruster, density=density))
 
 
 def drag(file: Vehicle) -> tuple[Array, Array]:
-    """Drag against motion along and about each axis alone, (6,), and its standard error."""
+    """Return the drag against motion along or about each axis alone (6,) [N, N m], and its standard error."""
     total, variance = np.zeros(6), np.zeros(6)
     for name, power in (("linear_damping", 1), ("quadratic_damping", 2)):
         for table in file.effects(name):
@@ -115,7 +124,7 @@ def _cells(row: Comparison) -> Iterator[str]:
 
 
 def write_page() -> None:
-    """Put the table between the page's marks."""
+    """Write the table between the marks of its documentation page."""
     head, _, rest = PAGE.read_text().partition(START)
     PAGE.write_text(f"{head}{START}\n\n{markdown()}\n\n{END}{rest.partition(END)[2]}")
 

@@ -1,4 +1,4 @@
-"""Ray clusters of this machine, for tests and timings: nodes of one processor, addresses of the loopback."""
+"""Ray clusters on this machine, for tests and timings: nodes of one processor, on loopback addresses."""
 
 from __future__ import annotations
 
@@ -33,7 +33,12 @@ runpy.run_module("ray.scripts.scripts", run_name="__main__", alter_sys=True)
 
 @dataclass
 class Nodes:
-    """The cluster, and the processes that hold its nodes."""
+    """A Ray cluster, and the processes of its nodes.
+
+    Attributes:
+        address: Address of the cluster's head.
+        nodes: Process of each node by name.
+    """
 
     address: str
     nodes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
@@ -54,7 +59,7 @@ class Nodes:
         )
 
     def wait(self) -> None:
-        """Until the cluster knows all its nodes."""
+        """Wait until the cluster knows all its nodes."""
         from hydro.study.cluster import Cluster
 
         for _ in range(int(WAIT)):
@@ -75,7 +80,7 @@ class Nodes:
 
 
 def _descendants(process: int) -> list[int]:
-    """Processes that a process has begun, and those that they have."""
+    """Return the numbers of all processes below a process."""
     listed = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
     of = [tuple(map(int, line.split())) for line in listed.splitlines()]
     found = [process]
@@ -85,7 +90,7 @@ def _descendants(process: int) -> list[int]:
 
 
 def _free_port() -> int:
-    """A port that nobody listens at, outside those that Ray gives to its workers."""
+    """Return a free port, outside those that Ray gives to its workers."""
     for port in range(20000 + os.getpid() % 5000, 32000):
         with socket.socket() as one, contextlib.suppress(OSError):
             one.bind((HEAD, port))
@@ -107,7 +112,7 @@ def _wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
 
 @contextlib.contextmanager
 def nodes(count: int = 2) -> Iterator[Nodes]:
-    """Start one node or two, and stop the remaining ones at the end."""
+    """Start a cluster of one or two nodes, and stop the remaining nodes at the end of the block."""
     port = _free_port()
     cluster = Nodes(f"{HEAD}:{port}")
     # paths of sockets are short: not pytest's own folders

@@ -75,7 +75,7 @@ def written(quiet: pl.DataFrame, noise: str, size: float, rng: np.random.Generat
 
 
 def screened(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[Screening, float]:
-    """Return the first screening of a diagnosis, and the reduced chi-square before it."""
+    """Return the first screening of a diagnosis, and the reduced chi-square before the screening."""
     log = preprocess(vehicle, raw)
     start, problem = stable_start(vehicle, log)
     baseline = refit(vehicle, log, problem, start)
@@ -155,7 +155,7 @@ def uniform(p: Array) -> float:
 
 
 def rare(p: Array) -> float:
-    """Return the probability of at least as many p-values (N,) at or below ALPHA if they were uniform."""
+    """Return the probability of at least as many p-values (N,) at or below ALPHA, if they were uniform."""
     return float(binomtest(int((p <= ALPHA).sum()), len(p), ALPHA, alternative="greater").pvalue)
 
 
@@ -186,7 +186,7 @@ def groups(part: pl.DataFrame) -> pl.DataFrame:
 
 
 def sums(table: pl.DataFrame) -> Iterator[Row]:
-    """Yield a row per condition: results of the groups, and of the overall p-value."""
+    """Yield one row per noise and length: results of the groups, and of the overall p-value."""
     for words, part in conditions(table):
         each, once = groups(part), part.unique(KEY)["overall"].to_numpy()
         worst, most = each.row(0, named=True), each.sort("rare").row(0, named=True)
@@ -206,7 +206,7 @@ def sums(table: pl.DataFrame) -> Iterator[Row]:
 
 
 def rate_of(row: Row) -> str:
-    """Return the number of p-values of a group at or below ALPHA."""
+    """Return the number of p-values of a group at or below ALPHA, as text."""
     return f"{row['group']} {row['at_alpha']} of {row['logs']}"
 
 

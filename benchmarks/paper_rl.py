@@ -61,7 +61,7 @@ def further(study: paper.Study, continued: Continued) -> list[Run]:
 
 
 def trained(study: paper.Study, continued: Continued) -> list[Row]:
-    """Return a row for every training: how far it came, and what it took."""
+    """Return a row for every training: its progress, steps and time."""
     done = paper_tables.trainings(study).to_dicts()
     before = {(row["condition"], row["seed"]): row["processor"] for row in done}
     if continued:
@@ -96,7 +96,7 @@ def _state(row: Row, study: paper.Study) -> str:
 
 
 def cells(rows: Sequence[Row]) -> str:
-    """Return evaluations of the same task by several policies: the arrivals of each, and means over all."""
+    """Return evaluations of one task by several policies in words: arrivals of each, and means over all."""
     share = ", ".join(f"{100.0 * row['success']:.3g}" for row in rows)
     words = f"{share}%"
     arrived = [row for row in rows if row["time_to_goal"] is not None]
@@ -243,7 +243,7 @@ def _ranking(offline: pl.DataFrame, replayed: pl.DataFrame) -> Verdict:
 
 
 def _ended(done: pl.DataFrame, condition: str) -> list[Row]:
-    """Return the trainings of a condition that have ended."""
+    """Return the trainings of a condition that are complete."""
     return [
         row
         for row in done.filter(condition=condition).to_dicts()
@@ -327,7 +327,7 @@ def _best(tests: pl.DataFrame) -> Verdict:
 
 
 def _surge(replayed: pl.DataFrame) -> Verdict:
-    """Look for the replay of the baseline MLP whose surge error is nearest to the paper's."""
+    """Find the replay of the baseline MLP whose surge error is nearest to the paper's."""
     found = [] if replayed.is_empty() else replayed.filter(variant="MJ1").drop_nulls("u").to_dicts()
     if not found:
         return WAITING, "", SAMPLE

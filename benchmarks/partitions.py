@@ -119,7 +119,10 @@ def timed(part: Part, folder: Path, how: Labelling) -> tuple[str, float]:
 
 
 def labelled(engine: Engine, data: Dataset, how: Labelling, scratch: Path) -> tuple[float, float, float]:
-    """Label all sessions on warm nodes; return wall time, total and busiest node's processor time [s]."""
+    """Return wall time, total processor time and that of the busiest node [s] for labelling all sessions.
+
+    The nodes are warm: their kernels are compiled.
+    """
     engine.prepare(partial(warm, data.parts[0], how))
     list(engine.each(timed, [(data.parts[0], scratch, how)] * engine.slots))  # starts the workers
     began = time.perf_counter()

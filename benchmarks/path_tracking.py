@@ -77,19 +77,19 @@ PATH, ALONG = eight()
 
 
 def place(t: ArrayLike) -> Array:
-    """Return the target position at some times, (..., 3)."""
+    """Return the target position (..., 3), NED [m], at the times t [s]."""
     way = np.mod(SPEED * np.asarray(t, float), ALONG[-1])
     return np.stack([np.interp(way, ALONG, PATH[:, i]) for i in range(3)], axis=-1)
 
 
 def heading(t: ArrayLike) -> Array:
-    """Return the horizontal direction of the path at some times, of length 1, (..., 2)."""
+    """Return the horizontal direction of the path (..., 2), a unit vector, at the times t [s]."""
     ahead = (place(np.asarray(t, float) + 0.05) - place(t))[..., :2]
     return np.asarray(ahead / np.linalg.norm(ahead, axis=-1, keepdims=True))
 
 
 def pilot(vehicle: Vehicle, look_ahead: float) -> Controller:
-    """Return the hand-tuned pilot, which steers to a point ahead on the path."""
+    """Return the hand-tuned pilot, which steers to the point `look_ahead` [s] ahead on the path."""
     mixed = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
 
     def steer(t: float, pose: Array, nu: Array, thrust: Array) -> Array:
@@ -114,8 +114,14 @@ class Predictive:
     usable.
 
     Attributes:
+        made: CasADi functions of the vehicle.
+        solver: Solver of the optimisation.
+        plan: States and commands of the last plan that converged.
+        commands: Last commands given.
+        bounds: Least and greatest values of the variables of the optimisation.
         seconds: Processor time of each solution [s].
-        unsolved: Solutions that did not converge.
+        planned: Time at which the last plan begins [s].
+        unsolved: Number of solutions that did not converge.
     """
 
     made: Functions
@@ -224,7 +230,14 @@ def fitted(vehicle: Vehicle) -> Vehicle:
 
 
 def measured(name: str, positions: Array, errors: Array, control: Predictive | None = None) -> Row:
-    """Return a row of the table."""
+    """Return the row of a controller.
+
+    Args:
+        name: Name of the controller.
+        positions: Flown positions (N, 3), NED [m].
+        errors: Distances to the path (N,) [m].
+        control: The controller, for its processor times; None for the pilot.
+    """
     after = slice(round(SETTLING / PERIOD), None)
     behind = np.linalg.norm(positions - place((np.arange(len(positions)) + 1) * PERIOD), axis=1)[after]
     cross = errors[after]

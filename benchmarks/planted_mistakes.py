@@ -38,24 +38,29 @@ Change = Callable[[pl.DataFrame, Spec], tuple[pl.DataFrame, Spec]]
 
 @dataclass(frozen=True)
 class Mistake:
-    """Change of a log or of its map, and parts of the messages that identify it."""
+    """Mistake in a log or its map.
+
+    Attributes:
+        change: Function that plants the mistake.
+        named: Parts of the messages that identify the mistake.
+    """
 
     change: Change
     named: tuple[str, ...]
 
 
 def declared(table: str, **settings: object) -> Change:
-    """Return a change of the map's settings of a table."""
+    """Return a change of the settings of one block of the map."""
     return lambda log, spec: (log, {**spec, table: {**spec[table], **settings}})
 
 
 def written(*columns: pl.Expr) -> Change:
-    """Return a change of the log's columns."""
+    """Return a change of columns of the log."""
     return lambda log, spec: (log.with_columns(*columns), spec)
 
 
 def late(*names: str) -> Change:
-    """Return a change that stamps columns late."""
+    """Return a change that gives columns late time stamps."""
     rows = round(LATE * 50.0)
     return written(*(pl.col(name).shift(rows).over("session") for name in names))
 
@@ -130,7 +135,7 @@ def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
 def outcomes(
     vehicle: Vehicle, raw: pl.DataFrame, names: Sequence[str]
 ) -> Iterator[tuple[str, bool, list[str]]]:
-    """Yield for each mistake whether it is named, and all messages."""
+    """Yield for each mistake its name, whether it is named, and all messages."""
     log, spec = log_of(raw)
     for name in names:
         one = MISTAKES[name]

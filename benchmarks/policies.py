@@ -49,7 +49,10 @@ def cell(row: Row) -> str:
 
 
 def of_seeds(rows: Sequence[Row]) -> Row:
-    """Return the evaluation of the training with median success (the lower of two), and all success rates."""
+    """Return the evaluation of the training with the median success, with all success rates.
+
+    Of an even number, the lower of the two middle ones counts.
+    """
     ranked = sorted(rows, key=lambda row: (row["success"], -row["collision"]))
     return ranked[(len(ranked) - 1) // 2] | {"all": [row["success"] for row in ranked]}
 
@@ -67,7 +70,10 @@ def named(row: Row, counted: dict[str, str]) -> str:
 
 
 def medians(found: pl.DataFrame) -> list[Row]:
-    """Return evaluations with several trainings merged into one, see `of_seeds`; pilots do not vary."""
+    """Return evaluations with the trainings of each policy merged by `of_seeds`.
+
+    Of a pilot, which is the same for every training, one evaluation is kept.
+    """
     alike = ["task", "level", "flown_by", "condition", "plant", "setting", "episodes"]
     once = found.unique([*alike, "seed"], keep="first", maintain_order=True)
     once = once.filter((pl.col("flown_by") == POLICY) | (pl.col("seed") == pl.col("seed").min().over(alike)))
@@ -75,12 +81,12 @@ def medians(found: pl.DataFrame) -> list[Row]:
 
 
 def flyer(row: Row) -> str:
-    """Return the name of the flyer; of a policy, the physics of its training."""
+    """Return the name of the actor of an evaluation; for a policy, the physics of its training."""
     return str(row["condition"] if row["flown_by"] == POLICY else row["flown_by"])
 
 
 def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
-    """Return a row for each task and flyer, with cells for the MuJoCo model and the reference simulator."""
+    """Return a row for each task and actor, with cells for the MuJoCo model and the reference simulator."""
     rows: dict[tuple[str, str], Row] = {}
     for row in medians(found.filter(setting="nominal")):
         key = named(row, counted), flyer(row)
@@ -90,7 +96,7 @@ def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 
 
 def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
-    """Return a row for each task, flyer and place: success rates and times by setting."""
+    """Return a row for each task, actor and simulator: success rates and times by test setting."""
     rows: dict[tuple[str, str, str], Row] = {}
     for row in medians(found):
         key = named(row, counted), flyer(row), row["plant"]
@@ -108,7 +114,7 @@ def passed_exams(evaluations: pl.DataFrame) -> pl.DataFrame:
 
 
 def training(run: Path) -> Row:
-    """Return the steps until a training first passed each task, and all tasks with its last policy."""
+    """Return the row of one training: steps until it first passed each task, and tasks of its last policy."""
     from hydro.rl.tasks.registry import STAGES
 
     found = table.read(run / "evaluations.parquet", "evaluations").frame

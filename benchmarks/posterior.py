@@ -29,7 +29,7 @@ from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
 
 TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
-"""Options of each training distribution."""
+"""Options of trainings on each distribution of vehicles."""
 RECIPE = ("--recipe", "imitation", "--stages", "3", "--steps", "2000000")
 FLOWN = {
     "student, drawn": ("student", ("posterior",)),
@@ -53,7 +53,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def flights(folder: Path) -> list[Row]:
-    """Return every evaluation of a study, with the training distribution of its policy."""
+    """Return every evaluation of a study, with the vehicles that its policy was trained with."""
     rows = []
     for name in TRAINED:
         for path in sorted(folder.glob(f"{place(Path(), name, '*')}.parquet")):
@@ -63,7 +63,7 @@ def flights(folder: Path) -> list[Row]:
 
 
 def by_flyer(found: list[Row]) -> list[Row]:
-    """Return a row for each pilot and each training distribution: the median training and all, by place."""
+    """Return a row for each pilot and kind of training: the median training and all, by test."""
     places: dict[str, dict[str, list[Row]]] = {}
     for row in found:
         who = f"policy trained on {row['trained']}" if row["trained"] else str(row["flown_by"])

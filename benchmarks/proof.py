@@ -65,12 +65,12 @@ RIVALS = {
 
 
 def gains(**left: float) -> dict[str, Any]:
-    """Return the effect of thrusters that deliver a share of their thrust, by name: T1 to T8."""
+    """Return the effect of thrusters that deliver a share of their thrust, given by name, T1 to T8."""
     return {"name": "thruster_gain", "g": [left.get(f"T{i + 1}", 1.0) - 1.0 for i in range(8)]}
 
 
 def current(speed: float) -> dict[str, Any]:
-    """Return the effect of a current to the north-east."""
+    """Return the effect of a current to the north-east with a speed [m/s]."""
     part = round(speed / 2**0.5, 4)
     return {"name": "ocean_current", "v_N": part, "v_E": part, "v_D": 0.0}
 
@@ -112,7 +112,7 @@ def study_of(folder: Path) -> Study:
 
 
 def rivals(folder: Path) -> None:
-    """Run the rivals that a study has no result of, and write their errors into its folder."""
+    """Run the rival methods that a study has no result of, and write their errors into its folder."""
     study, path = study_of(folder), folder / RESULTS
     known = json.loads(path.read_text()) if path.is_file() else {}
     given = vehicles.read(study.vehicle)[0]
@@ -160,7 +160,10 @@ def named_of(title: str, study: Study) -> list[Row]:
 
 
 def flights_of(title: str, study: Study) -> list[Row]:
-    """Return a row for every policy and vehicle, one for all seeds that were not run, and the pilot's."""
+    """Return the rows of a study's flights: one per policy and vehicle, and those of the pilot.
+
+    Seeds that were not run share one row.
+    """
     flights = proof_tables.flights(study)
     rows: list[Row] = []
     for file, vehicle in dict.fromkeys((run.file, flown) for run in study.runs for flown in run.tests):
@@ -189,7 +192,14 @@ def _flown(row: dict[str, Any]) -> Row:
 
 
 def changed(study: Study, number: int, effect: dict[str, Any], actor: Path) -> dict[str, Any]:
-    """Return the result of a policy, or of the pilot of a vehicle file, with a change; it is tested once."""
+    """Return the result of flights with a change; they are flown once and then read.
+
+    Args:
+        study: The study.
+        number: Number of the change.
+        effect: Table of the change.
+        actor: Folder of a policy's training, or a vehicle file, which the pilot flies.
+    """
     folder = study.folder / "changes"
     folder.mkdir(exist_ok=True)
     truth, out = folder / f"{number}.toml", folder / f"{number}-{actor.stem}.parquet"
@@ -205,7 +215,12 @@ def changed(study: Study, number: int, effect: dict[str, Any], actor: Path) -> d
 
 
 def changes(commit: str, folder: Path) -> None:
-    """Keep the arrivals of the pilot and of the policies of a study with every change."""
+    """Fly the pilot and the policies of a study under each of CHANGES, and keep the shares of arrivals.
+
+    Args:
+        commit: Commit of the measured code, kept with the table.
+        folder: Folder of the study.
+    """
     study = study_of(folder)
     policies = {run.seed: run.folder for run in study.runs if run.file == proof.BEFORE}
     rows: list[Row] = []
@@ -222,7 +237,7 @@ def changes(commit: str, folder: Path) -> None:
 
 
 def keeps(commit: str, named: dict[str, Path]) -> None:
-    """Keep the tables of the studies, by title."""
+    """Write the kept tables of studies, given by title."""
     studies = {title: study_of(folder) for title, folder in named.items()}
     last = max(study.seeds for study in studies.values()) - 1
     where = origin(pl.DataFrame({"seed": [0, last]}), COMMAND, commit)

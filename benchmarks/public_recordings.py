@@ -83,7 +83,13 @@ def measured(vehicle: Vehicle, text: str, raw: pl.DataFrame, chosen: list[str]) 
 
 
 def rms(whole: pl.DataFrame, held: Held, velocities: np.ndarray) -> np.ndarray:
-    """Return the root mean square error of each axis over all predictions, (6,)."""
+    """Return the root mean square error of each axis over all predictions, (6,) [m/s, rad/s].
+
+    Args:
+        whole: Raw table of the held-out part.
+        held: Held-out part with the starts of predictions.
+        velocities: Predicted velocities (S, L, 6).
+    """
     logged = whole.select(VELOCITY).to_numpy().astype(float)
     rows = held.starts[:, None] + np.arange(held.length)
     off = np.clip(np.nan_to_num(velocities - logged[rows], nan=np.inf), -100.0, 100.0)

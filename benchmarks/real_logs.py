@@ -39,7 +39,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as vehicles
 
 SPLITS = {"two sessions": 2, "all sessions": None}
-"""How many sessions of each log a split has, from the first on."""
+"""Number of the first sessions of each log in a split; None for all."""
 JUDGED = ("u", "v", "w", "r")
 """Axes that the vehicle's controller drives."""
 
@@ -51,7 +51,7 @@ def head(raw: pl.DataFrame, sessions: int | None) -> pl.DataFrame:
 
 
 def squares(misfit: Misfit) -> Squares:
-    """Return the squared errors piece by piece of the judged axes alone."""
+    """Return the squared errors, piece by piece, of the judged axes only."""
     of = [VELOCITY.index(axis) for axis in JUDGED]
     kept = np.isin(np.arange(len(VELOCITY)), of)
     return Squares(misfit.squares * kept, misfit.numbers * kept)
@@ -74,7 +74,11 @@ def held_out(recordings: Recordings, vehicle: Vehicle) -> dict[str, Squares]:
 
 
 def judged(errors: dict[str, Squares]) -> Iterator[dict[str, Any]]:
-    """Yield a row for each axis, and one for the geometric mean of the ratio to least squares."""
+    """Yield a row for each axis, and one for the geometric mean of the error ratio to least squares.
+
+    Args:
+        errors: Squared errors of the model and of the simple predictors, by name.
+    """
     beaten = {name: worse_axes(errors[name], errors["model"]) for name in (ZERO, LEAST_SQUARES)}
     root = {name: np.sqrt(one.mean) for name, one in errors.items()}
     for axis in JUDGED:

@@ -49,20 +49,22 @@ Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
 
 def within(low: float, high: float, *, signs: bool = True) -> Callable[[np.random.Generator], float]:
-    """A size between two bounds, of either sign."""
+    """Return a function that draws a size between two bounds, of either sign if `signs` is true."""
     return lambda rng: float(rng.uniform(low, high) * (rng.choice([-1.0, 1.0]) if signs else 1.0))
 
 
 def mass(vehicle: Vehicle) -> float:
+    """Return the mass of a vehicle [kg]."""
     return vehicle.rigid_body.mass
 
 
 def moment(vehicle: Vehicle) -> float:
+    """Return the mean moment of inertia of a vehicle [kg m^2]."""
     return float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
 
 
 def axes(vehicle: Vehicle, share: float, rng: np.random.Generator) -> list[float]:
-    """Six positive numbers, about `share` of mass and of moment of inertia."""
+    """Draw six positive numbers, about `share` times the mass and the moment of inertia."""
     sizes = np.repeat([mass(vehicle), moment(vehicle)], 3) * share
     return [float(x) for x in sizes * rng.uniform(0.3, 1.0, 6)]
 
@@ -81,7 +83,7 @@ def odd_power(rng: np.random.Generator) -> float:
 
 
 def aside(rng: np.random.Generator, vehicle: Vehicle, shares: tuple[float, float, float]) -> list[float]:
-    """A point of the body off CO on all axes, up to these shares of the hull's lengths away."""
+    """Draw a point of the body away from CO on all axes [m], up to shares of the hull's lengths."""
     reach = np.multiply(shares, [vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
     return [float(x) for x in reach * rng.uniform(0.4, 1.0, 3) * rng.choice([-1.0, 1.0], 3)]
 
@@ -91,14 +93,14 @@ def cross(vehicle: Vehicle) -> float:
 
 
 def semidefinite(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
-    """A symmetric matrix (6, 6) with `axes` on its diagonal, its entries correlated by about 0.3."""
+    """Draw a symmetric matrix (6, 6) with `axes` on its diagonal and correlations of about 0.3."""
     rows = rng.normal(size=(6, 12))
     rows *= np.sqrt(axes(vehicle, share, rng))[:, None] / np.linalg.norm(rows, axis=1, keepdims=True)
     return rows @ rows.T
 
 
 def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
-    """Return such a matrix with an antisymmetric part, which does no work."""
+    """Draw such a symmetric matrix and add an antisymmetric part, which does no work."""
     matrix = semidefinite(vehicle, share, rng)
     sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     turned = np.triu(0.3 * sizes * rng.uniform(-1.0, 1.0, (6, 6)), 1)
@@ -217,7 +219,14 @@ BESIDE = {"current_shear": ("ocean_current",), "current_trend": ("ocean_current"
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
-    """Three sessions of walks and coupled manoeuvres, driven without feedback."""
+    """Return three sessions of random walks and coupled manoeuvres without feedback.
+
+    Args:
+        vehicle: The vehicle.
+        seconds: Length of each session [s].
+        seed: Seed of the commands.
+        depth: Depth of the start [m].
+    """
     rng = np.random.default_rng([seed, 7])
     share = np.linalg.pinv(configuration_matrix(vehicle))
     limits = np.array([thruster.max_thrust for thruster in vehicle.thruster])
@@ -237,10 +246,10 @@ def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.Da
 
 
 def hide(name: str, vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, Vehicle]:
-    """Return the file and the truth, with the effect in a size that the vehicle can have.
+    """Return the vehicle file and the true vehicle, with the effect in a size that the vehicle can have.
 
     Raises:
-        DataError: The vehicle cannot.
+        DataError: The vehicle can have no such effect.
     """
     effect, _, _ = name.partition(".")
     if effect == "coupled_damping":  # no coupling with an axis of zero damping is passive
@@ -260,13 +269,13 @@ def hide(name: str, vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle
 
 
 def guessed(formula: Mapping[str, Any]) -> dict[str, Any]:
-    """A formula as a user writes it down: coefficients half as large, squares for powers."""
+    """Return a formula as a user might write it: coefficients half as large, squares as powers."""
     halves = {key: [0.5 * value for value in formula[key]] for key in ("force", "moment")}
     return {**formula, **halves, "exponents": [2.0] * len(formula["exponents"])}
 
 
 def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, Any]:
-    """One study: simulate, disturb, fit, compare."""
+    """Return the row of one trial: simulate, disturb, fit and compare."""
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     row = {"effect": name, "vehicle": vehicle_name, "seed": seed}
     clock = time.perf_counter()
@@ -281,7 +290,7 @@ def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, 
 def recovered(
     name: str, seed: int, vehicle: Vehicle, seconds: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Return the estimates of an effect, in standard errors from the truth."""
+    """Return the estimates of an effect, as differences from the truth in standard errors."""
     known, truth = hide(name, vehicle, rng)
     effect, _, _ = name.partition(".")
     hidden = next(iter(truth.effects(effect)))
@@ -337,7 +346,7 @@ def true_values(truth: Vehicle, free: Free) -> Array:
 
 
 def interval(hits: int, count: int) -> str:
-    """Return a share with its 95 % interval, for a table of fixed width."""
+    """Return a share with its 95 % interval as text of fixed width."""
     low, high = shares.interval(hits, count)
     return f"{100 * hits / count:5.1f} % [{100 * low:5.1f}, {100 * high:5.1f}]"
 

@@ -206,7 +206,11 @@ def flown(vehicle: Vehicle, start: Start, rudder: float, planes: float, seconds:
 
 
 def turn_figures(motion: Array) -> dict[str, float]:
-    """Return figures of a turn: yaw rate, speed and radius in its last ten seconds, and its rise time."""
+    """Return figures of a turn by name: yaw rate, speed and radius in the last ten seconds, and rise time.
+
+    Args:
+        motion: Pose and velocity at N rows of DT [s], (N, 12).
+    """
     yaw = np.unwrap(motion[:, 5])
     rate, last = np.gradient(yaw, DT), round(10.0 / DT)
     steady = float(rate[-last:].mean())
@@ -221,7 +225,7 @@ def turn_figures(motion: Array) -> dict[str, float]:
 
 
 def dive_figures(motion: Array) -> dict[str, float]:
-    """Return figures of a dive or climb: pitch and depth after the step."""
+    """Return figures of a dive or climb by name: pitch and depth after the step."""
     at = round(5.0 / DT)
     return {
         "pitch after 5 s [deg]": math.degrees(motion[at, 4]),
@@ -251,7 +255,14 @@ def rows() -> list[Row]:
 def compared(
     manoeuvre: str, expected: Mapping[str, float], printed: Mapping[str, float], actual: Mapping[str, float]
 ) -> list[Row]:
-    """Return the rows of one manoeuvre; the difference is that from the expected figures."""
+    """Return the rows of one manoeuvre, with the difference between preset and equations of the thesis.
+
+    Args:
+        manoeuvre: Name of the manoeuvre.
+        expected: Figures of the equations, with the corrected coefficient.
+        printed: Figures of the equations, with the printed coefficient.
+        actual: Figures of the preset.
+    """
     return [
         {
             "manoeuvre": manoeuvre,

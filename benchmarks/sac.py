@@ -40,7 +40,7 @@ CHOICES = SACConfig(horizon=1)  # of random transitions, nothing follows one ano
 
 
 def transitions() -> dict[str, Tensor]:
-    """Random ones, enough that batches are scattered over memory."""
+    """Return random transitions, so many that batches are scattered over memory."""
     generator = torch.Generator().manual_seed(0)
 
     def drawn(*shape: int) -> Tensor:
@@ -62,7 +62,7 @@ def mlp(inputs: int, outputs: int) -> nn.Sequential:
 
 
 class Plain:
-    """SAC as one writes it in PyTorch."""
+    """SAC in plain PyTorch, without special measures for speed."""
 
     def __init__(self, data: dict[str, Tensor]) -> None:
         self.data = list(data.values())
@@ -110,7 +110,7 @@ class Plain:
 
 
 class TorchRL:
-    """TorchRL's own, as its examples write it."""
+    """SAC of TorchRL, as in its examples."""
 
     def __init__(self, data: dict[str, Tensor], *, compiled: bool = False) -> None:
         layers = MLP(OBSERVATIONS, 2 * ACTIONS, num_cells=list(CHOICES.layers), activation_class=nn.ReLU)
@@ -155,7 +155,7 @@ def learner(data: dict[str, Tensor]) -> Learner:
 
 
 def measure(cases: dict[str, Callable[[], object]], rounds: int) -> dict[str, np.ndarray]:
-    """Wall and processor time [ms] of every round, (rounds, 2), by case."""
+    """Return wall and processor time [ms] of each update, (rounds, 2), by case."""
     spent: dict[str, list[tuple[float, float]]] = {name: [] for name in cases}
     for number in range(rounds + 5):
         for name, update in cases.items():

@@ -51,7 +51,10 @@ def explained(columns: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarra
 
 
 def heads(path: Path, sessions: int, rows: int, *, between: bool = False) -> pl.DataFrame:
-    """Return the first `rows` rows, with rotors at rest, of evenly spread sessions or of those between."""
+    """Return the first `rows` rows, with rotors at rest, of `sessions` evenly spread sessions.
+
+    With `between`, the sessions are those between the evenly spread ones.
+    """
     raw = pl.read_parquet(path)
     names = raw["session"].unique(maintain_order=True)
     places = (np.arange(sessions) + 0.5 * between) * len(names) / sessions

@@ -40,7 +40,7 @@ ELSEWHERE = {
 
 
 def apart(vehicle: Vehicle, recording: Path, hidden: list[Table]) -> tuple[Array, str]:
-    """Greatest differences (12,) of the motion from a recording's, and the version of Stonefish."""
+    """Return the greatest differences (12,) of a repeated motion from a recording, and the version used."""
     surface = mesh.read_obj(bundled("stonefish") / "hull.obj")
     subject = stonefish_teacher(vehicle, mesh=surface, hidden=hidden)
     frame = pl.read_parquet(recording)
@@ -51,7 +51,7 @@ def apart(vehicle: Vehicle, recording: Path, hidden: list[Table]) -> tuple[Array
 
 
 def row(what: str, found: tuple[Array, str]) -> Row:
-    """A row of the table."""
+    """Return a row of the table."""
     furthest, version = found
     linear, turning = (
         ", ".join(f"{one:.1e}" for one in furthest[part]) for part in (slice(6, 9), slice(9, 12))
@@ -66,7 +66,7 @@ def row(what: str, found: tuple[Array, str]) -> Row:
 
 
 def study(recordings: Path | None) -> list[Row]:
-    """All rows."""
+    """Return all rows of the table."""
     folder = bundled("stonefish")
     vehicle = files.read(folder / "vehicle.toml")[0]
     exact = msgspec.structs.replace(
@@ -84,7 +84,7 @@ def study(recordings: Path | None) -> list[Row]:
 
 
 def main() -> None:
-    """Fly, print, and keep where asked to."""
+    """Repeat all recordings, print the table, and write it with --keep."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -62,7 +62,7 @@ Work = Callable[[], int]
 
 
 class Clock:
-    """Clock of a rate: wall time or processor time."""
+    """Clock that rates are measured with: wall time or processor time."""
 
     now = time.perf_counter
     processor = False

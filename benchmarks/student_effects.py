@@ -57,7 +57,7 @@ HEAVY = ("crossflow_drag", "power_drag", "control_surface", "formula")
 
 
 def with_effects(vehicle: Vehicle, names: tuple[str, ...]) -> Vehicle:
-    """Return the vehicle with some effects instead of its own."""
+    """Return the vehicle with the named effects in place of its own."""
     return msgspec.structs.replace(vehicle, effect=tuple({"name": name, **EFFECTS[name]} for name in names))
 
 
@@ -92,7 +92,16 @@ def in_mujoco(vehicle: Vehicle, rounds: int, seconds: float) -> Rows:
 
 @numba.njit  # type: ignore[untyped-decorator]
 def repeated(calls: int, flat: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Compute a wrench many times."""
+    """Compute the wrench of a compiled vehicle several times.
+
+    Args:
+        calls: Number of computations.
+        flat: Program of the vehicle.
+        s: State of motion.
+        x: States of the effects.
+        dx: Buffer for the rates of these states.
+        tau: Buffer for the wrench (6,).
+    """
     for _ in range(calls):
         tau[:] = 0.0
         wrench(flat, s, x, dx, tau)

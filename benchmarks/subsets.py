@@ -65,7 +65,12 @@ SCHEMA: dict[str, Any] = {
 
 
 def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
-    """Return the table with these samples alone, null elsewhere."""
+    """Return the table with the samples of slower sensors, and null elsewhere.
+
+    Args:
+        raw: Raw table.
+        every: By column, the number of rows between samples, and the row of the first sample.
+    """
     row = pl.int_range(pl.len())
     columns = []
     for name in (*POSE, *VELOCITY):
@@ -75,7 +80,7 @@ def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
 
 
 def misjudged(vehicle: Vehicle, names: Iterable[str], rng: np.random.Generator) -> Vehicle:
-    """Return the vehicle with every number of some effects 20 % too large or too small."""
+    """Return the vehicle with every number of the named effects 20 % too large or too small."""
 
     def wrong(value: Any) -> Any:
         if isinstance(value, list | tuple):

@@ -1,6 +1,6 @@
-"""Changes of a vehicle over simulated histories: found in time, dated, and not found where there are none.
+"""Detection of changes over simulated histories: found in time, dated, and no alarms without a change.
 
-A history is one of five hulls (three simulated from their files with a misjudged damping, two with panel
+A history is one of five hulls (three simulated from their files with a wrong damping, two with panel
 hulls that no file describes) with one change, or none:
 
     abrupt    one thruster loses 20 % of its thrust, or the drag of one axis grows by 20 %, between two dives;
@@ -81,12 +81,12 @@ class Case:
     """One history.
 
     Attributes:
-        seed: Seed of everything random in it.
+        seed: Seed of everything random in the history.
         hull: Name of the vehicle.
         source: `simulate` or `panels`.
         kind: `abrupt`, `gradual` or `none`.
-        parameter: Changed parameter as `hydro track` calls it; empty without one.
-        date: First dive with the change, from 0; the number of dives without one.
+        parameter: Changed parameter by its name in `hydro track`; empty without a change.
+        date: First dive with the change, from 0; the number of dives without a change.
         dives: Number of dives.
         seconds: Length of each dive [s].
     """
@@ -116,7 +116,7 @@ class Case:
         return cls(seed, hull, source, kind, parameter, date, dives, seconds)
 
     def size(self, dive: int) -> float:
-        """Return the size of the change in a dive [1]."""
+        """Return the size of the change in a dive, as a share of the unchanged value."""
         if dive < self.date or self.kind == "none":
             return 0.0
         return ABRUPT if self.kind == "abrupt" else GRADUAL * (dive - self.date + 1)

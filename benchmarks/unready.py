@@ -1,4 +1,4 @@
-"""Diagnose 40 recordings that can show nothing of a vehicle, and count those in which an effect is named.
+"""Diagnoses of 40 recordings that can show nothing of a vehicle, and the number that name an effect.
 
     python -m benchmarks.unready
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def recording(kind: str, seed: int) -> pl.DataFrame:
-    """Return the raw table of a vehicle that does nothing, or nothing that its thrusters caused."""
+    """Return the raw table of a vehicle at rest, or of motion that its thrusters did not cause."""
     rng = np.random.default_rng([KINDS.index(kind), seed])
     dt, seconds = float(rng.choice([0.2, 0.1, 0.05, 0.02])), float(rng.uniform(40.0, 120.0))
     rows = round(seconds / dt)

@@ -17,9 +17,12 @@ Result = TypeVar("Result")
 def done(
     task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], chosen: argparse.Namespace
 ) -> Iterator[Result]:
-    """Run a task with each of the arguments and yield results as they end.
+    """Run a task with each tuple of arguments, and yield results as they end.
 
-    `chosen` has the options of `add_workers`, which say where tasks run.
+    Args:
+        task: Function of a module.
+        arguments: Arguments of each call.
+        chosen: Values of the options of `add_workers`, which say where tasks run.
     """
     if chosen.engine == "ray":
         from hydro.study.cluster import Cluster
@@ -63,7 +66,7 @@ def together(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
 
 
 class Results:
-    """Table of results on disk.  Each addition replaces the file at once, so it is never half written."""
+    """Table of results on disk; each addition replaces the file atomically."""
 
     def __init__(self, path: Path, schema: Mapping[str, Any]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)

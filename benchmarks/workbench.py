@@ -85,7 +85,7 @@ def computed(path: Path) -> list[Row]:
 
 
 def _timed(words: str, work: Callable[[], None]) -> Row:
-    """Time a computation several times, after a first one."""
+    """Return the row of a computation's time, measured several times after a first call."""
     work()
     walls, processor = [], []
     for _ in range(REPEATS):
@@ -157,7 +157,7 @@ def served(*files: str) -> Iterator[tuple[int, str, float]]:
 
 
 def _family(process: int) -> list[int]:
-    """Return a process and its children, by whichever thread they were started."""
+    """Return the numbers of a process and its children, including those started by other threads."""
     children = [
         child for one in Path(f"/proc/{process}/task").glob("*/children") for child in one.read_text().split()
     ]
@@ -165,7 +165,7 @@ def _family(process: int) -> list[int]:
 
 
 def _processor(process: int, *, children: bool = False) -> float:
-    """Return the processor time of a process [s], or that of the processes below it."""
+    """Return the processor time of a process, or with `children` that of the processes below it [s]."""
     every = _family(process)[1:] if children else [process]
     total = 0.0
     for one in every:

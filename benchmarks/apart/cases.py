@@ -13,13 +13,13 @@ from benchmarks.apart.vehicles import MAKERS, Vehicle
 
 ROV, HOVER, FIXED, DRIVEN = "rov", "hover", "fixed", "driven"
 PLACES = 48
-"""That vehicles are dealt out over: more than there are cases, so that cases may be added."""
+"""Number of places over which vehicles are distributed: more than cases, so that cases may be added."""
 FITTED = 0.4
 """Share of files whose effects are fitted to flights; the others are used as stated."""
 SPREAD = {True: 0.3, False: 0.1}
 """Log-scale spread of the errors of a file's numbers, for files fitted afterwards and for others."""
 LARGER = 2.2
-"""Size that a small weight begins with on an open frame, whose file's error would hide less."""
+"""Initial size of a small weight on an open frame, because the file's error would hide a smaller one."""
 SMALL = ("payload_plus", "payload_float", "trapped_water", "net_buoyancy")
 
 
@@ -28,9 +28,9 @@ class Case:
     """One recording to diagnose.
 
     Attributes:
-        name: Of its folder.
+        name: Name of the case's folder.
         kind: Kind of the change, one of `CHANGES`.
-        vehicles: Makers that it may be drawn from.
+        vehicles: Makers of vehicles, one of which is drawn.
     """
 
     name: str
@@ -82,7 +82,7 @@ CASES = (
     Case("unchanged_3", "unchanged", (FIXED,)),
     Case("unchanged_4", "unchanged", (DRIVEN,)),
 )
-"""In the order that numbers a case: a seed's numbers hang on it."""
+"""All cases; the order sets their numbers, and with these the random draws of a seed."""
 UNCHANGED = "unchanged"
 
 
@@ -91,16 +91,16 @@ class Drawn:
     """A case of a seed.
 
     Attributes:
-        seed: Of all cases.
-        place: Of the case in `CASES`.
+        seed: Seed of all cases.
+        place: Index of the case in `CASES`.
         case: The change.
-        maker: Of the vehicle.
-        vehicle: The unchanged one.
-        fitted: Whether its file is fitted to flights.
-        modes: How sessions are flown, by recording: `fit`, `before` and `after`.
-        rows: How many rows of them are kept, as `modes`.
-        depth: That sessions after the change begin near [m].
-        excursion: Of way-points after the change [m].
+        maker: Maker of the vehicle.
+        vehicle: The unchanged vehicle.
+        fitted: Whether the vehicle file is fitted to flights.
+        modes: Modes in which the sessions are flown, by recording: `fit`, `before` and `after`.
+        rows: Number of rows that are kept of each session, by recording.
+        depth: Depth near which sessions after the change begin [m].
+        excursion: Greatest change of depth between way-points after the change [m].
     """
 
     seed: int

@@ -23,9 +23,9 @@ SPEEDS = {
     "hover": np.array([0.8, 0.35, 0.3, 0.4, 0.3, 0.4]),
     "torpedo": np.array([1.3, 0.3, 0.3, 0.6, 0.4, 0.4]),
 }
-"""Speeds that added drag is sized by, per axis [m/s, rad/s]."""
+"""Speed on each axis for which the size of added drag is chosen [m/s, rad/s]."""
 MIDDLE = 20.0
-"""Depth that sessions are flown about [m]."""
+"""Mean depth of sessions [m]."""
 Truth = dict[str, Any]
 
 
@@ -34,10 +34,10 @@ class Draw:
     """Source of a random change.
 
     Attributes:
-        vehicle: The unchanged one.
-        Q: Parameters of the changed one, a copy that a change may alter.
-        rng: Generator of the case.
-        s: Size, 1 at first.
+        vehicle: The unchanged vehicle.
+        Q: Parameters of the changed vehicle, a copy that a change may alter.
+        rng: Random generator of the case.
+        s: Factor on the size of the change, 1 at first.
     """
 
     vehicle: Vehicle
@@ -52,12 +52,12 @@ class Draw:
 
     @property
     def slender(self) -> bool:
-        """Return whether it is a torpedo, which is sensitive to small changes."""
+        """Return whether the vehicle is a torpedo, which is sensitive to small changes."""
         return self.vehicle.kind == "torpedo"
 
     @property
     def weight(self) -> float:
-        """Return the weight [N]."""
+        """Return the weight of the vehicle [N]."""
         return self.P["mass"] * G
 
     def between(self, low: float, high: float) -> float:
@@ -65,7 +65,7 @@ class Draw:
         return self.rng.uniform(low, high)
 
     def sized(self, low: float, high: float) -> float:
-        """Draw a number between two bounds, times the size of the change."""
+        """Draw a number between two bounds, times the factor on the size of the change."""
         return self.s * self.rng.uniform(low, high)
 
     def sign(self) -> float:
@@ -356,13 +356,13 @@ CHANGES: dict[str, Callable[[Draw], Truth]] = {
 
 
 def changed(kind: str, vehicle: Vehicle, rng: np.random.Generator, size: float) -> tuple[Parameters, Truth]:
-    """Return the parameters of a changed vehicle, and the truth of the change.
+    """Return the parameters of a changed vehicle, and the true values of the change.
 
     Args:
         kind: One of `CHANGES`.
-        vehicle: The unchanged one, which is left alone.
-        rng: Fresh for every size.
-        size: Of the change.
+        vehicle: The unchanged vehicle, which is not altered.
+        rng: Random generator, in the same state for every size.
+        size: Factor on the size of the change.
     """
     Q = copy.deepcopy(vehicle.P)
     return Q, CHANGES[kind](Draw(vehicle, Q, rng, size))

@@ -20,10 +20,10 @@ REACHED = {
     "hover": np.array([0.8, 0.35, 0.3, 0.4, 0.3, 0.4]),
     "torpedo": np.array([1.3, 0.3, 0.3, 0.6, 0.3, 0.35]),
 }
-"""Speeds that forces are sized for, per axis [m/s, rad/s]."""
+"""Speed on each axis for which the size of forces is chosen [m/s, rad/s]."""
 MODES = ("axes", "steps", "way")
 UNBOUND = 1e9
-"""A bound that binds nothing [N, N m]."""
+"""Bound that never takes effect [N, N m]."""
 
 
 def multisine(
@@ -53,9 +53,9 @@ class Leg:
     """One session to fly.
 
     Attributes:
-        vehicle: The unchanged one, which commands are made for.
+        vehicle: The unchanged vehicle, for which commands are computed.
         mode: One of `MODES`.
-        rng: For signals and way-points.
+        rng: Random generator of signals and way-points.
         start: Position (3) [m], NED, and heading [rad].
         excursion: Greatest change of depth between way-points [m].
     """
@@ -68,7 +68,10 @@ class Leg:
 
 
 class Pilot:
-    """Commands of a batch of legs with equal numbers of commands; called with a row and its measurements."""
+    """Pilot of a batch of legs with equal numbers of commands.
+
+    It is called with the number of a row and the measurements there, and returns the commands.
+    """
 
     def __init__(self, legs: Sequence[Leg], rows: int) -> None:
         """Draw signals and way-points for all rows."""
@@ -90,7 +93,7 @@ class Pilot:
             self.points[:, b] = way_points(leg, t)
 
     def _steer(self, b: int, leg: Leg, t: Array) -> None:
-        """Set a propeller at changing speed, and fins: elevator and rudder."""
+        """Set the commands of leg `b`, a torpedo: propeller at changing speed, elevator and rudder."""
         rng, mode = leg.rng, leg.mode
         self.driven[b] = True
         direct = self.direct[:, b]
@@ -104,7 +107,7 @@ class Pilot:
         self.loop[b] = {"axes": 0.25, "steps": 0.25, "way": 1.0}[mode]
 
     def _push(self, b: int, leg: Leg, t: Array) -> None:
-        """Set forces and moments of the thrusters, and a small independent part of each."""
+        """Set the commands of leg `b`: forces and moments, and a small independent part of each thruster."""
         P, kind, n, rng, mode = leg.vehicle.P, leg.vehicle.kind, self.n, leg.rng, leg.mode
         r, d, tops = P["thr_pos"], P["thr_dir"], P["thr_max"]
         each = np.concatenate([d, np.cross(r, d)], 1).T
@@ -160,7 +163,14 @@ class Pilot:
 
 
 def way_points(leg: Leg, t: Array) -> Array:
-    """Return position [m], NED, and heading [rad] to hold, (rows, 4); they change every 9 to 16 s."""
+    """Return the position [m], NED, and heading [rad] to hold in each row, (rows, 4).
+
+    They change every 9 to 16 s.
+
+    Args:
+        leg: The session.
+        t: Times of the rows (rows,) [s].
+    """
     rng, start, excursion = leg.rng, leg.start, leg.excursion
     points, at = np.zeros((t.size, 4)), 0.0
     here = np.array(start, float)

@@ -84,12 +84,12 @@ def euler(q: Array) -> Array:
 
 
 def rigid_body(mass: float, cg: Any, inertia: Array) -> Array:
-    """Return the mass matrix (6, 6) about the origin [kg, kg m, kg m^2].
+    """Return the mass matrix (6, 6) of a rigid body about the origin [kg, kg m, kg m^2].
 
     Args:
-        mass: [kg].
+        mass: Mass [kg].
         cg: Centre of gravity, body frame [m].
-        inertia: About the centre of gravity, (3, 3) [kg m^2].
+        inertia: Inertia about the centre of gravity, (3, 3) [kg m^2].
     """
     s = skew(np.asarray(cg, float))
     m = np.zeros((6, 6))
@@ -101,9 +101,9 @@ def rigid_body(mass: float, cg: Any, inertia: Array) -> Array:
 
 
 def kirchhoff(m: Array, nu: Array) -> Array:
-    """Return C(nu) nu = (omega x p, v x p + omega x h), (B, 6), of mass matrices (B, 6, 6).
+    """Return C(nu) nu = (omega x p, v x p + omega x h), (B, 6), of mass matrices m (B, 6, 6).
 
-    p and h are the linear and angular momentum.
+    p and h are the linear and angular momentum, the halves of m nu; nu = (v, omega).
     """
     ph = np.einsum("bij,bj->bi", m, nu)
     p, h = ph[:, :3], ph[:, 3:]
@@ -112,5 +112,5 @@ def kirchhoff(m: Array, nu: Array) -> Array:
 
 
 def wrench(force: Array, at: Array) -> Array:
-    """Return force and moment about the origin, (..., 6), of a force at a point of the body."""
+    """Return force and moment about the origin, (..., 6), of a force (..., 3) at a point of the body."""
     return np.concatenate([force, cross(at, force)], -1)

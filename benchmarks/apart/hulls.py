@@ -124,12 +124,12 @@ HULLS: dict[str, Callable[[Parameters, Array], Array]] = {"rov": frame, "torpedo
 
 
 def resistance(P: Mapping[str, object], kind: str, speeds: Array) -> Array:
-    """Return the resistance of one vehicle's hull on each axis alone at its speed, (6,) [N, N m].
+    """Return the resistance of one vehicle's hull to motion along each axis alone, (6,) [N, N m].
 
     Args:
         P: Parameters of one vehicle, without the leading B.
-        kind: Of its hull.
-        speeds: Per axis (6,) [m/s, rad/s].
+        kind: Kind of its hull.
+        speeds: Speed on each axis (6,) [m/s, rad/s].
     """
     one = {k: np.asarray(v, float)[None] for k, v in P.items()}
     return np.array([-HULLS[kind](one, (np.eye(6)[i] * speeds[i])[None])[0, i] for i in range(6)])

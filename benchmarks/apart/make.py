@@ -30,20 +30,24 @@ from benchmarks.apart.vehicles import Parameters
 SHARE = 0.15
 """Minimum share of the squared 5 s error that a change must cause."""
 LARGER, SMALLER = 1.6, 0.7
-"""Factors on a size with an effect that is too small, and on one with which the vehicle cannot be flown."""
+"""Factors on the size of an effect that is too small, and of one with which the vehicle cannot be flown."""
 ROUNDS = 5
 SHOTS = 70
-"""Of the fit of a file."""
+"""Number of shots of the fit of a file."""
 TOO_LONG = 900.0
-"""For one command of hydro [s]."""
+"""Longest duration of one command of hydro [s]."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 def hydro(*arguments: Any, seconds: float = TOO_LONG) -> subprocess.CompletedProcess[str]:
-    """Run the `hydro` of this interpreter in one thread.
+    """Run a command of hydro with this interpreter in one thread.
+
+    Args:
+        arguments: Words of the command, without `hydro`.
+        seconds: Longest duration [s].
 
     Raises:
-        subprocess.TimeoutExpired: It takes longer than `seconds`.
+        subprocess.TimeoutExpired: The command takes longer than `seconds`.
     """
     command = [sys.executable, "-m", "hydro", *map(str, arguments)]
     environment = {**os.environ, **ONE_THREAD}
@@ -59,8 +63,8 @@ def make(seed: int, folder: Path, only: Sequence[str] = ()) -> None:
     `only`, cases get other noise than in a full run.
 
     Args:
-        seed: Of the cases.
-        folder: That gets a folder per case.
+        seed: Seed of the cases.
+        folder: Folder that gets a folder per case.
         only: Names of cases; all by default.
     """
     drawn = [draw(seed, place) for place in range(len(CASES))]
@@ -176,7 +180,14 @@ def batch(
     done: dict[int, dict[str, Any] | None],
     number: int,
 ) -> list[Recording]:
-    """Return recordings that share the noise of a round: those to fly, and the earlier ones."""
+    """Return the recordings of a round: changed vehicles to fly, and cases that only share its noise.
+
+    Args:
+        drawn: All cases.
+        changes: Parameters and truth of the changes to fly, by place of the case.
+        done: `truth.json` of the cases that are complete, by place; None for others.
+        number: Number of the round.
+    """
     found = []
     for each in drawn:
         kept = done[each.place]
@@ -188,13 +199,20 @@ def batch(
 
 
 def record(folder: Path) -> dict[str, Any] | None:
-    """Return `truth.json` of a case, if it exists."""
+    """Return `truth.json` of the case in a folder; None if it does not exist."""
     path = folder / "truth.json"
     return json.loads(path.read_text()) if path.exists() else None
 
 
 def telling(drawn: Drawn, flown: Sequence[Flown], truth: Truth, folder: Path) -> dict[str, Any]:
-    """Return the effect of a change on the velocity 5 s ahead, and its share of the file's error."""
+    """Return the effect of a change on the velocity 5 s ahead, and its share of the squared error.
+
+    Args:
+        drawn: The case.
+        flown: Flights of the changed vehicle.
+        truth: True values of the change.
+        folder: Folder of the case, with the error of the vehicle file.
+    """
     stated = json.loads((folder / "stated.json").read_text())
     made: Array = np.full(6, np.nan)
     if all(np.isfinite(each.states).all() for each in flown):
@@ -205,7 +223,11 @@ def telling(drawn: Drawn, flown: Sequence[Flown], truth: Truth, folder: Path) ->
 
 
 def another(drawn: Drawn, truth: Truth, share: float) -> float:
-    """Return the factor on the size of a change: 1 if the effect is sufficient, or without a size."""
+    """Return the factor by which to change the size of a change; 1 to keep it.
+
+    A change with a size is made larger if its share of the error is too small, and smaller if a flight
+    diverged.
+    """
     if not np.isfinite(share):
         return SMALLER
     sized = bool(truth) and not {"sensor", "columns"} & set(truth) and drawn.case.kind != "thr_dead"
@@ -245,7 +267,7 @@ def plain(x: Any) -> Any:
 
 
 def keep(frame: pl.DataFrame, path: Path) -> None:
-    """Write a table whole or not at all."""
+    """Write a table to a temporary file and rename it, so that it is complete or absent."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     frame.write_parquet(partial)

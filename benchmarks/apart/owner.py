@@ -20,9 +20,9 @@ TOWED = {
     "hover": np.array([0.8, 0.35, 0.3, 0.4, 0.3, 0.4]),
     "torpedo": np.array([1.2, 0.3, 0.3, 0.6, 0.4, 0.4]),
 }
-"""Greatest speeds that drag is taken from, per axis [m/s, rad/s]."""
+"""Greatest speed on each axis at which drag is measured [m/s, rad/s]."""
 QUARTER = 1.570796
-"""[rad], as a file states it."""
+"""Quarter of a turn [rad], with the digits of a file."""
 Effect = tuple[str, list[tuple[str, str]]]
 
 
@@ -54,7 +54,13 @@ def drag(vehicle: Vehicle) -> tuple[Array, Array]:
 
 
 def effects(vehicle: Vehicle, rng: np.random.Generator, spread: float) -> list[Effect]:
-    """Return the file's effects as names and keys; log errors of the numbers have deviation `spread`."""
+    """Return the effects of the vehicle file, each as name and keys.
+
+    Args:
+        vehicle: The true vehicle.
+        rng: Random generator of the errors.
+        spread: Standard deviation of the logarithm of each number's random factor.
+    """
 
     def wrong(count: int) -> Array:
         return np.exp(rng.normal(0, spread, count))
@@ -78,7 +84,13 @@ def effects(vehicle: Vehicle, rng: np.random.Generator, spread: float) -> list[E
 
 
 def _slender(vehicle: Vehicle, quadratic: Array, wrong: Any) -> list[Effect]:
-    """Return a torpedo's effects: couplings, drag of strips, lift of the hull, and movable fins."""
+    """Return the effects in the file of a torpedo: couplings, drag of strips, lift of the hull, movable fins.
+
+    Args:
+        vehicle: The true vehicle.
+        quadratic: Quadratic damping of each axis (6,).
+        wrong: Function that returns a number with a random error.
+    """
     P, fin = vehicle.P, vehicle.fin
     coupling = [("M15", number(P["Ma"][1, 5] * wrong(1)[0])), ("M24", number(P["Ma"][2, 4] * wrong(1)[0]))]
     told: list[Effect] = [("added_mass_coupling", coupling)]
@@ -111,7 +123,15 @@ def _slender(vehicle: Vehicle, quadratic: Array, wrong: Any) -> list[Effect]:
 def file(
     vehicle: Vehicle, name: str, told: Sequence[Effect], rng: np.random.Generator, sloppy: float = 0.02
 ) -> str:
-    """Return the vehicle file, TOML, with one random factor 1 +- `sloppy` on the inertia."""
+    """Return the text of the vehicle file, with one random factor 1 +- `sloppy` on the inertia.
+
+    Args:
+        vehicle: The true vehicle.
+        name: Name in the file.
+        told: Effects of the file.
+        rng: Random generator.
+        sloppy: Greatest relative error of the inertia.
+    """
     P = vehicle.P
     L, Wd, H = vehicle.box
     inertia = P["I"] * (1 + rng.normal(0, sloppy))

@@ -22,12 +22,12 @@ from benchmarks.apart.simulator import ROW, Simulator
 from benchmarks.apart.vehicles import Parameters
 
 ROWS = 4000
-"""Flown of every session."""
+"""Number of rows of every session."""
 STREAMS = {"fit": 1, "before": 2, "after": 3}
 NOISE = np.array([2e-3] * 3 + [1e-3] * 3 + [5e-3] * 3 + [1.5e-3] * 3)
-"""Standard deviations: position [m], attitude [rad], velocity [m/s], rates [rad/s]."""
+"""Standard deviations of the noise: position [m], attitude [rad], velocity [m/s], rates [rad/s]."""
 AHEAD = 250
-"""Rows that an effect is looked at ahead: 5 s."""
+"""Number of rows of a prediction that shows the size of an effect: 5 s."""
 COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 
@@ -36,10 +36,10 @@ class Flown:
     """One session, all rows.
 
     Attributes:
-        states: Of the simulator (rows, 29 + n).
+        states: States of the simulator (rows, 29 + n), for n thrusters.
         commands: (rows, n).
         measured: Position, attitude and velocity (rows, 12), FRD and NED, with noise.
-        noise: In it (rows, 12).
+        noise: Noise in `measured` (rows, 12).
     """
 
     states: Array
@@ -83,8 +83,9 @@ def fly(
     """Fly recordings.
 
     Args:
-        recordings: All that share batches, those without parameters too, in the order of their cases.
-        seed: Of the noise.
+        recordings: All recordings that share batches, those without parameters too, in the order of their
+            cases.
+        seed: Seed of the noise.
         told: Called with a line per batch.
 
     Returns:
@@ -116,13 +117,13 @@ def fly(
 
 
 def effect(P: Parameters, kind: str, flown: Sequence[Flown], rows: Sequence[int]) -> Array:
-    """Return the root mean square (6,) effect of a change on the velocity 5 s ahead [m/s, rad/s].
+    """Return the root mean square effect (6,) of a change on the velocity 5 s ahead [m/s, rad/s].
 
     Args:
         P: Parameters of the unchanged vehicle, which is flown from states of the changed one.
-        kind: Of its hull.
-        flown: Sessions of the changed one.
-        rows: How many of each are kept.
+        kind: Kind of its hull.
+        flown: Sessions of the changed vehicle.
+        rows: Number of rows that are kept of each session.
     """
     starts, commands, ends, past = [], [], [], []
     for each, count in zip(flown, rows, strict=True):
@@ -142,9 +143,10 @@ def table(flown: Sequence[Flown], rows: Sequence[int], truth: Mapping[str, Any],
 
     Args:
         flown: Sessions.
-        rows: How many of each are kept.
-        truth: Of a change: `sensor` and its size, or the `columns` exchanged (two) or reversed (one).
-        prefix: Of the sessions' names.
+        rows: Number of rows that are kept of each session.
+        truth: True values of a change: `sensor` and its size, or the `columns` exchanged (two) or reversed
+            (one).
+        prefix: Prefix of the sessions' names.
     """
     frames = []
     for number, (each, count) in enumerate(zip(flown, rows, strict=True)):

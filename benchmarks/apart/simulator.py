@@ -18,11 +18,11 @@ from benchmarks.apart.frames import Array, G, cross, euler, kirchhoff, quaternio
 from benchmarks.apart.hulls import HULLS, fins
 
 STEP = 0.01
-"""Of the integration [s]."""
+"""Integration step [s]."""
 ROW = 0.02
-"""Between rows of a recording, while which commands are held [s]."""
+"""Time between rows of a recording, during which commands are held [s]."""
 LONGEST = 64
-"""Steps of past commands that are remembered: no delay is longer."""
+"""Number of steps for which past commands are kept: no delay is longer."""
 
 
 def defaults(n: int) -> dict[str, Any]:
@@ -83,9 +83,9 @@ class Simulator:
     """A batch of vehicles of one kind of hull.
 
     Attributes:
-        B: Vehicles.
-        n: Thrusters of each.
-        P: Their parameters, stacked.
+        B: Number of vehicles.
+        n: Number of thrusters of each.
+        P: Parameters of the vehicles, stacked.
         Mrb: Mass matrices of the bodies (B, 6, 6).
         Ma: Added mass (B, 6, 6).
     """
@@ -149,12 +149,12 @@ class Simulator:
         return np.sign(c) * f * top
 
     def rates(self, x: Array, want: Array, dfin: Array, t: float) -> Array:
-        """Return the rates of the states.
+        """Return the time derivatives of the states (B, 29 + n).
 
         Args:
             x: States (B, 29 + n).
-            want: Thrust asked for (B, n) [N].
-            dfin: Deflections asked for (B, 4) [rad].
+            want: Demanded thrust (B, n) [N].
+            dfin: Demanded deflections of the fins (B, 4) [rad].
             t: Time [s].
         """
         P, n = self.P, self.n
@@ -250,18 +250,18 @@ class Simulator:
         noise: Array | None = None,
         past: Array | None = None,
     ) -> tuple[Array, Array, Array]:
-        """Integrate the motion.
+        """Integrate the motion over K = `rows` rows.
 
         Args:
             x: Initial states (B, 29 + n).
-            rows: Of the recording.
+            rows: Number of rows K of the recording.
             command: Function from a row's number and its measurements (B, 12), position, attitude and
                 velocity, to the commands (B, n) held until the next row.
-            noise: Noise of the measurements (rows, B, 12).
+            noise: Noise of the measurements (K, B, 12).
             past: Commands before the start (B, n), 0 by default.
 
         Returns:
-            States (rows, B, 29 + n), commands (rows, B, n) and measurements (rows, B, 12).
+            States (K, B, 29 + n), commands (K, B, n) and measurements (K, B, 12).
         """
         P, h = self.P, self.step
         out = np.empty((rows, self.B, x.shape[1]))
@@ -289,7 +289,14 @@ class Simulator:
         return out, commands, measured
 
     def after(self, x: Array, want: Array, dfin: Array, t: float) -> Array:
-        """Return the states a step later, with normalised quaternions."""
+        """Return the states after one integration step, with normalised quaternions.
+
+        Args:
+            x: States (B, 29 + n).
+            want: Demanded thrust (B, n) [N].
+            dfin: Demanded deflections of the fins (B, 4) [rad].
+            t: Time [s].
+        """
         h = self.step
         k1 = self.rates(x, want, dfin, t)
         k2 = self.rates(x + h / 2 * k1, want, dfin, t + h / 2)

@@ -25,12 +25,12 @@ class Vehicle:
 
     Attributes:
         P: The simulator's parameters, and `mass` [kg], `cg` [m] and `I` [kg m^2], which a file states.
-        kind: Of its hull.
+        kind: Kind of hull.
         box: Length, width and height [m].
-        n: Commands: thrusters, and commands that turn fins.
-        own: Effects of its file, whose numbers are fitted where the file is.
-        fin_commands: Which commands turn fins, from 0.
-        fin: Area of a fin as a file states it [m^2], its place x [m], angle of stall [rad]; of a torpedo.
+        n: Number of commands, of thrusters and of fins.
+        own: Effects of the vehicle's file, which a fit estimates.
+        fin_commands: Indices of the commands that turn fins, from 0.
+        fin: Only for a torpedo: area of a fin in the file [m^2], its place x [m], angle of stall [rad].
         turn: Deflection of a fin at full command [rad].
     """
 
@@ -45,7 +45,7 @@ class Vehicle:
 
     @property
     def driven(self) -> bool:
-        """Return whether it has movable fins."""
+        """Return whether the vehicle has movable fins."""
         return bool(self.fin_commands)
 
     @property
@@ -78,7 +78,13 @@ def ellipsoid(a: float, b: float, c: float, rho: float) -> Array:
 
 
 def tilted(diagonal: Array, angles: Array, shift: Array | Sequence[float]) -> Array:
-    """Return a full positive added mass: diagonal in axes rotated by angles [rad] at `shift` [m]."""
+    """Return an added-mass matrix (6, 6) that is diagonal in other axes about another point.
+
+    Args:
+        diagonal: Diagonal in these axes (6,) [kg, kg m^2].
+        angles: Rotation of the axes (3,) [rad].
+        shift: Point (3,) [m].
+    """
     cx, cy, cz = np.cos(angles)
     sx, sy, sz = np.sin(angles)
     R = (

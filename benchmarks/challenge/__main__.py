@@ -29,7 +29,7 @@ from benchmarks.kept_tables import keep, markdown, origin
 
 
 def makes(chosen: argparse.Namespace) -> None:
-    """Make cases."""
+    """Make the cases that the command line names."""
     make(seal.key_of(chosen.key), chosen.folder, places(chosen.cases))
 
 
@@ -43,7 +43,7 @@ def places(text: str) -> list[int]:
 
 
 def runs(chosen: argparse.Namespace) -> None:
-    """Answer the cases that a baseline has not answered."""
+    """Answer with a baseline all cases that it has not answered yet."""
     wanted = [name_of(place) for place in places(chosen.cases)]
     for there in (one for one in cases(chosen.folder / "cases") if one.name in wanted):
         for name in chosen.baseline or BASELINES:
@@ -53,7 +53,7 @@ def runs(chosen: argparse.Namespace) -> None:
 
 
 def boards(chosen: argparse.Namespace) -> None:
-    """Print the leaderboard, and keep it where asked to."""
+    """Print the leaderboard, and write it as a kept table if requested."""
     entries = sorted(path for path in (chosen.folder / "entries").iterdir() if path.is_dir())
     rows = board(chosen.folder, entries)
     print(markdown(rows))

@@ -1,4 +1,4 @@
-"""Baselines: how each method of the leaderboard answers a case."""
+"""Baselines: the answers of each method of the leaderboard to a case."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ def run(name: str, there: Path, out: Path) -> float:
 
 
 def held_of(vehicle: Vehicle, held_out: pl.DataFrame) -> Held:
-    """Return the windows as a recording; rows after LEAD repeat the state there, and are not used."""
+    """Return the held-out windows of a case as a recording with the starts of predictions.
+
+    Rows after LEAD have no motion; they repeat the last known state and are not used.
+    """
     whole = held_out.with_columns(pl.col(name).forward_fill().over("session") for name in MOTION)
     record = recording(vehicle, whole)
     starts = record.segments[:, 0] + round(LEAD / record.dt)
@@ -60,7 +63,13 @@ def held_of(vehicle: Vehicle, held_out: pl.DataFrame) -> Held:
 
 
 def table_of(held_out: pl.DataFrame, velocities: np.ndarray, held: Held) -> pl.DataFrame:
-    """Return predicted velocities (S, L, 6) as the table of an answer."""
+    """Return predicted velocities as the table of an answer.
+
+    Args:
+        held_out: Windows of the case.
+        velocities: Predicted velocities of S windows and L rows (S, L, 6) [m/s, rad/s].
+        held: The windows as a recording.
+    """
     step = round(EVERY / held.record.dt)
     names = held_out["session"].unique(maintain_order=True).to_list()
     parts = []
@@ -72,12 +81,12 @@ def table_of(held_out: pl.DataFrame, velocities: np.ndarray, held: Held) -> pl.D
 
 
 def as_given(vehicle: Vehicle, public: Public, held: Held) -> Answered:
-    """Name nothing, and predict with the file."""
+    """Answer without a name, and predict with the vehicle file as given."""
     return [], by_vehicle(vehicle, held)
 
 
 def least_squares(vehicle: Vehicle, public: Public, held: Held) -> Answered:
-    """Fit damping, cross terms and delayed thrust of each axis, and name nothing."""
+    """Answer without a name; predict with damping, cross terms and delayed thrust fitted to each axis."""
     fitted = yardsticks.Yardstick.of(vehicle, public.log).of_others
     rows = held.starts[:, None] + np.arange(held.length)
     tau = yardsticks._wrench(vehicle, held.record)
@@ -85,7 +94,10 @@ def least_squares(vehicle: Vehicle, public: Public, held: Held) -> Answered:
 
 
 def hydro(vehicle: Vehicle, public: Public, held: Held) -> Answered:
-    """Diagnose, with the earlier log where there is one, and predict with the stated effects added."""
+    """Answer with hydro's diagnosis, and predict with the confirmed effects added.
+
+    The diagnosis uses the earlier log of the case if there is one.
+    """
     found = diagnose(vehicle, public.log, before=public.before)
     stated = [one for one in found.findings if one.verdict in ADDED and one.parameters]
     model = extended(vehicle, [{"name": one.effect, **one.parameters} for one in stated])
@@ -107,7 +119,10 @@ def _told(one: Finding) -> dict[str, Any]:
 
 
 def by_rival(module: str) -> Callable[[Vehicle, Public, Held], Answered]:
-    """Return the baseline of a rival, which sees the log alone and names one effect without a confidence."""
+    """Return the baseline of a rival method in a module of `benchmarks.rivals`.
+
+    It sees the log alone and names one effect without a confidence.
+    """
 
     def answer(vehicle: Vehicle, public: Public, held: Held) -> Answered:
         found = answer_of(module)(vehicle, public.log)

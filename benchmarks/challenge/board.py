@@ -14,7 +14,7 @@ from benchmarks.kept_tables import Row
 from benchmarks.shares import rate
 
 GIVEN = "file as given"
-"""Entry that errors are compared with."""
+"""Name of the entry with whose errors the others are compared."""
 
 
 def scores_of(folder: Path, entry: Path) -> list[Score]:
@@ -45,8 +45,8 @@ def line(name: str, scores: Sequence[Score], plain: dict[str, float]) -> Row:
     """Return the line of one entry.
 
     Args:
-        name: Its name.
-        scores: Its scores.
+        name: Name of the entry.
+        scores: Scores of its answers.
         plain: Held-out error of the file as given, by case.
     """
     ratios = [one.error / plain[one.case] for one in scores if one.case in plain]

@@ -36,7 +36,7 @@ def rotation(phi: np.ndarray, theta: np.ndarray, psi: np.ndarray) -> np.ndarray:
 
 
 def thrust(raw: pl.DataFrame, dt: float) -> np.ndarray:
-    """Return the lagged commands, squared with their sign, (N, n); every session begins at rest."""
+    """Return the lagged commands of n thrusters, squared with their sign, (N, n); sessions start at rest."""
     names = [name for name in raw.columns if name.startswith("cmd_")]
     keep, parts = np.exp(-dt / LAG), []
     for part in raw.partition_by("session", maintain_order=True):
@@ -49,7 +49,10 @@ def thrust(raw: pl.DataFrame, dt: float) -> np.ndarray:
 
 
 def regressors(nu: np.ndarray, R: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return the regressors of an acceleration, (N, 6 + 6 + 9 + n)."""
+    """Return the regressors of an acceleration, (N, 6 + 6 + 9 + n).
+
+    They are velocities, their signed squares, the rotation matrix and signed squares of the commands.
+    """
     return np.hstack([nu, np.abs(nu) * nu, R.reshape(-1, 9), force])
 
 
@@ -72,7 +75,13 @@ def fitted(raw: pl.DataFrame, dt: float) -> np.ndarray:
 
 
 def weak(now: np.ndarray, then: np.ndarray, thrusters: int) -> list[dict[str, object]]:
-    """Return the weak thruster as a named effect, by the change of its coefficients; nothing if unclear."""
+    """Return the weak thruster as a named effect, by the change of its coefficients; empty if unclear.
+
+    Args:
+        now: Coefficients fitted to the log (regressors, 6).
+        then: Coefficients fitted to the earlier log (regressors, 6).
+        thrusters: Number of thrusters.
+    """
     rows = slice(len(now) - thrusters, None)
     ratio = (now[rows] * then[rows]).sum(axis=1) / (then[rows] ** 2).sum(axis=1)
     order = np.argsort(ratio)
@@ -83,7 +92,7 @@ def weak(now: np.ndarray, then: np.ndarray, thrusters: int) -> list[dict[str, ob
 
 
 def predicted(windows: pl.DataFrame, model: np.ndarray, facts: dict[str, float]) -> pl.DataFrame:
-    """Return the velocities in the windows, by steps of Euler."""
+    """Return the predicted velocities in the windows, by steps of Euler's method."""
     dt = float(windows["t"][1] - windows["t"][0])
     first, last, step = (round(facts[name] / dt) for name in ("lead", "ahead", "every"))
     force, parts, begin = thrust(windows, dt), [], 0

@@ -36,7 +36,7 @@ class Public:
     """Case as an entrant sees it.
 
     Attributes:
-        name: Its folder.
+        name: Name of the case's folder.
         vehicle: Text of the vehicle file.
         log: Raw table.
         before: Raw table of the unchanged vehicle; None without one.
@@ -126,7 +126,7 @@ def cases(folder: Path) -> list[Path]:
 
 
 def windows(held_out: pl.DataFrame, smooth: np.ndarray, dt: float, most: int) -> list[pl.DataFrame]:
-    """Cut a held-out raw table into windows, with all their motion.
+    """Cut a held-out raw table into windows of LEAD and AHEAD seconds, with all their motion.
 
     Args:
         held_out: Raw table without gaps in its sessions.
@@ -135,7 +135,7 @@ def windows(held_out: pl.DataFrame, smooth: np.ndarray, dt: float, most: int) ->
         most: Greatest number of windows.
 
     Returns:
-        Windows: raw tables with the smoothed motion up to LEAD, and with the logged motion after it.
+        Windows: raw tables with the smoothed motion up to LEAD, and with the logged motion after LEAD.
     """
     lead, length = round(LEAD / dt), round((LEAD + AHEAD) / dt) + 1
     numbered = held_out.with_row_index("row")
@@ -164,6 +164,6 @@ def blinded(whole: pl.DataFrame) -> pl.DataFrame:
 
 
 def asked(whole: pl.DataFrame, dt: float) -> pl.DataFrame:
-    """Return the rows of windows that a prediction has: EVERY seconds after LEAD."""
+    """Return the rows of windows for which an answer predicts velocities: every EVERY seconds after LEAD."""
     row = ((pl.col("t") - LEAD) / dt).round().cast(pl.Int64)
     return whole.filter((row > 0) & (row % round(EVERY / dt) == 0)).select("session", "t", *VELOCITY)

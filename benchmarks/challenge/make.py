@@ -54,7 +54,12 @@ def make(key: bytes, folder: Path, places: Sequence[int]) -> None:
 
 
 def case(number: Number, source: Source) -> tuple[Public, Truth, bytes]:
-    """Return a case from its source: its public files, its truth, and the sealed motion in Parquet."""
+    """Return a case from its source: its public files, its truth, and the sealed motion in Parquet.
+
+    Args:
+        number: Place and key of the case.
+        source: Material of the case.
+    """
     name = name_of(number.place)
     vehicle = vehicles.parse(source.vehicle)
     record = recording(vehicle, source.held_out)
@@ -88,7 +93,7 @@ def opened(folder: Path, name: str) -> tuple[Truth, pl.DataFrame]:
     """Return the truth and the sealed motion of a case, after a comparison with its seal.
 
     Raises:
-        SystemExit: They are not those that were sealed.
+        SystemExit: Truth or motion differ from those that were sealed.
     """
     there = folder / "truth" / name
     truth = json.loads((there / "truth.json").read_text())
@@ -101,7 +106,7 @@ def opened(folder: Path, name: str) -> tuple[Truth, pl.DataFrame]:
 
 
 def _keep(there: Path, truth: Mapping[str, Any], motion: bytes) -> None:
-    """Write a truth; `truth.json` comes last and marks it as complete."""
+    """Write the sealed motion and then the truth of a case; `truth.json` marks the case as complete."""
     there.mkdir(parents=True, exist_ok=True)
     (there / "motion.parquet").write_bytes(motion)
     (there / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
@@ -114,5 +119,5 @@ def _parquet(table: pl.DataFrame) -> bytes:
 
 
 def _gyradius(mass: float, inertia: Any) -> list[float]:
-    """Return the radii of gyration [m], which turn errors of rates into errors of velocity."""
+    """Return the radii of gyration (3,) [m], with which errors of rates count as errors of velocity."""
     return [float(np.sqrt(np.array(inertia)[i, i] / mass)) for i in range(3)]

@@ -1,4 +1,4 @@
-"""Baseline that learns accelerations by a small network, and names nothing."""
+"""Baseline that learns accelerations by a small network, and names no effect."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EVERY, EDGE = 3, 10
 
 
 def of_network(vehicle: Vehicle, public: Public, held: Held) -> tuple[list[dict[str, Any]], np.ndarray]:
-    """Train on the log, and predict with the network alone."""
+    """Train a network on the log, and predict with the network alone; name no effect."""
     parts = labels(vehicle, public.log).partition_by("session", maintain_order=True)
     table = pl.concat([part[EDGE:-EDGE].gather_every(EVERY) for part in parts])
     nu = table.select([f"{name}_s" for name in VELOCITY]).to_numpy().astype(float)
@@ -49,7 +49,7 @@ def wrenches(vehicle: Vehicle, table: pl.DataFrame) -> np.ndarray:
 
 
 def trained(inputs: np.ndarray, outputs: np.ndarray) -> Any:
-    """Return a function from inputs to outputs, fitted to these."""
+    """Return a function from inputs (N, k) to outputs, a network fitted to the given pairs."""
     torch.manual_seed(0)
     middle, size = inputs.mean(axis=0), inputs.std(axis=0) + 1e-6
     offset, scale = outputs.mean(axis=0), outputs.std(axis=0) + 1e-9
@@ -78,7 +78,13 @@ def trained(inputs: np.ndarray, outputs: np.ndarray) -> Any:
 
 
 def predicted(accelerations: Any, wrench: np.ndarray, held: Held) -> np.ndarray:
-    """Return the velocities (S, L, 6) of all predictions, integrated in parallel by Euler's method."""
+    """Return the velocities (S, L, 6) of S predictions of L rows, integrated by Euler's method.
+
+    Args:
+        accelerations: Function from the inputs of the network to accelerations.
+        wrench: Wrench of the thrusters in every row (N, 6) [N, N m].
+        held: Held-out windows.
+    """
     dt, starts = held.record.dt, held.starts
     nu, R = held.nu[starts].copy(), rotation(*held.eta[starts, 3:].T)
     out = np.empty((starts.size, held.length, 6))

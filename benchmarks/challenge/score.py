@@ -29,8 +29,8 @@ class Score:
         case: Name of the case.
         simulator: Simulator of the case.
         changed: Whether an effect is hidden.
-        first: Whether the first name is right; None if nothing is hidden, or if it is an alias.
-        alarm: Whether an effect is stated though none is hidden; None if one is.
+        first: Whether the first name is right; None if nothing is hidden, or if the name is an alias.
+        alarm: Whether an effect is named although none is hidden; None if one is hidden.
         brier: Squared difference of the first confidence and the outcome; None without a name.
         within: Whether each affected value of a right first name is within its 95 % interval.
         error: Held-out error [m/s].
@@ -53,7 +53,7 @@ def scored(truth: Mapping[str, Any], motion: pl.DataFrame, given: Given) -> Scor
 
     Args:
         truth: Truth of the case.
-        motion: Its sealed motion.
+        motion: Sealed motion of the case.
         given: The answer.
     """
     changed = bool(truth["called"])
@@ -115,7 +115,7 @@ def error(truth: Mapping[str, Any], motion: pl.DataFrame, prediction: pl.DataFra
 
 
 def shares(scores: Sequence[Score]) -> dict[str, list[bool]]:
-    """Return the facts of which the leaderboard shows shares."""
+    """Return the outcomes of all answers, by measure, of which the leaderboard shows shares."""
     return {
         "named first": [one.first for one in scores if one.first is not None],
         "false alarms": [one.alarm for one in scores if one.alarm is not None],

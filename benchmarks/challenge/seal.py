@@ -1,4 +1,4 @@
-"""Seals: hashes that commit to a truth before anybody answers, and seeds that nobody can know."""
+"""Seals: hashes that commit to a truth before anybody answers, and seeds derived from a secret key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 SEEDS = 1_000_000_000
-"""Seeds lie from here to twice it, beyond all seeds that developments and published tables use."""
+"""Seeds are drawn from this number to twice it, beyond all seeds of development and published tables."""
 
 
 def key_of(path: Path) -> bytes:
@@ -39,14 +39,19 @@ def salt(key: bytes, name: str) -> str:
 
 
 def sealed(truth: Mapping[str, Any]) -> str:
-    """Return the seal of a truth: SHA-256 of its salt and its canonical JSON."""
+    """Return the seal of a truth: SHA-256 of its canonical JSON, which includes the salt."""
     rest = {name: value for name, value in truth.items() if name != "salt"}
     text = json.dumps(rest, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256((str(truth["salt"]) + text).encode()).hexdigest()
 
 
 def write_seals(folder: Path, truths: Mapping[str, Mapping[str, Any]]) -> None:
-    """Write `seals.csv` of all cases that exist."""
+    """Write `seals.csv` with the seal of every case that exists.
+
+    Args:
+        folder: Folder of the cases.
+        truths: Truths by name of the case.
+    """
     with (folder / "seals.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "seal"])

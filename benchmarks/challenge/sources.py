@@ -29,9 +29,9 @@ from hydro.core.vehicle.frames import wrapped
 from hydro.io.files import bundled
 
 UNCHANGED = 4
-"""Every such case of a simulator has no change, from its second on."""
+"""Of the cases of a simulator, every fourth has no change, from the second on."""
 WITHOUT_BEFORE = 4
-"""Every such case of a simulator has no earlier log, from its fourth on."""
+"""Of the cases of a simulator, every fourth has no earlier log, from the fourth on."""
 PANEL_SECONDS, PANEL_BEFORE = 120.0, 240.0
 """Lengths of a panel vehicle's log and of its earlier log [s]."""
 APART_SESSIONS, APART_BEFORE = 2, 4
@@ -78,9 +78,9 @@ class Number:
     """Case before it is drawn.
 
     Attributes:
-        place: Its number in the challenge.
+        place: Number of the case in the challenge.
         key: Key of the edition.
-        folder: For files that cases share.
+        folder: Folder for files that cases share.
     """
 
     place: int
@@ -89,22 +89,22 @@ class Number:
 
     @property
     def simulator(self) -> str:
-        """Return the simulator; they take turns."""
+        """Return the simulator of the case; successive cases use the simulators in turn."""
         return tuple(SIMULATORS)[self.place % len(SIMULATORS)]
 
     @property
     def turn(self) -> int:
-        """Return its number among the cases of the simulator."""
+        """Return the number of the case among the cases of its simulator, from 0."""
         return self.place // len(SIMULATORS)
 
     @property
     def changed(self) -> bool:
-        """Return whether something is hidden."""
+        """Return whether a change is hidden in the case."""
         return self.turn % UNCHANGED != 1
 
     @property
     def with_before(self) -> bool:
-        """Return whether there is an earlier log."""
+        """Return whether the case has an earlier log."""
         return self.turn % WITHOUT_BEFORE != 3
 
     @property
@@ -113,7 +113,7 @@ class Number:
         return np.random.default_rng(seal.seed(self.key, f"case {self.place}"))
 
     def shuffled(self, label: str, count: int) -> int:
-        """Return a place from 0 to `count` - 1 that the turns go through in the key's order."""
+        """Return a number from 0 to `count` - 1, each once in `count` turns, in an order set by the key."""
         rng = np.random.default_rng(seal.seed(self.key, label))
         rounds = [rng.permutation(count) for _ in range(self.turn // count + 1)]
         return int(rounds[-1][self.turn % count])

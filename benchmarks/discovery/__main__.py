@@ -60,7 +60,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def summary(rows: pl.DataFrame) -> str:
-    """Figures by kind of law, and of nothing hidden."""
+    """Return figures by kind of law, and for studies without a hidden law, as text."""
     lines = [
         "| law | seen | form right | error at most 1.3 of the true law's | by the catalogue alone | cpu, s |"
     ]

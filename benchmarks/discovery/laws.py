@@ -20,7 +20,11 @@ Law = tuple[str, list[list[float]], list[dict[str, Any]]]
 
 
 def law(seed: int, vehicle: Vehicle, rng: np.random.Generator) -> Law:
-    """Kind, rows of `Plant.laws`, and the same as formulas, where a formula can say it."""
+    """Draw a law outside the catalogue.
+
+    Returns:
+        Kind of the law, its rows of `Plant.laws`, and the law as tables of the effect `formula`.
+    """
     kind, m = KINDS[seed % len(KINDS)], vehicle.rigid_body.mass
     arm = float(np.sqrt(np.trace(np.array(vehicle.rigid_body.inertia)) / 3.0 / m))
     size, power = float(rng.uniform(0.3, 1.5)), float(rng.uniform(1.3, 3.0))
@@ -56,12 +60,15 @@ def law(seed: int, vehicle: Vehicle, rng: np.random.Generator) -> Law:
 
 
 def odd(axis: int, amount: float, cause: int, power: float) -> dict[str, Any]:
-    """A power with the sign of its velocity."""
+    """Return a formula term: `amount` times |v|^power with the sign of v, the velocity of axis `cause`."""
     return one_term(f"{AXES[axis]} |{VELOCITY[cause]}|^n sgn({VELOCITY[cause]})", amount, [power])
 
 
 def form(table: Mapping[str, Any]) -> dict[tuple[Any, ...], float]:
-    """Powers of the terms of a formula, by axis, velocities and parity; drag along own axes left out."""
+    """Return the total power of each term of a formula, by axis, velocities and whether each is odd.
+
+    Drag of an axis by its own velocity is left out, because the file's damping may absorb it.
+    """
     found = {}
     for text, _, free in amounts(table):
         axis, *factors = text.split()
@@ -83,9 +90,13 @@ def form(table: Mapping[str, Any]) -> dict[tuple[Any, ...], float]:
 def right(
     truth: Mapping[str, Any], table: Mapping[str, Any], one_way: Sequence[str], *, powers: bool
 ) -> bool:
-    """Whether a formula has the true terms and no other, their powers near.
+    """Return whether a formula has exactly the true terms, and with `powers` also about the true powers.
 
-    Of velocities that have one sign throughout, `one_way`, even and odd are the same.
+    Args:
+        truth: Table of the true formula.
+        table: Table of the discovered formula.
+        one_way: Velocities that have one sign throughout; for them odd and even terms count as equal.
+        powers: Whether powers must agree too.
     """
     expected, got = (
         {
@@ -99,7 +110,7 @@ def right(
 
 
 def ahead_only(raw: pl.DataFrame) -> list[str]:
-    """Velocities of which next to all motion has one sign."""
+    """Return the names of the velocities that have almost always the same sign in a recording."""
     motion = raw.select(VELOCITY).to_numpy()
     ways = np.stack([(np.abs(motion) * (motion * way > 0.0)).sum(axis=0) for way in (-1.0, 1.0)])
     return [

@@ -84,7 +84,7 @@ def study(kind: str, seed: int, seconds: float) -> dict[str, Any]:
 
 
 def flown(kind: str, seed: int, seconds: float, rng: np.random.Generator) -> Any:
-    """Return a vehicle whose motion does not diverge, and its flights."""
+    """Return a vehicle with a law under which its motion does not diverge, and its flights."""
     for _ in range(ATTEMPTS):
         preset = str(rng.choice(vehicles.PRESETS))
         exact = vehicles.preset(preset)
@@ -101,7 +101,7 @@ def flown(kind: str, seed: int, seconds: float, rng: np.random.Generator) -> Any
 
 
 def answer(plain: Diagnosis, found: Diagnosis) -> dict[str, Any]:
-    """Return the results of both as columns."""
+    """Return the results of two diagnoses as columns: without and with discovery."""
     told = [one for one in found.findings if one.verdict not in ("not_excited", "not_separable")]
     return {
         "verdicts": [one.verdict for one in told],

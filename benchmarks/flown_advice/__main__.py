@@ -81,12 +81,12 @@ def summary(results: pl.DataFrame) -> str:
 
 
 def left_open(results: pl.DataFrame) -> list[Row]:
-    """Return the studies whose first diagnosis leaves the truth open."""
+    """Return the studies whose first diagnosis does not confirm the true effect, but does not exclude it."""
     return results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
 
 
 def table(results: pl.DataFrame) -> list[Row]:
-    """Return rows on open studies, all and by the cause: names after either flight."""
+    """Return rows on open studies, all and by cause: results after the advised and after a random flight."""
     tied = left_open(results)
     rows: list[Row] = []
     for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):

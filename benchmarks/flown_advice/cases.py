@@ -43,10 +43,10 @@ ATTEMPTS, WEAKER = 50, 4
 
 
 def draw(seed: int) -> tuple[Case, str]:
-    """Draw the hidden effect of a seed, its vehicle, and the manoeuvres that do not identify it.
+    """Draw the hidden effect of a seed, its vehicle, and the manoeuvres that do not identify the effect.
 
     Raises:
-        DataError: No vehicle can have it.
+        DataError: No vehicle can have the effect.
     """
     rng, family = np.random.default_rng([seed, 41]), list(FAMILIES)[seed % len(FAMILIES)]
     names = FAMILIES[family]
@@ -64,7 +64,13 @@ def draw(seed: int) -> tuple[Case, str]:
 
 
 def repeated(file: Vehicle, family: str, seconds: float) -> list[Array]:
-    """Return commands (N, n) of the sessions of an ambiguous recording."""
+    """Return commands (N, n) of the sessions of an ambiguous recording.
+
+    Args:
+        file: Vehicle file.
+        family: Kind of manoeuvre that all sessions repeat.
+        seconds: Length of the recording [s].
+    """
     name, at = STEADY[family]
     (flown,) = (one for one in library(file, seconds / SESSIONS) if one.name == name)
     steady = flown.commands[int(at * len(flown.commands))]
@@ -74,7 +80,7 @@ def repeated(file: Vehicle, family: str, seconds: float) -> list[Array]:
 
 
 def randomly(file: Vehicle, seconds: float, seed: int) -> list[Array]:
-    """Return commands of random walks on all axes, as long as an advised flight: the baseline."""
+    """Return commands (N, n) of random walks on all axes, for comparison with an advised flight."""
     plant = build(file)
     share, limits = np.linalg.pinv(plant.thrusts.T), plant.limits.max(axis=1)
     greatest = np.abs(plant.thrusts.T) @ limits
@@ -128,10 +134,20 @@ class Sea:
 def first_recording(
     case: Case, given: Vehicle, actual: Vehicle, family: str, seconds: float
 ) -> tuple[Sea, pl.DataFrame]:
-    """Return the hidden effect, weaker if the vehicle cannot be flown with it, and the recording to diagnose.
+    """Record the ambiguous manoeuvre, halving the hidden effect while the motion diverges.
+
+    Args:
+        case: Hidden effect.
+        given: Vehicle file.
+        actual: Vehicle with its true damping.
+        family: Kind of manoeuvre.
+        seconds: Length of the recording [s].
+
+    Returns:
+        The vehicle with the hidden effect as flown, and the raw table.
 
     Raises:
-        DataError: It cannot be flown with any of it.
+        DataError: The motion diverges even with the weakest effect.
     """
     start = np.array([0.0, 0.0, DEPTH, 0.0, 0.0, 0.0])
     for left in range(WEAKER, -1, -1):

@@ -52,7 +52,17 @@ limits.
 
 
 def outcome(found: Diagnosis, effect: str, misjudged: Sequence[str] = ()) -> dict[str, Any]:
-    """Compare a diagnosis with the truth; different values of misjudged effects count as true."""
+    """Compare a diagnosis with the truth.
+
+    Args:
+        found: The diagnosis.
+        effect: Name of the hidden effect.
+        misjudged: Effects whose values are wrong in the file by design; their re-estimates are ignored.
+
+    Returns:
+        `outcome`: `named`, `tied`, `wrong: EFFECT` or `nothing`; `confidence` of the first finding; and
+        `findings` in words.
+    """
     named = (one for one in found.findings if one.verdict in WORDS and math.isfinite(one.confidence))
     told = [one for one in named if not (one.verdict == "retune" and one.effect in misjudged)]
     said = [f"{one.verdict} {'/'.join(one.members)} {one.confidence:.2f}" for one in told]
@@ -81,12 +91,12 @@ def run(seed: int, seconds: float) -> dict[str, Any]:
 
 
 def _stated(row: dict[str, Any]) -> bool:
-    """Return whether the first diagnosis states the truth."""
+    """Return whether the first diagnosis confirms the true effect."""
     return bool(row["first_outcome"] == "named" and row["first_confidence"] >= SURE)
 
 
 def _study(row: dict[str, Any]) -> None:
-    """Complete the row up to the last possible step of the study."""
+    """Run one study; complete its row up to the last step that is possible."""
     seed = row["seed"]
     case, family = cases.draw(seed)
     effect = case.called[0]

@@ -1,4 +1,4 @@
-"""Vehicles with hidden effects: which effects a seed hides, and how the vehicle is flown.
+"""Vehicles with hidden effects: the effects that a seed hides, and the flights of the vehicle.
 
 `benchmarks.judge` diagnoses the recordings, in the lists `clean-...`.
 """

@@ -1,4 +1,4 @@
-"""From a vehicle file, hidden effects and foreign ones to the numbers of the benchmark's own simulator."""
+"""Conversion of a vehicle file and hidden effects to the parameters of the benchmark's own simulator."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def skew(r: Iterable[float]) -> Array:
 
 
 def rigid_body(mass: float, center: Iterable[float], inertia: Array) -> Array:
-    """M_RB about the origin of a body with its inertia about its centre of gravity (Fossen 3.44)."""
+    """Return M_RB (6, 6) about the origin, given the inertia about the centre of gravity (Fossen 3.44)."""
     S = skew(center)
     return np.block([[mass * np.eye(3), -mass * S], [mass * S, inertia - mass * S @ S]])
 
 
 def matrix(table: Mapping[str, Any]) -> Array:
-    """6x6 of an effect given by its diagonal or whole."""
+    """Return the 6x6 matrix of an effect given by its diagonal or by all its entries."""
     return np.diag(table["diagonal"]) if "diagonal" in table else np.array(table["matrix"], float)
 
 
@@ -43,12 +43,12 @@ def build(
     foreign: Mapping[str, float] | None = None,
     laws: Iterable[Sequence[float]] = (),
 ) -> Plant:
-    """Return the numbers of a vehicle with its hidden effects.
+    """Return a vehicle with hidden effects in the benchmark's own simulator.
 
     Args:
         vehicle: The vehicle file.
         hidden: `[[effect]]` tables in addition to those of the file.
-        foreign: Numbers of `FOREIGN` by name.
+        foreign: Values of effects outside the catalogue, by their name in `FOREIGN`.
         laws: Rows of `Plant.laws`.
     """
     body, hull = vehicle.rigid_body, vehicle.hull
@@ -190,5 +190,10 @@ def build(
 
 
 def _time_constant(constant: float, step: float | None) -> float:
-    """Time constant of a lag; of one integrated by Euler steps, that of the exact lag which does the same."""
+    """Return the time constant [s] of the exact lag that equals a lag integrated by Euler steps.
+
+    Args:
+        constant: Time constant of the lag [s].
+        step: Length of the Euler steps [s]; None for an exact lag.
+    """
     return -step / np.log1p(-step / constant) if step else constant

@@ -29,7 +29,7 @@ NEWEST = (
     "reference_point",
 )
 LATER = ("thruster_curve", *NEWEST)
-"""Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
+"""Effects newer than published figures; only the kind `later` has them, so that seeds keep their cases."""
 BY_LAW = tuple(
     name for name in TRUTHS if not (CATALOGUE[name].is_random or Role.WHOLE_HULL in CATALOGUE[name].roles)
 )
@@ -50,7 +50,7 @@ FIXED = {
     "offset_drag": ("position",),
     "control_surface": ("position", "roll", "deflection", "stall"),
 }
-"""Parameters that say where or how fast an effect acts, not how strongly."""
+"""Parameters for the place or the rate of an effect, not for its strength."""
 ALSO = {"current that grows with depth": ("current_shear",)}
 """Additional names of a form that the catalogue now has."""
 SIZES = (
@@ -65,7 +65,7 @@ SIZES = (
     "hysteresis",
     "swell",
 )
-"""Foreign numbers that say how strongly something acts."""
+"""Parameters for the strength of effects that the catalogue lacks, see `plant.FOREIGN`."""
 WITHIN = {
     "added_mass_coriolis": 0.9,
     "buoyancy_offset": 0.02,
@@ -86,9 +86,9 @@ WITHIN = {
     "reference_point": 1.0,
     "sensor_bias": 0.2,
 }
-"""Greatest size of a parameter that could not be exceeded on a vehicle that still works."""
+"""Greatest magnitude of the parameters of some effects on a vehicle that can still be used."""
 CONTAINED = ({"payload", "net_buoyancy"}, {"payload", "buoyancy_offset"}, {"payload", "added_mass"})
-"""Pairs of which one effect can be all that the other is: never hidden together."""
+"""Pairs of effects of which one can imitate the other: they are never hidden together."""
 SOURCES = {"independent": 0.6, "simulate": 0.4}
 """Probability of each simulator."""
 NOISES = (1.0, 2.0, 3.0)
@@ -101,14 +101,14 @@ class Case:
 
     Attributes:
         kind: One of KINDS.
-        seed: Of everything random.
+        seed: Seed of everything random.
         preset: Vehicle.
         source: Simulator.
-        noise: Times ordinary noise.
-        depth: Where sessions begin [m].
+        noise: Noise of the sensors, in multiples of the ordinary noise.
+        depth: Depth at which sessions begin [m].
         hidden: `[[effect]]` tables that the file lacks.
-        foreign: Numbers of the benchmark's simulator that no effect stands for.
-        called: Correct names: effects of the catalogue, none for effects that it lacks.
+        foreign: Values of effects that the catalogue does not have, by name.
+        called: Correct names: effects of the catalogue; empty for effects outside the catalogue.
         title: The hidden effect in a few words.
     """
 
@@ -125,9 +125,17 @@ class Case:
 
 
 def draw(kind: str, seed: int, source: str | None = None) -> Case:
-    """The case of a kind and seed, in a simulator of its own drawing or in a given one.
+    """Draw the case of a kind and seed.
 
-    Seeds follow one another through the effects, so that as many studies as effects hide each of them once.
+    Successive seeds go through the effects in turn, so that as many studies as effects hide each effect once.
+
+    Args:
+        kind: One of KINDS.
+        seed: Seed of the case.
+        source: Simulator; drawn by default.
+
+    Raises:
+        DataError: No vehicle can have the hidden effects.
     """
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     drawn = str(rng.choice(list(SOURCES), p=list(SOURCES.values())))
@@ -152,7 +160,7 @@ def draw(kind: str, seed: int, source: str | None = None) -> Case:
 
 
 def at_depth(table: Mapping[str, Any], depth: float) -> Mapping[str, Any]:
-    """An effect that counts from a depth, about the one that is flown at [m]."""
+    """Return the table of an effect with its reference depth `z_0`, if it has one, set to `depth` [m]."""
     return {**table, "z_0": depth} if "z_0" in table else table
 
 
@@ -160,7 +168,7 @@ Drawn = tuple[list[dict[str, Any]], dict[str, float], tuple[str, ...], str]
 
 
 def _several(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """None, one, two or three effects of the catalogue; one of those that came later."""
+    """Draw none, one, two or three effects of the catalogue, or one that was added later, by kind."""
     if kind == "later":
         name = LATER[seed % len(LATER)]
         return [strong(name, rng, vehicle)], {}, (name,), name
@@ -174,32 +182,32 @@ def _several(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -
 
 
 def _later(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """One effect of LATER."""
+    """Draw one of the effects in LATER, which were added to the catalogue later."""
     name = LATER[seed % len(LATER)]
     return [strong(name, rng, vehicle)], {}, (name,), name
 
 
 def strong(name: str, rng: np.random.Generator, vehicle: Vehicle) -> dict[str, Any]:
-    """An effect's table at a random place and of random strength."""
+    """Return the table of an effect at a random place and of random strength."""
     table = {"name": name, **TRUTHS[name](rng, vehicle)}
     factor = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
     return times(table, factor)
 
 
 def stronger(case: Case, which: Sequence[bool]) -> Case:
-    """The case with twice as much of some hidden effects, as far as a vehicle that works can have it."""
+    """Return a case in which the hidden effects marked in `which` are twice as strong, within limits."""
     pairs = zip(case.hidden, which, strict=True)
     return replace(case, hidden=tuple(times(table, 2.0 if more else 1.0) for table, more in pairs))
 
 
 def weaker(case: Case) -> Case:
-    """The case with half of everything that is hidden."""
+    """Return a case in which all hidden effects are half as strong."""
     foreign = {k: v * (0.5 if k in SIZES else 1.0) for k, v in case.foreign.items()}
     return replace(case, hidden=tuple(times(table, 0.5) for table in case.hidden), foreign=foreign)
 
 
 def times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """An effect so many times as strong."""
+    """Return the table of an effect whose strength is multiplied by a factor."""
     fixed, bound = ("name", *FIXED.get(table["name"], ())), WITHIN.get(table["name"], np.inf)
     return {
         k: v if k in fixed else np.clip(factor * np.asarray(v, float), -bound, bound).tolist()
@@ -208,7 +216,7 @@ def times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _unknown(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """Return effects that the catalogue lacks, or lacked at first."""
+    """Draw effects that the catalogue does not have, or did not have at first."""
     mass, size = vehicle.rigid_body.mass, float(np.exp(rng.uniform(np.log(0.2), np.log(STRONGEST))))
     east = float(rng.uniform(-0.3, 0.3))
     titles: dict[str, dict[str, float]] = {
@@ -239,7 +247,7 @@ def _unknown(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -
 
 
 def _form(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """An effect of the catalogue in another functional form."""
+    """Draw an effect of the catalogue in another functional form."""
     titles: dict[str, tuple[str, dict[str, float]]] = {
         "current that grows with depth": ("ocean_current", {"shear": 0.1, "depth": 15.0}),
         "thruster gains that drift": ("thruster_gain", {"gain_drift": 0.02}),

@@ -31,7 +31,7 @@ Tables = Sequence[Mapping[str, Any]]
 
 
 def scaled(noise: float) -> Noise:
-    """Ordinary noise, so many times."""
+    """Return the ordinary sensor noise multiplied by a factor."""
     one = PROFILES["ordinary"]
     return Noise(*(noise * size for size in (one.velocity, one.rate, one.position, one.attitude)))
 
@@ -39,7 +39,15 @@ def scaled(noise: float) -> Noise:
 def table(
     session: str, motion: Array, commands: Array, noise: float, rng: np.random.Generator
 ) -> pl.DataFrame:
-    """The raw table of one session: motion (N, 12) with noise, and commands (N, n)."""
+    """Return the raw table of one session.
+
+    Args:
+        session: Name of the session.
+        motion: Motion (N, 12).
+        commands: Commands (N, n).
+        noise: Factor on the ordinary noise that is added.
+        rng: Random generator.
+    """
     logged = disturb(motion, scaled(noise), rng)
     columns: dict[str, Any] = {"session": [session] * len(motion), "t": np.arange(len(motion)) * DT}
     columns |= dict(zip((*POSE, *VELOCITY), logged.T, strict=True))
@@ -64,11 +72,11 @@ def independent(
         believed: The vehicle file used for the commands.
         actual: The vehicle with its true damping.
         hidden: Additional `[[effect]]` tables.
-        foreign: Numbers that the catalogue has no effect for.
+        foreign: Values of effects outside the catalogue, by name.
         rows: Rows of each session.
-        depth: Where they begin, and are held [m].
-        noise: Times ordinary noise.
-        seed: Of headings, demands and noise.
+        depth: Depth at which sessions begin and are held [m].
+        noise: Factor on the ordinary noise.
+        seed: Seed of headings, demands and noise.
         laws: Further forces, rows of `Plant.laws`.
     """
     plant, file = build(actual, hidden, foreign, laws), build(believed)
@@ -89,7 +97,12 @@ def independent(
 
 
 def authority(thrusts: Array, limits: Array) -> Array:
-    """Greatest wrench on each axis alone, (6,); 0 where the thrusters have none."""
+    """Return the greatest wrench on each axis alone, (6,) [N, N m]; 0 where the thrusters have none.
+
+    Args:
+        thrusts: Unit wrenches of the thrusters (n, 6).
+        limits: Greatest thrust of each thruster (n,) [N].
+    """
     out, inverse = np.zeros(6), np.linalg.pinv(thrusts.T)
     for axis, unit in enumerate(np.eye(6)):
         if np.abs(thrusts.T @ inverse @ unit - unit).max() < 1e-6:
@@ -98,7 +111,7 @@ def authority(thrusts: Array, limits: Array) -> Array:
 
 
 def holds(file: Plant) -> Array:
-    """Stiffness and damping of depth, roll and pitch, (3, 2), where there is authority."""
+    """Return stiffness and damping of the hold of depth, roll and pitch, (3, 2); 0 without authority."""
     inertia = np.diag(file.rigid + file.added)[[2, 3, 4]]
     able = authority(file.thrusts, file.limits.min(axis=1))[[2, 3, 4]] > 0.0
     frequency = np.array([0.15, 1.5, 1.5])
@@ -106,7 +119,7 @@ def holds(file: Plant) -> Array:
 
 
 def reached(file: Plant) -> Array:
-    """Return the wrench of a demand of 1, (6,): full authority, or that which tilts the vehicle by TILT."""
+    """Return the wrench (6,) of a demand of 1: the greatest, or that which tilts the vehicle by TILT."""
     out = authority(file.thrusts, file.limits.min(axis=1))
     righting = float((file.weights[:, 0] * file.weights[:, 3]).sum())
     out[3:5] = np.minimum(out[3:5], TILT * (righting + holds(file)[1:, 0]))
@@ -114,7 +127,7 @@ def reached(file: Plant) -> Array:
 
 
 def excited(kind: str, rows: int, rng: np.random.Generator) -> Array:
-    """Demands (rows, 6) as shares of authority."""
+    """Return demands (rows, 6) of one kind of excitation, as shares of the greatest wrench."""
     t = np.arange(rows) * DT
     size = rng.uniform([0.4, 0.4, 0.3, 0.3, 0.3, 0.1], [0.8, 0.8, 0.6, 1.0, 1.0, 0.4])
     out = np.zeros((rows, 6))
@@ -135,7 +148,7 @@ def excited(kind: str, rows: int, rng: np.random.Generator) -> Array:
 
 
 def angles(q: Array) -> Array:
-    """Roll, pitch and yaw of quaternions (N, 4) (Fossen 2.58)."""
+    """Return roll, pitch and yaw (N, 3) [rad] of quaternions (N, 4) (Fossen 2.58)."""
     w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
     return np.column_stack(
         [
@@ -147,7 +160,7 @@ def angles(q: Array) -> Array:
 
 
 def placed(states: Array, hidden: Tables) -> Array:
-    """Return the logged position (N, 3): p + R r of a reference point."""
+    """Return the logged position (N, 3): p + R r, for the reference point r of a hidden position error."""
     point = np.zeros(3)
     for effect in hidden:
         if effect["name"] == "reference_point":
@@ -157,7 +170,10 @@ def placed(states: Array, hidden: Tables) -> Array:
 
 
 def logged(states: Array, hidden: Tables) -> Array:
-    """Return the logged velocity (N, 6): (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b."""
+    """Return the logged velocity (N, 6): (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b.
+
+    Scale s, rotation alpha, delay d, position r and bias b are those of the hidden DVL errors.
+    """
     scale, tilt, lever, bias, delay = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0
     for effect in hidden:
         match effect["name"]:
@@ -185,7 +201,7 @@ def logged(states: Array, hidden: Tables) -> Array:
 def by_simulate(
     believed: Vehicle, actual: Vehicle, *, rows: Sequence[int], depth: float, noise: float, seed: int
 ) -> list[pl.DataFrame]:
-    """Sessions of `hydro simulate`, driven without feedback; `actual` holds the hidden effects."""
+    """Fly sessions in `hydro simulate` without feedback; `actual` contains the hidden effects."""
     from hydro.core.simulation.simulate import simulate
 
     file, tables = build(believed), []
@@ -215,7 +231,20 @@ def by_teacher(
     seed: int,
     mesh: tuple[Array, Any] | None = None,
 ) -> list[pl.DataFrame]:
-    """Sessions of the embedded teacher with its light holds; its hull a superellipsoid, or a mesh."""
+    """Fly sessions in the embedded simulator, which holds depth, roll and pitch.
+
+    Args:
+        believed: Vehicle of the file.
+        hidden: Hidden effects.
+        rows: Number of rows of each session.
+        depth: Depth of the start and of the hold [m].
+        noise: Sensor noise relative to the ordinary noise.
+        seed: Seed of demands and noise.
+        mesh: Mesh of the hull; None for a superellipsoid.
+
+    Returns:
+        Raw table of each session.
+    """
     from hydro.core.effects import sensor
     from hydro.sim import teacher
 

@@ -25,10 +25,10 @@ class Parts(NamedTuple):
 
     Attributes:
         power: Drag of the six axes at 1 m/s and 1 rad/s, and the power of the speed, (7,).
-        offset: Drag along the three axes and where it acts, (6,).
-        fin: 1/2 rho A, where it acts, the roll of its span, deflection and stall, (7,).
+        offset: Drag along the three axes and the point where it acts, (6,).
+        fin: 1/2 rho A, the point where it acts, the roll of its span, deflection and stall, (7,).
         form: 1/2 rho C of an ellipsoid along the three axes, (3,).
-        faces: Place and outward area vector of each of its faces, (F, 6).
+        faces: Place and outward area vector of each of the F faces of the ellipsoid, (F, 6).
     """
 
     power: Array
@@ -39,7 +39,10 @@ class Parts(NamedTuple):
 
 
 def ellipsoid(half: Array, center: Array) -> Array:
-    """Faces of an ellipsoid: 6 bands of equal height, 8 around, with the exact frontal area of each axis."""
+    """Return the faces (F, 6) of an ellipsoid: 6 bands of equal height with 8 faces each.
+
+    The frontal area of each axis is exact.
+    """
     height, turn = np.meshgrid((np.arange(6) - 2.5) / 3.0, (np.arange(8) + 0.5) * np.pi / 4.0)
     radius = np.sqrt(1.0 - height**2)
     unit = np.column_stack([height.ravel(), (radius * np.cos(turn)).ravel(), (radius * np.sin(turn)).ravel()])
@@ -54,14 +57,14 @@ def cross(a: Array, b: Array) -> Array:
 
 @njit(cache=True)
 def push(tau: Array, force: Array, point: Array) -> None:
-    """Add a force in body axes at a point of the body."""
+    """Add a force in body axes at a point of the body, with its moment, to the wrench `tau` (6,)."""
     tau[:3] += force
     tau[3:] += cross(point, force)
 
 
 @njit(cache=True)
 def coefficients(angle: float, stall: float) -> tuple[float, float]:
-    """Lift and drag of a fin at an angle of attack: a wing below its stall, a flat plate beyond it."""
+    """Return lift and drag coefficients of a fin: a wing below its angle of stall, a flat plate above it."""
     plate = 0.5 * (1.0 + math.tanh(0.5 * (abs(angle) - stall) / BLEND))
     lift = (1.0 - plate) * SLOPE * angle + plate * math.sin(2.0 * angle)
     return lift, PROFILE + 1.0 - math.cos(2.0 * angle)
@@ -69,7 +72,7 @@ def coefficients(angle: float, stall: float) -> tuple[float, float]:
 
 @njit(cache=True)
 def hang(parts: Parts, n: Array, tau: Array) -> None:
-    """Add the forces of all parts at a velocity through the water."""
+    """Add the forces of all parts at the velocity n through the water (6,) to the wrench `tau` (6,)."""
     tau -= parts.power[:6] * np.sign(n) * np.abs(n) ** parts.power[6]
     if parts.offset[:3].any():
         place = parts.offset[3:]

@@ -65,7 +65,7 @@ class Plant(NamedTuple):
         rigid: M_RB with the dry mass of payloads, (6, 6).
         added: M_A, (6, 6).
         inverse: Inverse of their sum.
-        kappa: Share of C_A that is there besides C_A.
+        kappa: Share of C_A that acts in addition to C_A itself.
         weights: Forces downward in the world with their points, (K, 4): N, m.
         lifted: Extra buoyancy [N] and where it acts, (4,); it may grow with depth.
         linear: D_L, (6, 6).
@@ -79,9 +79,9 @@ class Plant(NamedTuple):
         trend: Growth of v_c north and east with time [m/s^2], the time when it is v_c, and the mass of
             displaced water [kg], (4,).
         ballast: Weight times travel along x and y [N m], tilt and time constant of ballast that slides, (4,).
-        tether: k, slack, attachment, anchor, (8,).
-        suction: A, decay and the point, (5,).
-        memory: K of six axes and the rate, (7,).
+        tether: Stiffness k, slack length, attachment on the body, anchor, (8,).
+        suction: Force A, decay length and the point where it acts, (5,).
+        memory: Gain K of six axes and the rate, (7,).
         parts: Drag and lift away from CO, and drag of any power.
         thrusts: Unit wrenches of the thrusters, (n, 6).
         reactions: Torque of each thruster about its axis per thrust, (n,) [m].
@@ -90,7 +90,7 @@ class Plant(NamedTuple):
         gains: Relative deviation of each thrust, (n,).
         asymmetry: Share of reverse thrust lost.
         inflow: Loss to the water's speed [s/m].
-        delay: Of the commands [s].
+        delay: Delay of the commands [s].
         foreign: Effects that the catalogue lacks, in the order of FOREIGN.
         laws: Further forces, a row each, (K, 8): the axis, a coefficient, an odd velocity with its power and
             the size below which it does nothing; another velocity, or -1, its power and whether it is odd.
@@ -130,7 +130,7 @@ class Plant(NamedTuple):
 
 @njit(cache=True)
 def turned(q: Array) -> Array:
-    """Rotation matrix from body to NED of a quaternion (w, x, y, z) (Fossen 2.72)."""
+    """Return the rotation matrix (3, 3) from body to NED of a quaternion (w, x, y, z) (Fossen 2.72)."""
     w, x, y, z = q / np.sqrt((q * q).sum())
     return np.array(
         [
@@ -143,7 +143,7 @@ def turned(q: Array) -> Array:
 
 @njit(cache=True)
 def coriolis(M: Array, nu: Array) -> Array:
-    """C(nu) nu of a mass matrix (Fossen 3.46)."""
+    """Return C(nu) nu (6,) of a mass matrix M (6, 6) (Fossen 3.46)."""
     momentum = M @ nu
     out = np.empty(6)
     out[:3] = cross(nu[3:], momentum[:3])
@@ -153,7 +153,14 @@ def coriolis(M: Array, nu: Array) -> Array:
 
 @njit(cache=True)
 def water(plant: Plant, z: float, sink: float, t: float) -> tuple[Array, Array]:
-    """Velocity of the water and its rate as the vehicle meets it, NED."""
+    """Return the velocity of the water and its rate along the vehicle's motion, NED, (3,) each.
+
+    Args:
+        plant: The vehicle.
+        z: Depth [m].
+        sink: Rate of the depth [m/s].
+        t: Time [s].
+    """
     f = plant.foreign
     v, rate = plant.current * (1.0 + f[SHEAR] * (z - f[DEPTH])), plant.current * (f[SHEAR] * sink)
     below = z - plant.gradient[2]
@@ -183,7 +190,7 @@ def static(chain: Array, limit: Array, n: float) -> float:
 
 @njit(cache=True)
 def propel(plant: Plant, rotor: Array, nu_r: Array, t: float, tau: Array) -> Array:
-    """Add the thrusters' wrench; the thrusts."""
+    """Add the thrusters' wrench to `tau` (6,), and return their thrusts (n,) [N]."""
     out = np.empty(rotor.size)
     for i in range(rotor.size):
         f = static(plant.chains[i], plant.limits[i], rotor[i]) if plant.chains[i, 1] > 0.0 else rotor[i]
@@ -337,7 +344,7 @@ def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
 
 @njit(cache=True)
 def march(plant: Plant, y: Array, target: Array, t: float, span: float) -> Array:
-    """The state after `span` seconds of one target."""
+    """Return the state after `span` [s] with constant targets of the rotors."""
     steps = max(math.ceil(span / STEP - 1e-9), 1)
     h = span / steps
     for k in range(steps):
@@ -362,7 +369,7 @@ def settled(plant: Plant, command: Array) -> Array:
 
 @njit(cache=True)
 def commanded(believed: Plant, allocation: Array, wrench: Array) -> Array:
-    """Commands for a wrench as the vehicle file knows the thrusters; the dead band is not compensated."""
+    """Return commands for a wrench, with the thrusters of the file; dead bands are not compensated."""
     thrust = allocation @ wrench
     out = np.empty(thrust.size)
     for i in range(thrust.size):
@@ -375,9 +382,15 @@ def commanded(believed: Plant, allocation: Array, wrench: Array) -> Array:
 
 @njit(cache=True)
 def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: float, demand: Array) -> Array:
-    """Commands for a demanded wrench with a slack hold of depth and attitude, as the vehicle file knows it.
+    """Return commands for a demanded wrench and a weak hold of depth and attitude, by the vehicle file.
 
-    `gains` holds stiffness and damping of heave, roll and pitch, (3, 2).
+    Args:
+        believed: Vehicle of the file.
+        allocation: From a wrench to thrusts (n, 6).
+        gains: Stiffness and damping of heave, roll and pitch, (3, 2).
+        y: State.
+        depth: Depth to hold [m].
+        demand: Demanded wrench (6,).
     """
     R, nu, wrench = turned(y[3:7]), y[7:BODY], demand.copy()
     sink = R[2] @ nu[:3]
@@ -389,7 +402,7 @@ def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: flo
 
 @njit(cache=True)
 def resting(plant: Plant, first: Array) -> Array:
-    """The whole state of a vehicle whose body is at `first` (13,) and has been moving so until now."""
+    """Return the complete state of a vehicle at the body state `first` (13,), in steady motion so far."""
     count = plant.gains.size
     y = np.zeros(BODY + 2 * count + MEMORY + SLOSH + HYSTERESIS + BALLAST)
     y[:BODY] = first
@@ -406,7 +419,7 @@ def resting(plant: Plant, first: Array) -> Array:
 
 @njit(cache=True)
 def onward(plant: Plant, y: Array, commands: Array, k: int, dt: float) -> Array:
-    """The state one row after row `k`, under commands (N, n) of which those up to row `k` are read."""
+    """Return the state one row of `dt` [s] after row `k`, under commands (N, n) up to row `k`."""
     count = plant.gains.size
     whole = int(plant.delay / dt + 1e-9)
     part = plant.delay - whole * dt
@@ -425,8 +438,17 @@ def fly(
 ) -> tuple[Array, Array]:
     """Fly one session under demanded wrenches (N, 6), held at the first state's depth.
 
+    Args:
+        plant: The simulated vehicle.
+        believed: Vehicle of the file, which the commands are computed with.
+        allocation: From a wrench to thrusts (n, 6).
+        gains: Stiffness and damping of heave, roll and pitch, (3, 2).
+        demand: Demanded wrench of each row (N, 6).
+        first: Body state at the start (13,).
+        dt: Row interval [s].
+
     Returns:
-        States at every row (N, 13), NaN from where they know no bounds; and commands (N, n).
+        States at every row (N, 13), NaN after a divergence; and commands (N, n).
     """
     rows, count = demand.shape[0], plant.gains.size
     states, commands = np.full((rows, BODY), np.nan), np.zeros((rows, count))

@@ -18,7 +18,7 @@ SESSIONS = 4
 WEAKER = 4
 """Greatest number of times that hidden effects are halved until the vehicle can be flown."""
 STRONGER = 5
-"""Greatest number of times that a hidden effect is doubled until it makes the share that is asked for."""
+"""Greatest number of doublings of a hidden effect until it causes the required share of the error."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Flown:
     """Recordings of a study.
 
     Attributes:
-        given: The vehicle file, its damping wrong.
-        exact: The file with its right damping, nothing hidden.
+        given: The vehicle file, with wrong damping.
+        exact: The file with the right damping, without the hidden effects.
         measured: Sessions to diagnose.
-        held_out: One more session.
+        held_out: One further session.
     """
 
     given: Vehicle
@@ -62,7 +62,7 @@ def flyable(case: Case, seconds: float) -> tuple[Case, Flown]:
         The case as it was flown, and its recordings.
 
     Raises:
-        DataError: The vehicle cannot be flown with any of it.
+        DataError: The motion diverges even with the weakest hidden effects.
     """
     for _ in range(WEAKER):
         try:
@@ -73,7 +73,17 @@ def flyable(case: Case, seconds: float) -> tuple[Case, Flown]:
 
 
 def shares(case: Case, flown: Flown, errors: Ahead, before: float) -> tuple[float, list[float]]:
-    """Return the shares of the file's squared 5 s error that all hidden effects make, and that each makes."""
+    """Return the share of the file's squared error 5 s ahead that the hidden effects cause.
+
+    Args:
+        case: The case.
+        flown: Its recordings.
+        errors: Prediction errors on the held-out session.
+        before: Error of the vehicle file as given.
+
+    Returns:
+        The share of all hidden effects together, and the share of each.
+    """
     nothing = errors.of(flown.exact) ** 2
     everything = (
         errors.floor**2 if case.foreign else errors.of(vehicles.joined(flown.exact, case.hidden)) ** 2
@@ -90,7 +100,11 @@ def shares(case: Case, flown: Flown, errors: Ahead, before: float) -> tuple[floa
 
 
 def telling(case: Case, flown: Flown, seconds: float, least: float) -> tuple[Case, Flown]:
-    """Double hidden effects until each makes a share of the error; return the last case that can be flown."""
+    """Double hidden effects until each causes at least the share `least` of the squared error.
+
+    Returns:
+        The last case that could be flown, and its recordings.
+    """
     for _ in range(STRONGER):
         errors = Ahead(flown.held_out, flown.exact)
         together, each = shares(case, flown, errors, errors.of(flown.given))

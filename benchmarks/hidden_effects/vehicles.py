@@ -25,15 +25,15 @@ STONEFISH: tuple[dict[str, Any], ...] = (
 
 
 def file(name: str) -> Path:
-    """The file of a preset; of the BlueROV2 the one with thrust in proportion to the command.
+    """Return the path of a preset's file; for the BlueROV2, the one with thrust in proportion to the command.
 
-    The benchmark's simulator knows plain thrust curves alone, and its kept figures are of that file.
+    The benchmark's simulator has simple thrust curves only, and its kept figures are for that file.
     """
     return DATASETS / ("logs/rov.toml" if name == "bluerov2_heavy" else f"vehicles/{name}.toml")
 
 
 def preset(name: str) -> Vehicle:
-    """A vehicle with its true damping."""
+    """Return a vehicle with its true damping, by the name of its file."""
     vehicle, _ = files.read(file(name))
     if name == "stonefish":
         vehicle = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *STONEFISH))
@@ -41,7 +41,7 @@ def preset(name: str) -> Vehicle:
 
 
 def misjudged(vehicle: Vehicle, rng: np.random.Generator, share: float = WRONG) -> Vehicle:
-    """Return the vehicle with each number of its damping wrong by up to a share of it."""
+    """Return the vehicle with a random error, up to a share of its value, on each number of its damping."""
 
     def wrong(value: Any) -> Any:
         if isinstance(value, list | tuple):
@@ -56,12 +56,12 @@ def misjudged(vehicle: Vehicle, rng: np.random.Generator, share: float = WRONG) 
 
 
 def damping_of(vehicle: Vehicle) -> list[str]:
-    """Names of the file's effects that `misjudged` makes wrong."""
+    """Return the names of the file's effects to which `misjudged` adds errors."""
     return [str(table["name"]) for table in vehicle.effect if table["name"] in DAMPING]
 
 
 def joined(vehicle: Vehicle, hidden: Iterable[Mapping[str, Any]]) -> Vehicle:
-    """The vehicle with hidden effects, added to those of the same name that its file has."""
+    """Return the vehicle with hidden effects, added to those of the same name that its file has."""
     tables = [dict(table) for table in vehicle.effect]
     for extra in hidden:
         place = next((i for i, table in enumerate(tables) if table["name"] == extra["name"]), None)
@@ -73,7 +73,7 @@ def joined(vehicle: Vehicle, hidden: Iterable[Mapping[str, Any]]) -> Vehicle:
 
 
 def _sum(table: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, Any]:
-    """Two tables of one effect as one; a diagonal is added to a matrix as one."""
+    """Return the sum of two tables of one effect; a diagonal is added to a matrix as a matrix."""
     out = {k: v for k, v in table.items() if k not in ("standard_error", "fit")}
     for key, value in extra.items():
         if key == "name":

@@ -24,13 +24,13 @@ from hydro.core.vehicle.panels import superellipsoid
 from hydro.io import vehicle as files
 
 UNCHANGED = 720.0
-"""Flights of the unchanged vehicle, by default [s]."""
+"""Default length of the flights of the unchanged vehicle [s]."""
 GROUP = 100
-"""Seeds that share their hulls, and so a fitted file per preset."""
+"""Number of consecutive seeds with the same hulls, and so with the same fitted file of each preset."""
 DEPTH = 20.0
-"""Where unchanged vehicles are flown [m]."""
+"""Depth of the flights of unchanged vehicles [m]."""
 NOISE = 0.5
-"""Of the flights that a file is fitted to, times ordinary noise."""
+"""Noise of the flights to which a file is fitted, relative to the ordinary noise."""
 SESSIONS = 4
 TAPER = (0.3, 0.7)
 """Share of the width that a stern, and half the share of the height that a bow may lack."""
@@ -43,10 +43,10 @@ class Base:
     """An unchanged vehicle.
 
     Attributes:
-        believed: The preset, which the commands are made with.
+        believed: The preset, with which the commands are computed.
         vehicle: The file fitted to the unchanged flights.
         hull: Vertices [m] and faces of the simulated hull.
-        unchanged: Path of the flights that the file was fitted to, a raw table.
+        unchanged: Path of the flights to which the file was fitted, a raw table.
     """
 
     believed: Vehicle
@@ -56,7 +56,14 @@ class Base:
 
 
 def hull(vehicle: Vehicle, taper: float) -> Hull:
-    """A superellipsoid of the vehicle's size whose stern narrows and whose bow lowers."""
+    """Return vertices [m] and faces of a superellipsoid of the vehicle's size.
+
+    The stern is narrower and the bow less high than the middle.
+
+    Args:
+        vehicle: The vehicle.
+        taper: Part of the width that the stern loses; the bow loses half of that part of its height.
+    """
     size, center = vehicle.hull, np.array(vehicle.hull.center, float)
     half = 0.5 * np.array([size.length, size.width, size.height])
     points, faces = superellipsoid(*(2.0 * half), center, **FACETS)
@@ -67,13 +74,15 @@ def hull(vehicle: Vehicle, taper: float) -> Hull:
 
 
 def of(preset: str, seed: int, seconds: float, folder: Path) -> Base:
-    """The unchanged vehicle of a preset and a seed's group, from `folder` where it was made before.
+    """Return the unchanged vehicle of a preset and of the group of a seed.
+
+    Vehicle file and flights are made at the first call, and read from `folder` afterwards.
 
     Args:
         preset: Name of a vehicle of the benchmarks.
-        seed: Of the study.
-        seconds: Of the flights that the file is fitted to.
-        folder: Where vehicle file and flights are kept.
+        seed: Seed of the study; several seeds form a group with one hull.
+        seconds: Length of the flights to which the file is fitted [s].
+        folder: Folder of vehicle files and flights.
 
     Raises:
         DataError: The fit fails.
@@ -99,7 +108,7 @@ def of(preset: str, seed: int, seconds: float, folder: Path) -> Base:
 
 
 def _written(preset: str, fitted: Sequence[dict[str, Any]]) -> str:
-    """The preset's file with fitted effects in the place of its own, as `hydro fit` writes it."""
+    """Return the preset's file with fitted effects in place of its own, as `hydro fit` writes it."""
     text = vehicles.file(preset).read_text()
     for table in fitted:
         text = files.set_effect(text, table)

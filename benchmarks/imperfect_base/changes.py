@@ -21,14 +21,14 @@ NEAR_SURFACE = 1.5  # m, where the surface pulls
 
 
 def one_thruster(rng: np.random.Generator, vehicle: Vehicle) -> dict[str, Any]:
-    """One thruster that has lost a part of its thrust."""
+    """Draw a loss of thrust of one thruster, as an effect's table."""
     gains = np.zeros(len(vehicle.thruster))
     gains[rng.integers(gains.size)] = -rng.uniform(0.2, 0.4)
     return {"g": gains.tolist()}
 
 
 def payload_at_bow(rng: np.random.Generator, vehicle: Vehicle) -> dict[str, Any]:
-    """A heavy thing under the bow."""
+    """Draw a heavy payload under the bow, as an effect's table."""
     mass = float(rng.uniform(0.02, 0.06)) * vehicle.rigid_body.mass
     place = {"x": 0.4 * vehicle.hull.length, "y": 0.0, "z": 0.3 * vehicle.hull.height}
     return {"w": 0.15 * 9.81 * mass, "mass": mass, **place}
@@ -43,7 +43,7 @@ CHANGES: dict[str, tuple[str, Draw]] = {
 
 
 def draw(kind: str, seed: int) -> Case:
-    """The case of a kind and seed; as many seeds as changes go through each of them once.
+    """Draw the case of a kind and seed; successive seeds go through the changes in turn.
 
     Raises:
         DataError: No vehicle can have the change, or the catalogue has an effect that is not a formula.
@@ -70,7 +70,7 @@ def draw(kind: str, seed: int) -> Case:
 
 
 def require_formulas() -> None:
-    """Refuse a catalogue in which the teacher's panels stand as an effect: the base would be exact.
+    """Refuse a catalogue with the panels of the reference simulator as an effect: the base would be exact.
 
     Raises:
         DataError: An effect's records name panels, facets or a mesh.

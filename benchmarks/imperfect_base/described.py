@@ -1,10 +1,10 @@
-"""Part of the force on a hull of panels that drag laws of the catalogue leave.
+"""Share of the force on a hull of panels that drag laws of the catalogue do not describe.
 
     python -m benchmarks.imperfect_base.described
 
 The four vehicles fly four sessions each.  Least squares fits the laws to the force of the panels, in units of
-the acceleration that it gives the dry vehicle.  A rotation counts by the acceleration a quarter of the hull's
-length away.  The centre of the ellipsoid is searched for, because its force is not linear in it.
+the acceleration that the force gives the dry vehicle.  A rotation counts by the acceleration at a quarter of
+the hull's length.  The centre of the ellipsoid is searched for, because its force is not linear in it.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ Laws = Callable[[Array], Array]
 
 
 def per_axis(nu: Array) -> Array:
-    """Return linear and quadratic damping of each axis, (N, 6, 12)."""
+    """Return the columns of linear and quadratic damping of each axis at velocities nu (N, 6), (N, 6, 12)."""
     return np.concatenate([nu[:, :, None] * np.eye(6), (np.abs(nu) * nu)[:, :, None] * np.eye(6)], axis=2)
 
 
 def cross_axis(nu: Array) -> Array:
-    """Return drag of each axis in proportion to the speeds along the other axes, (N, 6, 15)."""
+    """Return the columns of drag of each axis by the speeds along other axes, (N, 6, 15)."""
     pairs = [(i, j) for i in range(6) for j in range(3) if i != j]
     found = np.zeros((len(nu), 6, len(pairs)))
     for column, (i, j) in enumerate(pairs):
@@ -50,7 +50,7 @@ def cross_axis(nu: Array) -> Array:
 
 
 def ellipsoid(vehicle: Vehicle, center: Array) -> Laws:
-    """Return the three drags of `ellipsoid_drag` about a point [m]."""
+    """Return the columns of the three drags of `ellipsoid_drag` about a point (3,) [m]."""
     kernel, constants = CATALOGUE["ellipsoid_drag"].kernel, np.zeros(HULL + 3)
     constants[DENSITY] = vehicle.environment.water_density
     constants[HULL:] = vehicle.hull.length, vehicle.hull.width, vehicle.hull.height
@@ -88,12 +88,12 @@ def accelerations(vehicle: Vehicle) -> Array:
 
 
 def together(*parts: Laws) -> Laws:
-    """Return several laws as one."""
+    """Return a function with the columns of several laws."""
     return lambda nu: np.concatenate([part(nu) for part in parts], axis=2)
 
 
 def left(preset: str) -> dict[str, float]:
-    """Return the part of the force on a hull that each set of laws leaves, as root mean squares."""
+    """Return the share of the force on a hull that each set of laws leaves, as root mean squares by name."""
     vehicle = vehicles.preset(preset)
     motion, force = flown(vehicle)
     unit = accelerations(vehicle)

@@ -22,10 +22,15 @@ SHARE = 0.1
 
 
 def fly(case: Case, known: Base, seconds: float) -> list[pl.DataFrame]:
-    """Four sessions to diagnose and one to hold out, of `seconds` / 4 each.
+    """Fly four sessions to diagnose and one to hold out, of `seconds` / 4 each.
+
+    Args:
+        case: The change.
+        known: The unchanged vehicle.
+        seconds: Length of the four sessions [s].
 
     Raises:
-        DataError: The motion knows no bounds.
+        DataError: The motion diverges.
     """
     rows = [round(seconds / SESSIONS / flights.DT)] * (SESSIONS + 1)
     return flights.by_teacher(
@@ -40,10 +45,13 @@ def fly(case: Case, known: Base, seconds: float) -> list[pl.DataFrame]:
 
 
 def standing_out(case: Case, known: Base, seconds: float) -> tuple[Case, float, float]:
-    """Return the case with the most noise in which the base error stands out, with both errors.
+    """Return the case with the most noise at which the error of the unchanged file is far above the noise.
+
+    Returns:
+        The case, the error of the file without a change, and the noise floor [m/s].
 
     Raises:
-        DataError: It never does.
+        DataError: The error is near the noise at every level of noise.
     """
     for noise in NOISES:
         quiet = replace(case, noise=noise, hidden=())
@@ -55,10 +63,13 @@ def standing_out(case: Case, known: Base, seconds: float) -> tuple[Case, float, 
 
 
 def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Ahead]:
-    """Return the case with a change strong enough to make its share, and weak enough to fly the vehicle.
+    """Return a case whose change causes a sufficient share of the error and lets the vehicle fly.
+
+    Returns:
+        The case, its recordings, and prediction errors on the held-out session.
 
     Raises:
-        DataError: The vehicle cannot be flown with any of it.
+        DataError: The motion diverges even with the weakest change.
     """
 
     def flown(case: Case) -> Flown:

@@ -36,13 +36,13 @@ CURRENT = (0.2, 0.5)
 
 
 def speed(file: Plant, authority: float) -> float:
-    """Steady surge speed [m/s] at a share of the authority, as the file has it."""
+    """Return the steady surge speed [m/s] at a share of the greatest thrust, by the vehicle file."""
     linear, quadratic = file.linear[0, 0], file.quadratic[0]
     return float(2.0 * authority / (linear + np.sqrt(linear**2 + 4.0 * quadratic * authority) + 1e-9))
 
 
 def current(given: Vehicle, seed: int) -> dict[str, Any]:
-    """The `[[effect]]` table of a horizontal current that the file does not know."""
+    """Return the `[[effect]]` table of a horizontal current that the vehicle file does not have."""
     rng, file = np.random.default_rng([seed, 23]), build(given)
     size = float(rng.uniform(*CURRENT)) * cruise(file)
     way = float(rng.uniform(-np.pi, np.pi))
@@ -50,7 +50,7 @@ def current(given: Vehicle, seed: int) -> dict[str, Any]:
 
 
 def cruise(file: Plant) -> float:
-    """Speed between way-points [m/s]."""
+    """Return the speed between way-points [m/s]."""
     limits = file.limits.min(axis=1)
     ahead = np.linalg.pinv(file.thrusts.T)[:, 0]
     return speed(file, CRUISE * float((limits / np.maximum(np.abs(ahead), 1e-9)).min()))
@@ -67,20 +67,20 @@ def sessions(
     noise: float,
     seed: int,
 ) -> Iterator[pl.DataFrame]:
-    """Fly sessions under feedback, each from rest with a heading of its own.
+    """Fly sessions under feedback, each from rest at its own heading.
 
     Args:
-        given: The file that the controller knows.
+        given: The file that the controller uses.
         actual: The vehicle with its true damping.
         hidden: Additional `[[effect]]` tables.
         task: STATION or WAY_POINTS.
         rows: Rows of each session.
-        depth: Where they begin [m].
-        noise: Times ordinary noise.
-        seed: Of headings, targets and noise.
+        depth: Depth at which sessions begin [m].
+        noise: Factor on the ordinary noise.
+        seed: Seed of headings, targets and noise.
 
     Raises:
-        DataError: The motion knows no bounds.
+        DataError: The motion diverges.
     """
     plant, file = build(actual, hidden), build(given)
     allocation, gains = np.linalg.pinv(file.thrusts.T), holds(file)
@@ -103,7 +103,7 @@ def sessions(
 
 
 def way_points(depth: float, rng: np.random.Generator, count: int = 400) -> Array:
-    """Points (count, 4) to be reached one after the other: x, y, z [m], and a heading that is not held."""
+    """Return points (count, 4) to reach in turn: x, y, z [m], NED, and a heading that is not held."""
     points = np.zeros((count, 4))
     points[:, :3] = rng.uniform(-BOX, BOX, (count, 3))
     points[:, 2] += depth
@@ -111,7 +111,10 @@ def way_points(depth: float, rng: np.random.Generator, count: int = 400) -> Arra
 
 
 def stations(rows: int, depth: float, heading: float, rng: np.random.Generator) -> Array:
-    """Station of every row (rows, 4): x, y, z [m] and heading [rad], moved a little now and then."""
+    """Return the station of every row (rows, 4): x, y, z [m], NED, and heading [rad].
+
+    The station moves a little from time to time.
+    """
     home = np.array([0.0, 0.0, depth, heading])
     edges = np.cumsum(rng.uniform(*STAY, 1 + int(rows * DT / STAY[0])))
     places = home + rng.normal(size=(edges.size + 1, 4)) * STEPS
@@ -142,18 +145,18 @@ def fly(
 
     Args:
         plant: The simulated vehicle.
-        file: The vehicle file known to the controller.
+        file: The vehicle file of the controller.
         allocation: From a wrench to thrusts, (n, 6).
         gains: Stiffness and damping of heave, roll and pitch, (3, 2); those of the attitude are used.
-        inertia: Diagonal of M as the file has it, (6,).
+        inertia: Diagonal of M in the file, (6,).
         aims: Stations of every row (N, 4), or points to be reached in their order (K, 4).
         cruise: Speed between points [m/s]; 0 where aims are stations.
-        first: (13,).
+        first: Body state at the start (13,).
         seen: Noise of pose and velocity, (N, 12).
         dt: Sample time [s].
 
     Returns:
-        States at every row (N, 13), NaN from where they know no bounds; and commands (N, n).
+        States at every row (N, 13), NaN after a divergence; and commands (N, n).
     """
     rows, count = seen.shape[0], plant.gains.size
     states, commands = np.full((rows, BODY), np.nan), np.zeros((rows, count))

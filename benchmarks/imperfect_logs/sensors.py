@@ -31,12 +31,12 @@ REPEATED = 0.05  # share of the rows
 
 
 def by_session(raw: pl.DataFrame, change: Callable[[pl.DataFrame], pl.DataFrame]) -> pl.DataFrame:
-    """The table with each session changed by itself."""
+    """Return the table with `change` applied to each session separately."""
     return pl.concat([change(part) for part in raw.partition_by("session", maintain_order=True)])
 
 
 def replaced(raw: pl.DataFrame, names: tuple[str, ...], values: Array) -> pl.DataFrame:
-    """The table with columns of other values (N, len(names))."""
+    """Return the table with the values (N, len(names)) in the named columns."""
     return raw.with_columns(pl.Series(name, column) for name, column in zip(names, values.T, strict=True))
 
 
@@ -47,7 +47,13 @@ def heavy_tailed(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
 
 
 def _readings(part: pl.DataFrame, late: float, phase: float) -> tuple[Array, Array]:
-    """Return times and values of late readings at 5 Hz, (K,) and (K, 3)."""
+    """Return times (K,) and values (K, 3) of K late DVL readings at 5 Hz.
+
+    Args:
+        part: Raw table of a session.
+        late: Delay of the readings [s].
+        phase: Time of the first reading [s].
+    """
     t = part["t"].to_numpy()
     ticks = np.arange(t[0] + phase - EVERY, t[-1] + 2.0 * EVERY, EVERY)
     values = part.select(DVL).to_numpy()
@@ -56,7 +62,7 @@ def _readings(part: pl.DataFrame, late: float, phase: float) -> tuple[Array, Arr
 
 
 def held(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """DVL at 5 Hz, late by 0.1 to 0.3 s, each reading held until the next."""
+    """Replace the DVL by readings at 5 Hz, late by 0.1 to 0.3 s, each held until the next."""
     late = float(rng.uniform(*LATE))
 
     def change(part: pl.DataFrame) -> pl.DataFrame:
@@ -67,7 +73,7 @@ def held(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
 
 
 def interpolated(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """DVL at 5 Hz, late by 0.1 to 0.3 s, drawn as straight lines between readings."""
+    """Replace the DVL by readings at 5 Hz, late by 0.1 to 0.3 s, with linear interpolation between them."""
     late = float(rng.uniform(*LATE))
 
     def change(part: pl.DataFrame) -> pl.DataFrame:
@@ -79,7 +85,7 @@ def interpolated(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
 
 
 def filtered(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """DVL through a navigation filter: a first-order lag of 0.1 to 0.4 s, and an error that wanders."""
+    """Filter the DVL as a navigation filter does: first-order lag of 0.1 to 0.4 s, and a slow error."""
     lag = float(rng.uniform(*LAG))
 
     def change(part: pl.DataFrame) -> pl.DataFrame:
@@ -95,14 +101,14 @@ def filtered(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
 
 
 def quantised(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """Everything measured in coarse steps: 2 cm/s, 5 cm, 0.2 degrees and 0.2 degrees per second."""
+    """Round all measurements: to 2 cm/s, 5 cm, 0.2 degrees and 0.2 degrees per second."""
     steps = np.repeat([RESOLUTION[name] for name in ("x", "phi", "u", "p")], 3)
     values = raw.select(*POSE, *VELOCITY).to_numpy()
     return replaced(raw, (*POSE, *VELOCITY), steps * np.round(values / steps))
 
 
 def invalid(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """One in twenty readings of the DVL has no bottom lock and is written as zeros."""
+    """Replace one in twenty DVL readings, without bottom lock, by zeros."""
     kept = rng.random(raw.height) >= INVALID
     return replaced(raw, DVL, raw.select(DVL).to_numpy() * kept[:, None])
 
@@ -120,7 +126,7 @@ def repeated(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
 
 
 def dead_reckoned(raw: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """Horizontal position summed up from the DVL and the attitude; depth is still measured."""
+    """Replace the horizontal position by the integral of DVL and attitude; depth is still measured."""
 
     def change(part: pl.DataFrame) -> pl.DataFrame:
         t, x = part["t"].to_numpy(), part.select("x", "y").to_numpy()

@@ -39,10 +39,10 @@ SHARE = 0.1
 
 
 def clean(case: Case, seconds: float) -> tuple[Case, Flown]:
-    """Record a case without feedback control, strong enough to make SHARE of the error.
+    """Record a case without feedback control, with a hidden effect that makes SHARE of the error.
 
     Raises:
-        DataError: The vehicle cannot be flown with any of it.
+        DataError: The motion diverges even with the weakest hidden effect.
     """
     return telling(*flyable(case, seconds), seconds, SHARE)
 
@@ -53,7 +53,7 @@ def under_feedback(case: Case, flown: Flown, condition: str, seconds: float) -> 
     The hidden effect becomes weaker if the controller cannot hold the vehicle.
 
     Raises:
-        DataError: It cannot hold it with any of it.
+        DataError: The controller cannot hold the vehicle even with the weakest effect.
     """
     task = condition.removesuffix(IN_CURRENT)
     stream = (closed_loop.current(flown.given, case.seed),) if condition.endswith(IN_CURRENT) else ()
@@ -81,10 +81,10 @@ def under_feedback(case: Case, flown: Flown, condition: str, seconds: float) -> 
 
 
 def logged(case: Case, condition: str, seconds: float) -> tuple[Case, Flown]:
-    """Record a case under a condition.  The held-out session has no faults of sensors.
+    """Record a case under a condition; the held-out session has no faults of sensors.
 
     Raises:
-        DataError: The vehicle cannot be flown with any hidden effect.
+        DataError: The motion diverges even with the weakest hidden effect.
     """
     case, flown = clean(case, seconds)
     if condition in CLOSED:

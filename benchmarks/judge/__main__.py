@@ -64,7 +64,7 @@ def run(chosen: argparse.Namespace) -> None:
 
 
 def make_bases(tasks: Sequence[Task], chosen: argparse.Namespace) -> None:
-    """Fit the files of panel hulls before the studies run, so that each is fitted once."""
+    """Fit the vehicle files of panel hulls before the studies run, so that each file is fitted once."""
     kinds = {"panel": "changed", "unchanged": "nothing"}
     drawn = [
         (changes.draw(kinds[name.split("-")[0]], seed).preset, seed // base.GROUP * base.GROUP, folder)

@@ -99,7 +99,7 @@ def _answer(one: Score) -> str:
 
 
 def paired(base: Sequence[Score], now: Sequence[Score], one: str, other: str) -> str:
-    """Return paired differences as Markdown: of all studies that both have, and of each list.
+    """Return paired differences as Markdown, over all studies that both results have, and by list.
 
     Args:
         base: Scores to compare with.
@@ -161,7 +161,11 @@ def _differences(pairs: Sequence[tuple[Score, Score]]) -> Iterator[tuple[str, ..
 def of_shares(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """Return the interval of a difference of paired shares (Agresti and Min 2005).
 
-    It adds half a pair to each cell of the table of pairs, so that equal pairs do not mean certainty.
+    Half a pair is added to each cell of the table of pairs, so that equal pairs do not mean certainty.
+
+    Args:
+        before: Outcomes of each study before (N,), 0 or 1.
+        after: Outcomes of each study after (N,), 0 or 1.
     """
     gained, lost = float((after > before).sum()) + 0.5, float((before > after).sum()) + 0.5
     count = len(before) + 2.0
@@ -197,7 +201,10 @@ def line(one: Score) -> str:
 
 
 def _share(those: Sequence[Score], fact: Fact) -> str:
-    """Return a share with its 95 % interval (Clopper and Pearson 1934)."""
+    """Return the share of scores for which a fact holds, with its 95 % interval, as text.
+
+    Scores for which the fact is None do not count.
+    """
     told = [value for value in map(fact, those) if value is not None]
     if not told:
         return ""
@@ -214,7 +221,7 @@ def _median(those: Sequence[Score], number: Number) -> str:
 
 
 def _within(off: Sequence[float]) -> str:
-    """Return how many values lie within WITHIN standard errors of the truth."""
+    """Return the share of values within WITHIN standard errors of the truth, as text."""
     if not off:
         return ""
     return f"{np.mean(np.abs(off) <= WITHIN):.0%} of {len(off)}"

@@ -1,6 +1,6 @@
 """Repetition of the decisions of kept diagnoses with other constants, without flights or fits.
 
-The decision functions are those of the engines themselves (`core.diagnosis`), called on kept candidates.
+The decision functions are those of the diagnosis itself (`core.diagnosis`), called on kept candidates.
 Some decisions cannot be repeated: steps after one that would now take another candidate, and effects that
 were never fitted.  Those steps are left out.
 """
@@ -72,14 +72,14 @@ def parsed(texts: Sequence[str]) -> dict[str, float]:
 
 
 def rescored(table: pl.DataFrame, values: Mapping[str, float]) -> list[Score]:
-    """Return the scores of kept studies, decided with some constants changed."""
+    """Return the scores of kept studies, decided again with the constants `values` changed."""
     with changed(values):
         return [score(decided(part.to_dicts())) for _, part in table.group_by(KEY, maintain_order=True)]
 
 
 @contextlib.contextmanager
 def changed(values: Mapping[str, float]) -> Iterator[None]:
-    """Set constants in `settings` and in the modules that import them, and set them back afterwards."""
+    """Set constants in `settings` and in the modules that import them, and restore them after the block."""
     names = {name.removeprefix("settings."): value for name, value in values.items()}
     kept = [(each, name, vars(each)[name]) for each in MODULES for name in names if name in vars(each)]
     try:
@@ -92,7 +92,7 @@ def changed(values: Mapping[str, float]) -> Iterator[None]:
 
 
 def agreement(stated: Sequence[Score], again: Sequence[Score]) -> str:
-    """Return the number of studies with the same first name by kept candidates and by the diagnosis."""
+    """Return in words how many studies have the same first name from candidates as from the diagnosis."""
     fine = [(a, b) for a, b in zip(stated, again, strict=True) if not a.failed]
     same = sum(_first(a) == _first(b) for a, b in fine)
     both = [(a.named[0], b.named[0]) for a, b in fine if a.named and b.named and _first(a) == _first(b)]
@@ -124,10 +124,14 @@ def decided(rows: Sequence[Row]) -> list[Row]:
 
 
 def _discounted(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, float]:
-    """Return confidences of a search by likelihood with the discounts of the diagnosis.
+    """Return the confidences of a search by likelihood, lowered as the diagnosis lowers them.
 
-    Feedback and unexplained error lower a confidence by a factor that candidates do not show.  It shows where
-    a finding has less confidence than its support gives.
+    Feedback and unexplained error lower a confidence by a factor that candidates do not show.  The factor is
+    the ratio of a finding's confidence to the support that it was computed from.
+
+    Args:
+        rows: Rows of a study.
+        names: Confidence of each name.
     """
     told = [row for row in rows if row["role"] == "finding" and row["support"]]
     part = {
@@ -138,11 +142,15 @@ def _discounted(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, fl
 
 
 def _limited(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, float]:
-    """Return confidences with those of values that physics excludes limited to DOUBTFUL.
+    """Return the confidences, at most DOUBTFUL for names whose values physics excludes.
 
     A kept candidate tells whether its values lie in their range.  Where a model fits, the diagnosis limits
     the confidence only beyond the range and several standard errors.  So a name that it gave more confidence
     is not limited.
+
+    Args:
+        rows: Rows of a study.
+        names: Confidence of each name.
     """
     told = {row["effect"]: row["confidence"] or 0.0 for row in rows if row["role"] == "finding"}
     beyond = {row["effect"] for row in rows if row["role"] == "candidate" and not row["plausible"]}
@@ -151,7 +159,7 @@ def _limited(rows: Sequence[Row], names: Mapping[str, float]) -> dict[str, float
 
 
 def _renamed(rows: Sequence[Row], names: Mapping[str, float]) -> Iterator[Row]:
-    """Yield the findings with new confidences, in the order of the diagnosis.
+    """Yield the findings of a study with new names and confidences, in the order of the diagnosis.
 
     New names take the places of names that are no longer found.
     """
@@ -171,13 +179,13 @@ def _renamed(rows: Sequence[Row], names: Mapping[str, float]) -> Iterator[Row]:
 
 
 def _added(rows: Sequence[Row], name: str, sure: float) -> Row:
-    """Return the finding of a name that the diagnosis did not find."""
+    """Return a finding's row for a name that the diagnosis did not find, with confidence `sure`."""
     plain = {"role": "finding", "verdict": "missing", "effect": name, "members": [name]}
     return _with_confidence(dict(rows[0]) | plain | {"off": None, "affected": None}, sure)
 
 
 def _with_confidence(row: Row, sure: float) -> Row:
-    """Return a finding with another confidence, confirmed or not accordingly."""
+    """Return a finding's row with confidence `sure`, and confirmed or not accordingly."""
     verdict = row["verdict"]
     if verdict in ("missing", "suspect"):
         verdict = "missing" if sure >= settings.SURE else "suspect"
@@ -185,7 +193,7 @@ def _with_confidence(row: Row, sure: float) -> Row:
 
 
 def _steps(tried: Sequence[Row]) -> Iterator[tuple[Row, list[Row]]]:
-    """Yield each step's model without any candidate, and its candidates."""
+    """Yield for each step of a search the row of the model alone, and the rows of its candidates."""
     for step in sorted({row["step"] for row in tried}):
         here = [row for row in tried if row["step"] == step]
         yield next(row for row in here if not row["effect"]), [row for row in here if row["effect"]]
@@ -216,7 +224,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
 
 
 def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
-    """Yield names and confidences of a search for changes with a hull model."""
+    """Yield names and confidences of a search for changes with a hull-force model."""
     found: list[Change] = []
     steps = list(_steps(tried))
     given = steps[0][0]["chi2"] if steps else math.nan
@@ -245,7 +253,7 @@ def _contender(row: Row) -> Contender:
 
 
 def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, float]]:
-    """Yield the name and confidence of a survey by transfer or evidence.
+    """Yield the name and confidence of a search by held-out error or by evidence.
 
     Candidates that the diagnosis passed over for their values are passed over again.
     """
@@ -275,5 +283,5 @@ def _transfers(row: Row) -> bool:
 
 
 def _hull_law(row: Row) -> bool:
-    """Return whether an effect is a law of the hull itself."""
+    """Return whether a candidate is a law of the hull force itself, whose evidence was discounted."""
     return row["evidence"] is not None and row["lead"] is not None and row["evidence"] != row["lead"]

@@ -1,4 +1,4 @@
-"""Results files of the scoreboard: reading several as one table, and the command that made it."""
+"""Results files of the scoreboard: reading several files as one table, and the command that made it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def read(paths: Iterable[Path]) -> pl.DataFrame:
 
 
 def made_by(table: pl.DataFrame) -> str:
-    """Return the command that runs the studies of a table, where each list has seeds one after the other."""
+    """Return the command line that runs the studies of a table, whose seeds are successive in each list."""
     studies = table.select(KEY).unique(maintain_order=True)
     lists = studies["list"].value_counts(sort=True).sort("list")
     usual = all(LISTS[name].seconds == seconds for name, seconds in studies.select("list", "seconds").rows())

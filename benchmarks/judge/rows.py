@@ -1,4 +1,4 @@
-"""Rows of a study: the statements of its diagnosis, every fitted candidate, and the errors after adding."""
+"""Rows of a study: the findings of its diagnosis, every fitted candidate, and the errors after adding."""
 
 from __future__ import annotations
 
@@ -94,7 +94,14 @@ KEY = ("list", "seed", "seconds")
 
 
 def run(name: str, seed: int, seconds: float, folder: Path) -> list[Row]:
-    """Run one study and return its rows; an error is stored in the column `failure`."""
+    """Run one study and return its rows; an error is stored in the column `failure`.
+
+    Args:
+        name: Name of the list.
+        seed: Seed of the study.
+        seconds: Length of the recording [s].
+        folder: Folder of files that studies share.
+    """
     shared: Row = dict.fromkeys(OF_STUDY) | {"list": name, "seed": seed, "seconds": seconds, "failure": ""}
     begun = time.process_time()
     rows: list[Row] = []
@@ -115,7 +122,7 @@ def run(name: str, seed: int, seconds: float, folder: Path) -> list[Row]:
 
 
 def _findings(study: Study, found: Diagnosis) -> Iterator[Row]:
-    """Yield a row for each finding except those that the recording cannot determine."""
+    """Yield a row for each finding, except findings that the recording cannot show an effect."""
     for rank, one in enumerate(found.findings):
         if one.verdict == "not_excited":
             continue
@@ -158,9 +165,10 @@ def _candidate(one: Candidate) -> Row:
 
 
 def _against_truth(study: Study, one: Finding) -> tuple[list[float] | None, list[bool] | None]:
-    """Return the errors of a right name's values in standard errors, and the affected entries.
+    """Return the errors of a right finding's values in standard errors, and which values the change affects.
 
-    Entries without a standard error, such as a place that the file fixes, are left out.
+    Values without a standard error, such as a place that the file fixes, are left out.  Both are None for
+    other findings.
     """
     if study.truth is None or one.effect not in study.called or not one.parameters:
         return None, None
@@ -176,7 +184,7 @@ def _against_truth(study: Study, one: Finding) -> tuple[list[float] | None, list
 
 
 def _of_vehicle(effect: str, vehicle: Vehicle) -> np.ndarray | None:
-    """Return the packed values of a vehicle's effect; None where it has none."""
+    """Return the values of a vehicle's effect in packing order; None if the vehicle lacks the effect."""
     tables = vehicle.effects(effect)
     return _packed(effect, tables[0], vehicle) if tables else None
 
@@ -191,7 +199,7 @@ def _packed(effect: str, table: Mapping[str, Any], vehicle: Vehicle) -> np.ndarr
 
 
 def _errors(study: Study, found: Diagnosis) -> Row:
-    """Return the prediction errors on held-out data before and after adding."""
+    """Return the prediction errors on held-out data before and after the findings are added."""
     if study.errors is None:
         return {}
     ahead, given = study.errors, study.given

@@ -1,9 +1,10 @@
-"""Score of one study: whether its statements are true, their values are right, and adding them helps.
+"""Score of one study: whether its findings are true, their values are right, and adding them helps.
 
 The first finding that names an effect counts as the answer.  Findings name by `missing`, `suspect`, `retune`
-or, as a tie, `cannot_tell_apart`.  A name in `alias`, or a `retune` of a value that the file has wrong by
-design, is neither right nor wrong.  The independent simulator also hides faults of the log; there a fault is
-named by `log_fault`, and is right if it names exactly the columns at fault.
+or, as a tie, `cannot_tell_apart`.  A finding with a confidence of at least SURE is a statement.  A name in
+`alias`, or a `retune` of a value that the file has wrong by design, is neither right nor wrong.  The
+independent simulator also hides faults of the log; there a fault is named by `log_fault`, and is right if it
+names exactly the columns at fault.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ class Named:
     Attributes:
         members: Named effects; several in a tie.
         confidence: Stated confidence; 0 if none was stated.
-        right: Whether it names the hidden effect; None if it counts as neither.
-        tie: Whether it names several effects.
+        right: Whether the finding names the hidden effect; None if it counts as neither right nor wrong.
+        tie: Whether the finding names several effects.
         effect: The best of the effects, to which the confidence refers.
         unsure: Whether no confidence was stated.
         support: Number that the confidence was computed from, see `core.diagnosis.findings.Finding`.
@@ -55,7 +56,7 @@ class Named:
 
     @property
     def stated(self) -> bool:
-        """Return whether it is a statement: one effect with a confidence of at least SURE."""
+        """Return whether the finding is a statement: one effect with a confidence of at least SURE."""
         return not self.tie and self.confidence >= SURE
 
 
@@ -66,8 +67,9 @@ class Score:
     Attributes:
         row: The columns of the study.
         named: Named effects, in the order of the diagnosis.
-        off: Differences of right names' values from the truth in standard errors, of affected entries,
-        unaffected: and of entries that the hidden effect does not change.
+        off: Differences of right names' values from the truth in standard errors, for values that the hidden
+            effect changes.
+        unaffected: The same differences for values that the hidden effect does not change.
         verdicts: Verdicts of all findings.
     """
 
@@ -132,7 +134,7 @@ class Score:
 
     @property
     def alarm(self) -> bool:
-        """Return whether anything is stated although nothing is hidden."""
+        """Return whether there is a statement although nothing is hidden."""
         return not self.changed and not self.outside and self.wrong
 
     @property
@@ -150,10 +152,10 @@ class Score:
 
     @property
     def helped(self) -> bool | None:
-        """Return whether adding findings halves the error above the floor, where the true effects would.
+        """Return whether adding the findings at least halves the error above the noise floor.
 
-        The added findings are the first one, or all stated ones if several effects are hidden.  None where
-        the true effects would not halve the error, or where it is not known.
+        The added findings are the first one, or all statements if several effects are hidden.  None where the
+        true effects would not halve the error, or where that is not known.
         """
         added = "after" if len(self.row["called"] or ()) > 1 else "after_top"
         before, floor, truth, after = (self.row[k] for k in ("before", "floor", "with_truth", added))
@@ -165,7 +167,7 @@ class Score:
 
     @property
     def ratio(self) -> float | None:
-        """Return the ratio of held-out errors with and without the statements added; None if unknown."""
+        """Return the held-out error with the statements added, divided by that without; None if unknown."""
         before, after = self.row["before"], self.row["after"]
         return None if before is None or after is None else float(after / before)
 
@@ -194,7 +196,7 @@ def scored(table: pl.DataFrame) -> list[Score]:
 
 
 def hidden(row: Row) -> dict[str, Any]:
-    """Return the hidden `hidden` effects and `foreign` numbers of a study; empty if its rows lack them."""
+    """Return the hidden effects (`hidden`) and values (`foreign`) of a study; empty if its rows lack them."""
     found: dict[str, Any] = json.loads(row["hidden"]) if row["hidden"] else {}
     return found
 
@@ -225,7 +227,7 @@ def _at_fault(row: Row) -> set[str]:
 
 
 def _excused(members: set[str], row: Row) -> bool:
-    """Return whether all that a `retune` names is wrong in the file by design."""
+    """Return whether all effects that a `retune` names are wrong in the file by design."""
     return bool(members) and members <= set(row["misjudged"] or ())
 
 

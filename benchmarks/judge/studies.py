@@ -53,7 +53,8 @@ class Study:
         held_out: Raw table of a further session that the diagnosis does not see; None without one.
         errors: Prediction errors on held-out data; None where there are none.
         alias: Effects that stand for the right name; they count as neither right nor wrong.
-        misjudged: Effects of the file whose values are wrong by design; naming one is neither.
+        misjudged: Effects of the file whose values are wrong by design; naming one counts as neither right
+            nor wrong.
         of_log: Effects of the diagnosed log alone, such as a late sensor; the held-out data lack them.
         facts: Further columns of the study's rows: preset, title, condition, noise, share and hidden.
     """
@@ -89,7 +90,7 @@ class Studies:
 
 
 def _clean(kind: str) -> Callable[[int, float, Path], Study]:
-    """Return the preparation of a study of `hidden_effects`; kinds are those of its `cases`."""
+    """Return the function that prepares a study of `hidden_effects`, of a kind of its `cases`."""
 
     def prepare(seed: int, seconds: float, folder: Path) -> Study:
         case, flown = flyable(cases.draw(kind, seed), seconds)
@@ -112,7 +113,7 @@ def _clean(kind: str) -> Callable[[int, float, Path], Study]:
 
 
 def _panel(kind: str, with_before: bool) -> Callable[[int, float, Path], Study]:
-    """Return the preparation of a study of a hull of panels, with or without the earlier recording."""
+    """Return the function that prepares a study of a hull of panels, with or without an earlier recording."""
 
     def prepare(seed: int, seconds: float, folder: Path) -> Study:
         case = changes.draw(kind, seed)
@@ -135,7 +136,7 @@ def _panel(kind: str, with_before: bool) -> Callable[[int, float, Path], Study]:
 
 
 def _log(kind: str, only: str | None = None) -> Callable[[int, float, Path], Study]:
-    """Return the preparation of a log with faults of sensors or recorded under feedback control.
+    """Return the function that prepares a log with faults of sensors or recorded under feedback control.
 
     Args:
         kind: "one" effect hidden, or "none".
@@ -180,7 +181,7 @@ def _sparse(seed: int, seconds: float, folder: Path) -> Study:
 
 
 def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
-    """Return the preparation of a case of the independent simulator.
+    """Return the function that prepares a case of the simulator that shares no code with hydro.
 
     Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.  Without the earlier recording, a `retune` concerns
     the file, whose values are wrong by design.
@@ -218,7 +219,7 @@ def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
 
 
 def _facts(case: cases.Case, share: float) -> dict[str, Any]:
-    """Return the columns that drawn cases have in common."""
+    """Return the columns of a drawn case; `share` is the part of the squared error that the change causes."""
     return {
         "preset": case.preset,
         "title": case.title,

@@ -25,7 +25,7 @@ from benchmarks.mutants.tree import Change, Tree
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.csv")
-"""Changes that alter nothing that anybody can see, with the reason of each."""
+"""File of changes without a visible effect, with the reason for each."""
 WHERE = ("hydro/core/*", "hydro/io/*", "hydro/rl/*")
 PLACE = ("file", "line", "column", "within", "kind", "code", "old", "new")
 FOUND = ("status", "by", "mode", "tests", "seconds")
@@ -37,7 +37,14 @@ Row = dict[str, str]
 
 
 def drawn(tree: Tree, count: int, seed: int, where: Sequence[str]) -> list[Row]:
-    """Rows of mutants that no test has seen yet: lines drawn without replacement, one change of each."""
+    """Return rows of mutants to test: lines drawn without replacement, with one change each.
+
+    Args:
+        tree: The tree.
+        count: Number of mutants.
+        seed: Seed of the draw.
+        where: Patterns of the source files.
+    """
     sources = tree.sources(where)
     lines: dict[tuple[Path, int], list[sites.Site]] = {}
     for path, source in sources.items():
@@ -82,7 +89,7 @@ def located(tree: Tree, row: Row) -> Change | None:
 
 
 class Known:
-    """Known results of single tests, stored next to the tree, which avoid most runs without a change.
+    """Known results of single tests without a change, stored next to the tree, which avoid most such runs.
 
     Results are valid until the package or the file of the test changes.
 
@@ -105,21 +112,26 @@ class Known:
         self.took: dict[str, dict[str, float]] = kept.get("took", {})
 
     def passed(self, way: str, took: Mapping[str, float]) -> None:
-        """Note tests that pass, with or without a change, and how long they took."""
+        """Record tests that pass without a change, and how long they took.
+
+        Args:
+            way: Functions that run as Python in these tests; empty if all are compiled.
+            took: Processor time of each test [s].
+        """
         self.sound.setdefault(way, set()).update(took)
         self.took.setdefault(PYTHON if way else "", {}).update(took)
 
     def failed(self, way: str, test: str, slow: bool) -> None:
-        """Note a test that fails without a change; one that is too slow as Python is so whatever changes."""
+        """Record a test that fails without a change; a test too slow as Python is so for every change."""
         self.broken.setdefault(PYTHON if slow and way else way, set()).add(test)
 
     def skipped(self, way: str) -> list[str]:
-        """Tests that are no proof where kernels run in some way."""
+        """Return tests that prove nothing: they fail without a change when kernels run in this way."""
         ways = {"", way, PYTHON} if way else {""}
         return sorted(test for each in ways for test in self.broken.get(each, ()))
 
     def save(self) -> None:
-        """Write the file."""
+        """Write the results to their file."""
         both = {"sound": self.sound, "broken": self.broken}
         text = {what: {way: sorted(tests) for way, tests in ways.items()} for what, ways in both.items()}
         self.path.write_text(json.dumps({**text, "files": self.files, "took": self.took}))
@@ -132,7 +144,7 @@ class Tester:
     Attributes:
         tree: The tree.
         seconds: Processor time of tests for each mutant [s].
-        per_test: Processor time after which one test hangs [s].
+        per_test: Processor time after which a test counts as hung [s].
     """
 
     tree: Tree
@@ -176,7 +188,7 @@ class Tester:
         return row | dict(zip(FOUND, found, strict=True))
 
     def _passes(self, plan: trial.Plan, way: str, test: str, hung: bool) -> bool:
-        """Whether a test, or a file that was not collected, passes without the change."""
+        """Return whether a test, or a file that could not be collected, passes without the change."""
         if not test or (test in self.known.sound.get(way, ()) and not hung):
             return True  # if no test began, the change broke a common import
         outcome = trial.run(plan, [test])
@@ -188,7 +200,7 @@ _tester: Tester | None = None
 
 
 def _begin(checkout: Path, work: Path, package: str, seconds: float, per_test: float) -> None:
-    """Make this process one that tests mutants, in a tree of its own."""
+    """Make this process a worker that tests mutants in its own copy of the tree."""
     global _tester
     _tester = Tester(Tree(checkout, work / str(os.getpid()), package), seconds, per_test)
     trial.preload(_tester.tree.needed())
@@ -202,7 +214,7 @@ def _tested(row: Row) -> Row:
 def tested(
     rows: Sequence[Row], tester: Tester, workers: int, checkout: Path, package: str
 ) -> Iterator[tuple[int, Row]]:
-    """Rows with their results, by their numbers, as they come."""
+    """Yield the rows with their results as they finish, each with its number."""
     if workers == 1:
         trial.preload(tester.tree.needed())
         for number, row in enumerate(rows):
@@ -216,13 +228,13 @@ def tested(
 
 
 def read(path: Path) -> list[Row]:
-    """Rows of a table."""
+    """Return the rows of a table."""
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
 
 
 def write(path: Path, rows: Sequence[Row]) -> None:
-    """Write a table whole or not at all."""
+    """Write a table to a temporary file and rename it, so that it is complete or absent."""
     passing = path.with_name(f".{path.name}.tmp")
     with passing.open("w", newline="") as file:
         writer = csv.DictWriter(file, [*PLACE, *FOUND])
@@ -232,12 +244,12 @@ def write(path: Path, rows: Sequence[Row]) -> None:
 
 
 def equivalent(row: Row, listed: Sequence[Row]) -> bool:
-    """Whether a mutant is in the list of those that alter nothing."""
+    """Return whether a mutant is in the list of mutants that do not change the behaviour."""
     return any(all(row[key] == one[key] for key in one if key != "reason") for one in listed)
 
 
 def summary(rows: Sequence[Row], listed: Sequence[Row]) -> list[dict[str, Any]]:
-    """Counts for each part of the package and for all."""
+    """Return the counts of results for each part of the package, and for all parts."""
     parts: dict[str, list[Row]] = {}
     for row in rows:
         parts.setdefault("/".join(Path(row["file"]).parts[:2]), []).append(row)

@@ -22,17 +22,17 @@ PLAN = "HYDRO_MUTANT"
 
 @cache
 def plan() -> dict[str, Any]:
-    """Return the description of the change."""
+    """Return the description of the change under test."""
     return dict(json.loads(Path(os.environ[PLAN]).read_text()))
 
 
 def affected(function: Callable[..., Any]) -> bool:
-    """Whether the change may alter the compiled code of a function."""
+    """Return whether the change under test may alter the compiled code of a function."""
     return f"{function.__module__}:{function.__name__}" in plan()["affected"]
 
 
 class Locator(_CacheLocator):  # type: ignore[misc]
-    """Folder of the unchanged kernels, or a passing one for those that the change reaches."""
+    """Cache folder of the unchanged kernels, or a temporary one for kernels that the change reaches."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         folder = plan()["scratch" if affected(function) else "kernels"]
@@ -41,13 +41,13 @@ class Locator(_CacheLocator):  # type: ignore[misc]
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Locator:
-        """Locator of any function."""
+        """Return the locator of a function."""
         found = cls(py_func)
         found.ensure_cache_path()
         return found
 
     def get_cache_path(self) -> str:
-        """Folder of a function's files."""
+        """Return the folder of a function's cache files."""
         return self._folder
 
     def get_source_stamp(self) -> str:
@@ -55,5 +55,5 @@ class Locator(_CacheLocator):  # type: ignore[misc]
         return "one version"
 
     def get_disambiguator(self) -> str:
-        """First line of the function; a change moves no line."""
+        """Return the first line of the function; a change moves no line."""
         return str(self._line)

@@ -1,4 +1,4 @@
-"""Which names of a package's modules use which others, read from their source.
+"""Graph of the names in a package's modules and the names that each uses, read from the source.
 
 A node is a name at the level of a module, or a module itself (its name is then empty).  An edge leads from a
 name to every name that its definition mentions, through imports.
@@ -22,7 +22,7 @@ class Module:
     """Names of one module.
 
     Attributes:
-        path: Its file.
+        path: File of the module.
         uses: Names mentioned in each name's definition.
         compiled: Functions that Numba compiles.
         made: Names whose value a function of the module compiles from generated source.
@@ -38,7 +38,7 @@ class Module:
     lines: list[tuple[int, int, str]] = field(default_factory=list)
 
     def at(self, line: int) -> set[str]:
-        """Names that are defined at a line."""
+        """Return the names that are defined at a line."""
         return {name for first, last, name in self.lines if first <= line <= last}
 
 
@@ -56,7 +56,7 @@ class Names:
 
     @cached_property
     def users(self) -> Mapping[Node, set[Node]]:
-        """Edges the other way: who mentions a name."""
+        """Reversed edges: for each name, the names that mention it."""
         found: dict[Node, set[Node]] = {}
         for module, content in self.modules.items():
             for name, uses in content.uses.items():
@@ -66,11 +66,11 @@ class Names:
         return found
 
     def affected(self, start: Iterable[Node]) -> set[Node]:
-        """Names whose meaning may change with any of some."""
+        """Return the names whose meaning may change if any of the given names changes."""
         return _reached(start, lambda node: self.users.get(node, set()))
 
     def compiled(self, nodes: Iterable[Node]) -> set[Node]:
-        """Those of some names that Numba compiles."""
+        """Return those of the given names that Numba compiles."""
         return {
             (module, name)
             for module, name in nodes
@@ -79,7 +79,7 @@ class Names:
         }
 
     def _compiled_under(self, start: Iterable[Node]) -> set[Node]:
-        """Return the compiled functions reached from some names: those called by generated source."""
+        """Return the compiled functions that the given names use, directly or through other names."""
 
         def uses(node: Node) -> set[Node]:
             module = self.modules.get(node[0])
@@ -93,7 +93,7 @@ class Names:
 
 
 def module_name(path: Path) -> str:
-    """Dotted name of a file in a package."""
+    """Return the dotted name of a file in a package."""
     parts = path.with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -109,7 +109,7 @@ def _reached(start: Iterable[Node], following: object) -> set[Node]:
 
 
 def _module(name: str, path: Path, paths: Mapping[str, Path]) -> Module:
-    """Read one module."""
+    """Return the names of one module, read from its file."""
     tree = ast.parse(path.read_text())
     module, bound = Module(path), dict[str, Node]()
     for node in ast.walk(tree):
@@ -156,7 +156,7 @@ def _node(target: Node, paths: Mapping[str, Path]) -> Node:
 
 
 def _imported(node: ast.AST, name: str, path: Path, paths: Mapping[str, Path]) -> Iterator[tuple[str, Node]]:
-    """Local names that an import statement binds to modules of the package."""
+    """Yield the local names that an import statement binds to modules of the package."""
     if isinstance(node, ast.ImportFrom):
         origin = node.module or ""
         if node.level:
@@ -174,7 +174,7 @@ def _imported(node: ast.AST, name: str, path: Path, paths: Mapping[str, Path]) -
 
 
 def _defined(statement: ast.stmt) -> set[str]:
-    """Names that a statement of a module defines."""
+    """Return the names that a statement of a module defines."""
     if isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
         return {statement.name}
     within = {
@@ -191,7 +191,7 @@ def _defined(statement: ast.stmt) -> set[str]:
 
 
 def _mentioned(statement: ast.stmt, bound: Mapping[str, Node], paths: Mapping[str, Path]) -> set[str]:
-    """Names that a statement mentions, but for modules of which it takes an attribute."""
+    """Return the names that a statement mentions, except modules of which it takes an attribute."""
     modules = {local for local, target in bound.items() if not _node(target, paths)[1]}
     through = {
         node.value
@@ -213,7 +213,7 @@ def _first(statement: ast.stmt) -> int:
 
 
 def _is_compiled(statement: ast.stmt) -> bool:
-    """Whether a statement defines a compiled function: by its decorator, or by a call."""
+    """Return whether a statement defines a compiled function, by its decorator or by a call."""
     if isinstance(statement, ast.FunctionDef):
         said: list[ast.expr] = statement.decorator_list
     elif isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Call):

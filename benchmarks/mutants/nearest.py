@@ -19,12 +19,12 @@ class TestFile:
     """Imports of one file of tests.
 
     Attributes:
-        path: Relative to the tree.
+        path: Path of the file, relative to the tree.
         direct: Modules of the package that it imports itself.
         helped: Modules that its helpers import.
         words: Names and attributes that it mentions.
         size: Length of its source.
-        digest: Of its source.
+        digest: Hash of its source.
     """
 
     __test__ = False
@@ -69,7 +69,7 @@ class Tests:
         ]
 
     def nearest(self, nodes: Iterable[Node]) -> list[Path]:
-        """Files to run for a change of some names of one module, nearest first.
+        """Return the test files to run for a change of names of one module, nearest first.
 
         First those named after the module, then those that import it and mention a name that the change
         reaches within it, then by the length of the chain of imports; a file in the same place of the tree
@@ -101,7 +101,7 @@ class Tests:
         return [path for *_, path in sorted(ranked)]
 
     def _away(self, module: str) -> dict[str, int]:
-        """Return the number of imports from each module to one."""
+        """Return the number of imports from each module to the given one, by module."""
         found, edge = {module: 0}, {module}
         for steps in range(1, FARTHEST + 1):
             edge = {
@@ -114,7 +114,7 @@ class Tests:
 
 
 def _modules(tree: ast.Module, names: Names) -> Iterator[str]:
-    """Modules of the package that a file imports, packages by the modules that they take the names from."""
+    """Yield the modules of the package that a file imports; for a package, the modules of its names."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (one.name for one in node.names if one.name in names.modules)
@@ -141,7 +141,7 @@ def _helpers(tree: ast.Module, helpers: dict[str, Path]) -> Iterator[Path]:
 
 
 def _all(path: Path, beside: dict[Path, set[Path]]) -> set[Path]:
-    """Helpers of a file, and theirs."""
+    """Return the helper files of a test file, and the helpers of these."""
     waiting, found = [*beside[path]], set[Path]()
     while waiting:
         helper = waiting.pop()

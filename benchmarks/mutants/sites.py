@@ -1,8 +1,8 @@
 """Small changes of Python source: one operator, constant or term at a time.
 
 A change keeps every line where it is, so that line numbers agree with the original.  Docstrings, annotations,
-messages of errors, warnings and logs, assertions, `strict` of zip, `repr` of fields and `__all__` are left
-alone: no test should pin them.
+messages of errors, warnings and logs, assertions, `strict` of zip, `repr` of fields and `__all__` are not
+changed: no test should depend on them.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ NAMES = {
 }
 """Functions and methods that are swapped where they are called."""
 SAYING = {"warn", "warning", "info", "debug", "error", "exception", "print", "log", "step", "echo"}
-"""Functions and methods whose arguments are words for people."""
+"""Functions and methods whose arguments are messages to people."""
 
 
 GUARDS = {"strict", "repr"}
@@ -62,8 +62,8 @@ class Site:
 
     Attributes:
         line: Line of the change, from 1.
-        start: Where the text to replace begins, as an offset into the source.
-        stop: Where it ends.
+        start: Begin of the text to replace, as an index into the source.
+        stop: End of the text to replace.
         new: Replacement text.
         kind: `operator`, `comparison`, `condition`, `constant`, `term` or `function`.
         within: Qualified name of the enclosing function; empty at the level of the module.
@@ -78,17 +78,17 @@ class Site:
 
 
 def changed(source: str, site: Site) -> str:
-    """Source with one site changed."""
+    """Return the source with one change."""
     return source[: site.start] + site.new + source[site.stop :]
 
 
 def sites(source: str) -> list[Site]:
-    """Every change of a source that the rules above allow, in order of place."""
+    """Return every allowed change of a source, in order of place."""
     return sorted(_Finder(source).of(ast.parse(source)), key=lambda site: (site.start, site.stop, site.new))
 
 
 def valid(source: str, site: Site) -> bool:
-    """Whether the changed source parses and means something else than the original."""
+    """Return whether the changed source parses and means something else than the original."""
     try:
         return ast.dump(ast.parse(changed(source, site))) != ast.dump(ast.parse(source))
     except SyntaxError:
@@ -112,7 +112,7 @@ class _Finder:
         ]
 
     def of(self, node: ast.AST, within: str = "") -> Iterator[Site]:
-        """Sites in a node and below."""
+        """Yield the changes in a node of the syntax tree and below."""
         if self._left_alone(node):
             return
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
@@ -134,7 +134,7 @@ class _Finder:
             yield from self.of(child, within)
 
     def _left_alone(self, node: ast.AST) -> bool:
-        """Whether nothing in a node is changed."""
+        """Return whether nothing in a node is changed."""
         if isinstance(node, ast.Assert | ast.Raise | ast.Import | ast.ImportFrom | ast.JoinedStr):
             return True
         if isinstance(node, ast.Assign):
@@ -149,7 +149,7 @@ class _Finder:
         return False
 
     def _here(self, node: ast.expr | ast.stmt, within: str) -> Iterator[Site]:
-        """Sites of one node."""
+        """Yield the changes of one node."""
 
         def site(start: int, stop: int, new: str, kind: str) -> Site:
             return Site(bisect.bisect_right(self.starts, start), start, stop, new, kind, within)
@@ -220,7 +220,7 @@ class _Finder:
         return self._offset(node.end_lineno or node.lineno, node.end_col_offset or 0)
 
     def _offset(self, line: int, column: int) -> int:
-        """Offset in characters; the syntax tree counts bytes."""
+        """Return an index in characters for a line and a column in bytes, as the syntax tree counts."""
         return self.starts[line - 1] + len(self.lines[line - 1][:column].decode())
 
 
@@ -232,9 +232,10 @@ def _called(node: ast.Call) -> str:
 
 
 def other(value: object, text: str) -> str | None:
-    """Return another constant: a negated switch, the next integer, twice a number, 1 for a power of ten.
+    """Return the text of another constant: a negated switch, the next integer, twice a number.
 
-    A number written with an exponent is a tolerance or a limit, and doubling it is not a relevant mistake.
+    For a power of ten it is 1.  A number written with an exponent is a tolerance or a limit, and doubling it
+    is not a relevant mistake.
     """
     if isinstance(value, bool):
         return str(not value)

@@ -31,7 +31,7 @@ class Change:
     """One change of one file.
 
     Attributes:
-        file: Relative to the tree.
+        file: Path of the file, relative to the tree.
         site: The change.
     """
 
@@ -62,18 +62,18 @@ class Tree:
         self.kernels, self.scratch = self.work / f"kernels-{self.digest}", self.work / "scratch"
 
     def sources(self, patterns: Sequence[str]) -> dict[Path, str]:
-        """Sources whose path matches one of some patterns."""
+        """Return the sources of the files whose path matches one of the patterns."""
         paths = sorted(path.relative_to(self.root) for path in self.root.rglob("*.py"))
         wanted = [path for path in paths if any(fnmatch.fnmatch(str(path), one) for one in patterns)]
         return {path: (self.root / path).read_text() for path in wanted}
 
     def nodes(self, change: Change) -> set[Node]:
-        """Names that a change is a part of."""
+        """Return the names whose definitions contain a change."""
         module = module_name(change.file)
         return {(module, name) for name in self.names.modules[module].at(change.site.line)} or {(module, "")}
 
     def needed(self) -> set[str]:
-        """First names of all modules that the tree imports."""
+        """Return the first names of all modules that the tree imports."""
         found = set[str]()
         for path in self.root.rglob("*.py"):
             found.update(re.findall(r"^\s*(?:from|import)\s+(\w+)", path.read_text(), re.MULTILINE))
@@ -90,7 +90,7 @@ class Tree:
 
     @contextlib.contextmanager
     def holding(self, change: Change) -> Iterator[None]:
-        """The tree with a change, as long as the block lasts."""
+        """Apply a change to the tree while the block runs."""
         path = self.root / change.file
         before = path.read_text()
         path.write_text(changed(before, change.site))

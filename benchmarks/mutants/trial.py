@@ -1,4 +1,4 @@
-"""Tests of a changed tree in a forked process, which has the heavy libraries already."""
+"""Tests of a changed tree in a forked process, in which the large libraries are loaded already."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Outcome:
         by: The test that failed, hung, or ran last.
         allowed: Processor time that the last test was allowed [s].
         passed: Tests that passed, and the processor time of each [s].
-        seconds: Processor time, of children too [s].
+        seconds: Processor time, including that of child processes [s].
     """
 
     status: str
@@ -79,10 +79,10 @@ class Plan:
         tree: The tree that is tested.
         plan: File that describes the change to `locator`.
         affected: Compiled functions, `module:name`, that the change reaches.
-        interpreted: Whether those run as Python.
+        interpreted: Whether these functions run as Python.
         seconds: Processor time after which no further test begins [s].
-        per_test: Processor time after which a test hangs [s].
-        took: Processor time of tests as far as it is known [s]: those that take LONG come last.
+        per_test: Processor time after which a test counts as hung [s].
+        took: Known processor times of tests [s]; those that take LONG come last.
     """
 
     tree: Path
@@ -95,7 +95,7 @@ class Plan:
 
     @property
     def most(self) -> float:
-        """Processor time of the whole process at most [s]."""
+        """Greatest processor time of the whole process [s]."""
         return self.seconds + 2.0 * self.per_test + COMPILING
 
 
@@ -142,7 +142,7 @@ def run(plan: Plan, files: Sequence[str], skipped: Sequence[str] = ()) -> Outcom
 
 
 def _lines(reading: int, until: float) -> Iterator[dict[str, Any]]:
-    """Messages of the child until it ends, or the time is up."""
+    """Yield the messages of the child process until it ends or the time is up."""
     with os.fdopen(reading, "rb") as pipe:
         rest = b""
         while (left := until - time.monotonic()) > 0.0:
@@ -174,7 +174,7 @@ def _child(plan: Plan, files: Sequence[str], skipped: Sequence[str], writing: in
 
 
 def _move_to(plan: Plan) -> None:
-    """Make the tree the one that is imported from, here and in processes that tests start."""
+    """Make this process and its child processes import from the tree."""
     here = {name.partition(".")[0] for name in _packages(plan.tree)}
     for name in [name for name in sys.modules if name.partition(".")[0] in here]:
         del sys.modules[name]
@@ -201,14 +201,14 @@ def _move_to(plan: Plan) -> None:
 
 
 def _packages(tree: Path) -> Iterator[str]:
-    """Importable names at the top of a tree."""
+    """Yield the importable names at the top of a tree."""
     for path in tree.iterdir():
         if path.is_dir() and path.name.isidentifier():
             yield path.name
 
 
 def _interpret(affected: frozenset[str]) -> None:
-    """Leave the affected functions as they are in Python, whoever asks for them compiled."""
+    """Make Numba leave the affected functions as Python functions."""
     import numba
     import numpy as np
 
@@ -227,7 +227,7 @@ def _interpret(affected: frozenset[str]) -> None:
 
 
 def _tests(watch: _Watch, files: Sequence[str], skipped: Sequence[str]) -> None:
-    """Run batches of files until something other than passing happens."""
+    """Run batches of test files until a test does not pass."""
     import pytest
 
     options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
@@ -247,7 +247,7 @@ def _tests(watch: _Watch, files: Sequence[str], skipped: Sequence[str]) -> None:
 
 
 class _Watch:
-    """Reports of each test, and ends where something fails, hangs or takes too long."""
+    """Plug-in of pytest that reports each test, and ends the run where one fails, hangs or takes too long."""
 
     def __init__(self, plan: Plan, writing: int) -> None:
         self.seconds, self.per_test, self.lenient = plan.seconds, plan.per_test, plan.interpreted
@@ -262,7 +262,7 @@ class _Watch:
         os.write(self.writing, json.dumps(told).encode() + b"\n")
 
     def _used(self) -> float:
-        """Processor time without compilation [s]."""
+        """Return the processor time without compilation [s]."""
         own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
         whole = own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
         return whole - self.compiling.seconds()
@@ -315,7 +315,7 @@ class _Watch:
 
 
 class _Clock:
-    """Processor time that Numba has spent on compilation so far [s]."""
+    """Processor time that Numba has spent on compilation so far."""
 
     def __init__(self) -> None:
         clock = self
@@ -338,5 +338,5 @@ class _Clock:
         event.register("numba:compile", Listener())
 
     def seconds(self) -> float:
-        """Time until now, of a compilation in progress too."""
+        """Return the compilation time until now [s], including a compilation in progress."""
         return self.done + (time.process_time() - self.began if self.depth else 0.0)

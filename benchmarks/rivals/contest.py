@@ -1,7 +1,8 @@
 """Studies as seen by a rival method, evaluation of its answer, and its results file.
 
 A rival gets the vehicle file and the log.  It returns a model, and the name of one effect or none.  Every
-name counts as a statement.  The error is that of predictions 5 s ahead on the held-out session.
+name counts as a statement, as if its confidence were high.  The error is that of predictions 5 s ahead on the
+held-out session.
 """
 
 from __future__ import annotations
@@ -57,12 +58,12 @@ KEY = ("rival", "condition", "kind", "seed", "seconds")
 
 @dataclass(frozen=True)
 class Held:
-    """Held-out recording, with the starts of predictions.
+    """Held-out recording of N rows, with the starts of S predictions.
 
     Attributes:
         record: The recording; a prediction uses its commands.
         eta: Smoothed pose, (N, 6); used in the rows of `starts` only.
-        nu: Smoothed velocity, (N, 6); likewise.
+        nu: Smoothed velocity, (N, 6); used in the rows of `starts` only.
         starts: First rows of predictions, (S,).
         raw: Raw table of the recording; a prediction uses its commands.
     """
@@ -80,7 +81,7 @@ class Held:
 
     @property
     def length(self) -> int:
-        """Return the rows of a prediction."""
+        """Return the number of rows of a prediction, L."""
         return round(AHEAD / self.record.dt) + 1
 
 
@@ -92,7 +93,8 @@ class Answer:
         name: The named effect; empty if none.
         error: Function from the held-out session and its raw table to the root mean square velocity error 5 s
             ahead.
-        predict: Function from a held-out recording to the velocities of its predictions, (S, L, 6).
+        predict: Function from a held-out recording to the velocities of its S predictions of L rows, (S, L,
+            6).
     """
 
     name: str
@@ -107,7 +109,7 @@ def answer_of(module: str) -> Rival:
     """Return the method of a module of `benchmarks.rivals`.
 
     Raises:
-        ImportError: A package that it needs is not installed.
+        ImportError: A package that the module needs is not installed.
     """
     found: Rival = importlib.import_module(f"benchmarks.rivals.{module}").answer
     return found
@@ -137,7 +139,7 @@ def by_vehicle(vehicle: Vehicle, held: Held) -> np.ndarray:
 def weighed(errors: Ahead, starts: np.ndarray, predicted: np.ndarray) -> float:
     """Return the root mean square error of predicted velocities (S, L, 6), weighted as in `Ahead.of`.
 
-    A divergent prediction has the largest possible error.
+    A prediction that diverged counts with the largest possible error.
     """
     rows = starts[:, None] + np.arange(predicted.shape[1])
     off = np.clip(np.nan_to_num(errors.record.nu[rows] - predicted, nan=np.inf), -100.0, 100.0)

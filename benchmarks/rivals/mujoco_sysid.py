@@ -43,7 +43,13 @@ VELOCITY = ("vehicle_qvel", sysid.SignalType.MjStateQVel)
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters of one effect, as changes of the nominal values: its name, their scales [SI] and bounds."""
+    """Parameters of one effect, as changes of the nominal values.
+
+    Attributes:
+        name: Name of the effect.
+        scales: Typical size of each parameter [SI].
+        reach: Greatest change, in scales.
+    """
 
     name: str
     scales: Array
@@ -65,7 +71,12 @@ def groups(vehicle: Vehicle) -> list[Group]:
 
 
 def changes(parameters: sysid.ParameterDict, those: list[Group]) -> dict[str, Array]:
-    """Return the changes by group [SI]."""
+    """Return the changes of the parameters by group [SI].
+
+    Args:
+        parameters: Parameters of `mujoco.sysid`.
+        those: The groups.
+    """
     return {group.name: parameters[group.name].value * group.scales for group in those}
 
 
@@ -120,7 +131,7 @@ def _actuators(spec: mujoco.MjSpec, vehicle: Vehicle, damping: Array, gains: Arr
 
 @dataclass(frozen=True)
 class Shots:
-    """Stretches of a recording in MuJoCo's conventions.
+    """Stretches of a recording in MuJoCo's conventions: S of them with L rows each.
 
     Attributes:
         states: Initial states for `mujoco.rollout`, (S, states).
@@ -199,7 +210,7 @@ def thrusts(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
 
 
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
-    """Fit everything to the log."""
+    """Fit all groups of parameters to the log, and name the group that moved most."""
     record, those = recording(given, measured), groups(given)
     eta, nu = smoothed(record)
     length = round(SECONDS / record.dt)

@@ -38,7 +38,13 @@ MOVED = 4.0
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters of one effect: its name, their scales, and bounds in scales."""
+    """Parameters of one effect, as changes from the file's values.
+
+    Attributes:
+        name: Name of the effect.
+        scales: Typical size of each parameter.
+        low: Lower bound of the change, in scales.
+    """
 
     name: str
     scales: Array
@@ -63,7 +69,7 @@ def parameters(vehicle: Vehicle) -> list[Group]:
 
 
 def changed(plant: Plant, groups: list[Group], x: Array) -> Plant:
-    """Return the plant with changes x, in scales."""
+    """Return the plant with the changes x of the groups' parameters, in scales."""
     parts = np.split(x, np.cumsum([group.scales.size for group in groups])[:-1])
     d = {group.name: part * group.scales for group, part in zip(groups, parts, strict=True)}
     added = plant.added + np.diag(d["added_mass"])
@@ -110,7 +116,7 @@ def beginnings(record: Recording, eta: Array, nu: Array, at: Array) -> Array:
 
 
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
-    """Fit everything to the log."""
+    """Fit all groups of parameters to the log, and name the group that moved most."""
     record, plant, groups = recording(given, measured), build(given), parameters(given)
     eta, nu = smoothed(record)
     length = round(SECONDS / record.dt)

@@ -68,7 +68,7 @@ def groups(vehicle: Vehicle) -> Iterator[tuple[str, list[dict[str, Any]]]]:
 
 
 def left(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """Return the residual wrench of a vehicle, thinned out, (K, 6) [N, N m]."""
+    """Return the residual wrench of a vehicle in K evenly chosen rows, (K, 6) [N, N m]."""
     found = labels(vehicle, raw, subtract="effects").select("session", *WRENCH)
     parts = found.partition_by("session", maintain_order=True)
     return np.vstack([part.select(WRENCH).to_numpy()[EDGE:-EDGE:EVERY] for part in parts]).astype(float)
@@ -118,7 +118,7 @@ def _models(
     tables: dict[str, list[dict[str, Any]]],
     target: Array,
 ) -> Iterator[Vehicle]:
-    """Yield the file, and the file with the first one, two, three ... selected groups."""
+    """Yield the vehicle file, then the file with the first one, two, three and more selected groups added."""
     yield given
     for count in range(1, len(chosen) + 1):
         names = chosen[:count]
@@ -133,7 +133,7 @@ def _models(
 
 
 def _error(errors: Ahead, model: Vehicle) -> float:
-    """Return the prediction error 5 s ahead; a regressed model may be physically invalid."""
+    """Return the velocity error 5 s ahead [m/s]; infinite if the regressed model is physically invalid."""
     try:
         return errors.of(model)
     except DataError:

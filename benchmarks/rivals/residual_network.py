@@ -31,7 +31,7 @@ PAST = 100
 
 
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
-    """Train on the log; predict with the file's model and the network."""
+    """Train the network on the log; predict with the file's model and the network."""
     plant = build(given)
     parts = labels(given, measured, subtract="effects").partition_by("session", maintain_order=True)
     table = pl.concat([part[EDGE:-EDGE].gather_every(EVERY) for part in parts])

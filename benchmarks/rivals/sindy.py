@@ -27,14 +27,14 @@ from hydro.core.vehicle.frames import rotation
 
 VELOCITY = ("u", "v", "w", "p", "q", "r")
 THRESHOLD = 0.02
-"""Minimum share of an axis' acceleration of a kept term."""
+"""Minimum share of an axis' acceleration that a kept term explains."""
 EXPLAINED = 0.1
 """Minimum share of the residual that the terms must explain for one to be named."""
 PAIRS = tuple(itertools.combinations(range(6), 2))
 
 
 def library(nu: Array, R: Array, thrusts: Array) -> Array:
-    """Return the terms (N, T) of velocities (N, 6), rotations (N, 3, 3) and thrusts (N, n)."""
+    """Return the T library terms (N, T) of velocities (N, 6), rotations (N, 3, 3) and thrusts (N, n)."""
     products = [nu[:, i] * nu[:, j] for i, j in PAIRS]
     return np.hstack([nu, nu * np.abs(nu), np.stack(products, axis=1), R.reshape(-1, 9), thrusts])
 

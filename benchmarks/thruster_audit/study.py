@@ -1,4 +1,4 @@
-"""Study of a planted thruster fault: audit of the thrusters, compared with the truth."""
+"""Study of a planted thruster fault: the audit of the thrusters, compared with the truth."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def first_day(actual: Vehicle) -> Vehicle:
 
 
 def disturbed(name: str, actual: Vehicle, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Return the acting effects that the file lacks."""
+    """Return the effects of one disturbance, which act but are not in the file."""
     match name:
         case "current":
             speed, way = rng.uniform(0.1, 0.4), rng.uniform(-np.pi, np.pi)
@@ -107,9 +107,9 @@ def disturbed(name: str, actual: Vehicle, rng: np.random.Generator) -> list[dict
 
 
 def by_panels(actual: Vehicle, hidden: list[dict[str, Any]], held: bool, seed: int) -> pl.DataFrame:
-    """Fly a tapered hull of panels.
+    """Fly a tapered hull of panels in the embedded simulator.
 
-    With `held`, demands are small and the heading is held, so the controller makes most of the commands.
+    With `held`, demands are small and the heading is held, so that the controller makes most of the commands.
     """
     rng = np.random.default_rng([seed, 31])
     shape = hull(actual, float(rng.uniform(0.3, 0.7)))
@@ -159,7 +159,11 @@ def flown(name: str, disturbance: str, seed: int) -> tuple[Vehicle, pl.DataFrame
 def planted(
     fault: str, given: Vehicle, raw: pl.DataFrame, rng: np.random.Generator
 ) -> tuple[Vehicle, pl.DataFrame, Wiring, float]:
-    """Plant a fault in the file or the log: both, the true wiring, and the true scale."""
+    """Plant a fault in the vehicle file or in the log.
+
+    Returns:
+        The file, the log, the true wiring of the thrusters, and the true scale of their thrust.
+    """
     count = len(given.thruster)
     plain = Wiring.plain(count)
     match fault:
@@ -198,7 +202,7 @@ def planted(
 
 
 def is_right(fault: str, found: ThrusterAudit, truth: Wiring, scale: float) -> bool:
-    """Return whether exactly the truth is stated."""
+    """Return whether the audit states exactly the truth."""
     if fault == "scale":
         return not found.wrong and found.scale[1] <= scale <= found.scale[2]
     if fault == "none":

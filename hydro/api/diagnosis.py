@@ -189,7 +189,7 @@ def _in_words(known: Prediction) -> str:
 
 
 def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
-    """Return a vehicle with the confirmed findings of a diagnosis table; without any, the same vehicle."""
+    """Return a vehicle with the confirmed findings of a diagnosis table added; without any, unchanged."""
     import polars as pl
 
     from hydro.core.diagnosis.findings import STATED, extended, tables

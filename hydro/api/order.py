@@ -15,9 +15,9 @@ Progress = Callable[[str, float], None]
 
 
 def vehicle_first(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that also accepts the frame before the vehicle, with a warning.
+    """Return a version of a function that also accepts the frame before the vehicle, with a warning.
 
-    This was the order of version 0.1; it is accepted for one more version.
+    That was the order of version 0.1; it is accepted for one more version.
     """
 
     @functools.wraps(function)

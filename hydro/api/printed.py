@@ -86,7 +86,7 @@ def _columns(table: pl.DataFrame, units: Mapping[str, str]) -> list[tuple[str, l
 
 
 def _left_out(table: pl.DataFrame) -> list[int]:
-    """Return the number of rows that are not printed, as a list; an empty list if all are printed."""
+    """Return a list with the number of rows that are not printed, or an empty list if all are printed."""
     return [table.height - MOST_ROWS] if table.height > MOST_ROWS else []
 
 

@@ -90,7 +90,7 @@ class Result(ABC):
         return printed.text(self._above(), self.summary(), self._below(), self.units)
 
     def _repr_html_(self) -> str:
-        """Return the same as HTML, for a notebook."""
+        """Return the printed text of the result as HTML, for a notebook."""
         return printed.html(self._above(), self.summary(), self._below(), self.units)
 
     def __eq__(self, other: object) -> bool:
@@ -126,7 +126,7 @@ class Result(ABC):
 
 
 def _of_frames(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a method of a frame that also takes results, as in `found.equals(other)`."""
+    """Return a version of a polars method that also accepts results, as in `found.equals(other)`."""
 
     @functools.wraps(method)
     def called(*given: Any, **named: Any) -> Any:

@@ -100,7 +100,7 @@ def student(
 
 
 def _given(**values: Any) -> dict[str, Any]:
-    """Return the arguments that are not None; the others keep their defaults."""
+    """Return the arguments that are not None, by name, so that all others keep their defaults."""
     return {name: value for name, value in values.items() if value is not None}
 
 

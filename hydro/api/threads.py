@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that runs with one thread of linear algebra."""
+    """Return a version of a function during which linear algebra uses one thread."""
 
     @functools.wraps(function)
     def alone(*given: P.args, **named: P.kwargs) -> R:

@@ -41,7 +41,7 @@ POLL = 0.05
 
 
 class Bench:
-    """State and actions of one tab.
+    """State and actions of one tab of the workbench.
 
     Attributes:
         desk: The server.
@@ -85,12 +85,12 @@ class Bench:
 
     @property
     def session(self) -> Session:
-        """The session of the tab."""
+        """Open recording, vehicle and history of the tab."""
         return self.tab.session
 
     @property
     def owned(self) -> bool:
-        """Whether this page still shows the tab, and no other page took it over."""
+        """Whether this page may change the tab; false, with a message, if another page took it over."""
         if self.tab.owner == self.client.id:
             return True
         self.say("this session is open in another tab: reload to take it back")
@@ -143,7 +143,16 @@ class Bench:
     # Work in the other process
 
     async def work(self, label: str, task: Callable[..., Any], *arguments: Any) -> Any:
-        """Run long work, show its progress, and return its result; None after a failure or a cancel."""
+        """Run a function of `app.jobs` in the worker process, show its progress, and return its result.
+
+        Args:
+            label: Name of the work for the user.
+            task: The function.
+            arguments: Its arguments, without the last one, which reports progress.
+
+        Returns:
+            Result of the function; None after a failure, a cancel, or if other work is running.
+        """
         if self.busy:
             self.say(f"still busy: {self.busy}; wait or cancel it")
             return None
@@ -177,7 +186,7 @@ class Bench:
         return None
 
     def cancel(self) -> None:
-        """End the work that runs."""
+        """End the running work."""
         self.tab.worker.cancel()
 
     # 1, Load
@@ -197,7 +206,7 @@ class Bench:
             choice.vehicle, choice.guess, choice.correct = path, "", False
 
     async def start(self) -> None:
-        """Show what is open already, after a reload; else open the command line's files or the sample."""
+        """Show the open recording after a reload, otherwise open the command line's files or the sample."""
         if self.session.live is not None:
             await self.draw_all()
         elif self.tab.choice.logs:
@@ -206,14 +215,14 @@ class Bench:
             await self.open_sample()
 
     async def open_sample(self) -> None:
-        """Open the sample."""
+        """Open the recording that the package includes as a sample, with its vehicle."""
         vehicle, raw = opening.sample()
         self.tab.choice = Choice(vehicle, (raw,))
         self.tab.proposed = None
         await self.open()
 
     async def open(self) -> None:
-        """Open the chosen files; propose a map first where one is needed."""
+        """Open the chosen files; if the logs need a map and none is given, propose one first."""
         choice = self.tab.choice
         if not choice.logs:
             self.say("choose a recording first")
@@ -265,7 +274,7 @@ class Bench:
         self.remark = ""
 
     async def compare(self) -> None:
-        """Compare the present vehicle with the recording: noise floor, and where it fails."""
+        """Compare the present vehicle with the recording: errors, noise floor, and the worst places."""
         opened = self.session.opened
         if opened is None:
             return
@@ -276,7 +285,7 @@ class Bench:
             await self.draw_window(*self.window)
 
     async def _map(self, logs: list[str]) -> str:
-        """Return the path of the map of logs; empty if a person must complete it first."""
+        """Return the path of the chosen map, or of a proposed one; empty if the proposal is incomplete."""
         if self.tab.choice.map:
             return str(self._readable(self.tab.choice.map))
         if self.tab.proposed is None:
@@ -299,7 +308,12 @@ class Bench:
         return opening.write_map(found, logs, self.desk.places.uploads / f"map-{self.tab.name}.toml")
 
     async def change_map(self, name: str, text: str) -> None:
-        """Take a block of the map that a person wrote, and test the others by the motion."""
+        """Replace a block of the proposed map by a text of the user, and test the map by the motion.
+
+        Args:
+            name: Name of the block.
+            text: New text of the block; `none` removes it.
+        """
         found = self.tab.proposed
         if found is None:
             return
@@ -309,7 +323,13 @@ class Bench:
             self.say(str(error))
 
     async def change_setting(self, name: str, key: str, value: str) -> None:
-        """Take another unit or frame of a block of the map."""
+        """Replace a setting of a block of the proposed map, such as its unit, and test the map by the motion.
+
+        Args:
+            name: Name of the block.
+            key: Name of the setting.
+            value: New value.
+        """
         found = self.tab.proposed
         if found is not None and name in found.blocks:
             await self._corrected({**found.blocks, name: {**found.blocks[name], key: value}})
@@ -355,14 +375,18 @@ class Bench:
         )
 
     def _readable(self, path: str) -> Path:
-        """Return a path that may be read: bundled, in the folders, uploaded, or of the command line."""
+        """Return `path` if it may be read: bundled, in the folders, uploaded, or named on the command line.
+
+        Raises:
+            DataError: The path may not be read.
+        """
         bundled = {*opening.sample(), *opening.presets().values()}
         return Path(path) if path in bundled else self.desk.places.readable(path)
 
     # 2, Compare: curves
 
     async def draw_all(self) -> None:
-        """Draw a recording that was just opened, or again after a reload of the page."""
+        """Draw track and curves of the open recording from the start."""
         if self.session.live is None:
             return
         first = drawing.begin(self.session)
@@ -371,7 +395,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     async def draw_window(self, low: float, high: float) -> None:
-        """Draw all curves of a window [s], and the error."""
+        """Draw all curves between the times `low` and `high` [s] of the page's axis, and the error."""
         session = self.session
         if session.live is None or not (np.isfinite([low, high]).all() and high > low):
             return
@@ -390,7 +414,13 @@ class Bench:
         self.refresh_error()
 
     async def jump(self, place: str) -> None:
-        """Show the longest stretch of a place where the vehicle fails; again shows the next one."""
+        """Show the longest stretch at which the vehicle fails in one of the worst places of the comparison.
+
+        Further calls show the next stretches in turn.
+
+        Args:
+            place: Name of the place, a key of `jobs.Compared.places`.
+        """
         session = self.session
         if session.compared is None or session.live is None:
             return
@@ -410,7 +440,7 @@ class Bench:
     _jumped = -1.0
 
     async def set_horizon(self, horizon: float | None) -> None:
-        """Predict over another horizon [s]; None for whole sessions."""
+        """Set the prediction horizon [s] and redraw; None predicts whole sessions."""
         self.session.horizon = horizon
         self.refresh()
         await self.draw_window(*self.window)
@@ -418,11 +448,17 @@ class Bench:
     # 3, Learn
 
     async def diagnose(self) -> None:
-        """Diagnose the present vehicle: step 0 of a study."""
+        """Compare and diagnose the present vehicle, step 0 of a study as in `hydro explain`."""
         await self.add(BEST, "diagnosing")
 
     async def show_force(self, effect: str, vehicle: Vehicle, place: str) -> None:
-        """Draw the force of an effect of a vehicle in a card."""
+        """Draw the force of one effect of a vehicle in the card of its finding.
+
+        Args:
+            effect: Name of the effect.
+            vehicle: Vehicle with the effect.
+            place: Name of the card on the page.
+        """
         session = self.session
         if session.opened is None or session.live is None:
             return
@@ -433,7 +469,12 @@ class Bench:
     # 4, Add and tune
 
     async def add(self, effect: str, label: str = "adding") -> None:
-        """Take the next step of the study: diagnose, or add a finding."""
+        """Take the next step of the study: diagnose the vehicle, or add a finding to it.
+
+        Args:
+            effect: Effect of the finding; `BEST` for the best one.
+            label: Name of the work for the user.
+        """
         session = self.session
         if session.opened is None or not self.owned:
             return
@@ -450,7 +491,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     async def fit(self) -> None:
-        """Fit the ticked parameters."""
+        """Fit the ticked parameters, and make the result a state of the history."""
         session = self.session
         if session.opened is None or not self.owned:
             return
@@ -469,13 +510,18 @@ class Bench:
         await self.draw_window(*self.window)
 
     def offered(self, effect: str) -> list[Slider]:
-        """Return the sliders of an effect, which the page then may move."""
+        """Return the sliders of an effect, and accept later moves of them."""
         found = self.session.sliders(effect)
         self._sliders |= {one.key: one for one in found}
         return found
 
     def slide(self, key: str, value: float) -> None:
-        """Follow a slider that moves."""
+        """Show the vehicle with the value of a slider that is being moved.
+
+        Args:
+            key: `Slider.key` of the slider.
+            value: Present value.
+        """
         slider = self._sliders.get(key)
         if slider is None or not self.owned:
             return
@@ -487,7 +533,12 @@ class Bench:
         self.evaluate()
 
     async def settle(self, key: str, value: float) -> None:
-        """Keep the value of a slider that was released, or of a number that was typed."""
+        """Make the value of a released slider, or a typed value, a state of the history.
+
+        Args:
+            key: `Slider.key` of the slider.
+            value: Final value.
+        """
         self.slide(key, value)
         if (slider := self._sliders.get(key)) is not None:
             number = f"{words.effect_name(slider.effect)} {slider.label}"
@@ -495,7 +546,7 @@ class Bench:
             self.refresh()
 
     async def switch(self, effect: str, on: bool) -> None:
-        """Switch an effect on or off."""
+        """Add an effect to the vehicle, or remove it, as a new state of the history."""
         if not self.owned:
             return
         try:
@@ -506,11 +557,11 @@ class Bench:
         await self.draw_window(*self.window)
 
     def tick(self, key: str, on: bool) -> None:
-        """Tick a parameter for the next fit, or not."""
+        """Choose whether the next fit changes a parameter, named as `effect.parameter`."""
         (self.session.ticked.add if on else self.session.ticked.discard)(key)
 
     async def go(self, number: int) -> None:
-        """Show another state of the history."""
+        """Show the state with a number in the history, 0 for the vehicle as given."""
         if not self.owned:
             return
         self.session.go(number)
@@ -519,7 +570,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def evaluate(self) -> None:
-        """Redraw predictions and error soon; changes that come meanwhile are drawn together."""
+        """Redraw predictions and error in the background; changes made meanwhile share one further redraw."""
         if self._evaluating:
             self._again = True
         else:
@@ -551,7 +602,7 @@ class Bench:
     # 5, Keep
 
     def save_vehicle(self, name: str) -> str:
-        """Write the vehicle file and its covariance, and return its path.
+        """Write the present vehicle file, its covariance and the map of the log; return the file's path.
 
         Raises:
             DataError: The place is not one of the folders, or cannot be written.
@@ -574,7 +625,14 @@ class Bench:
         return str(path)
 
     async def save_study(self, name: str, report: bool) -> str:
-        """Write the study folder, and with `report` a page about it; return what was written.
+        """Write the study folder, and with `report` also an HTML page about it.
+
+        Args:
+            name: Name of the folder, in the first folder of the workbench.
+            report: Whether to write the page.
+
+        Returns:
+            Paths of the folder and the page, separated by a comma; empty if the work was cancelled.
 
         Raises:
             DataError: Nothing was diagnosed, or the place is not one of the folders.
@@ -602,7 +660,7 @@ class Bench:
         return self.desk.places.writable(self.desk.places.folders[0] / name)
 
     def _keep_map(self, folder: Path) -> None:
-        """Copy the map of the log to the folder of a saved vehicle, unless it was a given file."""
+        """Copy a map that the workbench proposed to the folder of a saved vehicle."""
         opened = self.session.opened
         if opened is not None and Path(opened.map).is_relative_to(self.desk.places.uploads):
             content, stem = Path(opened.map).read_bytes(), Path(opened.name).stem
@@ -616,7 +674,7 @@ class Bench:
     # Drawing
 
     def send(self, function: str, *arguments: Any) -> None:
-        """Call a function of the page's script."""
+        """Call a function of the page's script with arguments as JSON."""
         texts = (
             orjson.dumps(one, option=orjson.OPT_SERIALIZE_NUMPY).decode() for one in map(_plain, arguments)
         )
@@ -624,7 +682,7 @@ class Bench:
 
 
 def _plain(value: Any) -> Any:
-    """Return arrays in memory order, as orjson needs them."""
+    """Return a value with its arrays contiguous in memory, as orjson needs them."""
     if isinstance(value, np.ndarray):
         return np.ascontiguousarray(value)
     if isinstance(value, dict):

@@ -64,11 +64,11 @@ class Tab:
     """State of one tab of the browser, which survives a reload of the page.
 
     Attributes:
-        name: Its key in the address.
-        choice: Files that it has chosen.
-        session: Its session.
-        worker: Its worker process.
-        owner: Client of the page that shows it; another page with this address takes it over.
+        name: Key of the tab in the page's address.
+        choice: Files that the user has chosen to open.
+        session: Open recording, vehicle and history.
+        worker: Worker process of the tab.
+        owner: Client of the page that shows the tab; another page with the same address takes it over.
         proposed: Map that was proposed for the chosen logs.
         step: Number of the step that is shown, 1 to 5.
     """
@@ -84,7 +84,7 @@ class Tab:
 
 @dataclass
 class Desk:
-    """The server.
+    """State of the server: files of the command line, and open tabs.
 
     Attributes:
         places: Folders that may be read and written.
@@ -92,8 +92,8 @@ class Desk:
         logs: Logs of the command line.
         map: Map of the command line; empty without one.
         largest: Maximum size of an upload [bytes].
-        uploaded: Files that the page has uploaded, by every tab.
-        worker: Maker of the worker of a tab.
+        uploaded: Paths of all files that any tab has uploaded.
+        worker: Function that makes the worker of a tab.
         tabs: Tabs by name, the one that was used last at the end.
         spare: Worker that has been started for the next new tab; None without one.
     """
@@ -114,7 +114,7 @@ class Desk:
         self.spare.start()
 
     def tab(self, name: str) -> Tab:
-        """Return a tab by its name, or a new one with the files of the command line."""
+        """Return a tab by its name; if no such tab is open, a new one with the files of the command line."""
         from hydro.app.session import Session
 
         if (found := self.tabs.pop(name, None)) is None:

@@ -27,13 +27,20 @@ Curve = dict[str, Any]
 
 
 def curve(x: Array, y: Array, points: int) -> Curve:
-    """Return a decimated curve."""
+    """Return a curve of at most about `points` points, for JSON; see `live.decimated`."""
     x, y = decimated(x, y, points)
     return {"x": np.round(x, 3), "y": y.astype(np.float32)}
 
 
 def predicted(live: Live, motion: Array, begin: int, points: int) -> list[Curve]:
-    """Return the curves of a prediction (N, 12) from row `begin` on, in the page's order."""
+    """Return the curves of predicted poses and velocities, in the order in which the page draws them.
+
+    Args:
+        live: The recording.
+        motion: Pose and velocity of N rows (N, 12), NED and FRD [m, rad, m/s, rad/s].
+        begin: Row of the recording to which the first row of `motion` belongs.
+        points: Maximum number of points of a curve.
+    """
     x = live.clock[begin : begin + len(motion)]
     return [curve(x, motion[:, PLACE[name]], points) for name in ORDER]
 
@@ -55,13 +62,13 @@ def redrawn(
 
 
 def window(session: Session, vehicle: Vehicle, low: float, high: float, points: int) -> dict[str, Any]:
-    """Return all curves of a window.
+    """Return all curves between two times: measured with noise band, commands, predicted.
 
     Args:
         session: The session.
         vehicle: The vehicle that is predicted.
         low: Begin of the window on the page's axis [s].
-        high: Its end [s].
+        high: End of the window on the page's axis [s].
         points: Maximum number of points of a curve.
     """
     live = session.live
@@ -113,11 +120,11 @@ def begin(session: Session) -> dict[str, Any]:
 
 
 def force(live: Live, wrench: Array) -> dict[str, Any]:
-    """Return the force of an effect over time and against velocity, on the axis where it does the most.
+    """Return the force of an effect over time and against velocity, on the axis where it has most influence.
 
     Args:
         live: The recording.
-        wrench: Force along the recording, (N, 6) [N, N m].
+        wrench: Force of the effect along the recording, (N, 6) [N, N m].
     """
     size = np.sqrt((wrench**2).mean(axis=0)) / np.sqrt((live.record.nu**2).mean(axis=0) + 1e-9)
     axis = int(np.argmax(np.nan_to_num(size * live.opened.weights**-0.5)))
@@ -134,13 +141,13 @@ def force(live: Live, wrench: Array) -> dict[str, Any]:
 
 
 def _present(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return a curve without the rows between the samples of a slow sensor."""
+    """Return a curve without the empty rows between the samples of a slow sensor."""
     there = np.isfinite(y)
     return (x, y) if there.mean() > 0.5 or not there.any() else (x[there], y[there])
 
 
 def _band(x: Array, y: Array, floor: float | None) -> Curve:
-    """Return the outline of the noise floor about a measured curve; empty without a floor."""
+    """Return the outline of a band of half width `floor` about a measured curve; empty if `floor` is None."""
     there = np.isfinite(y)
     if floor is None or not there.any():
         return {"x": [], "y": []}

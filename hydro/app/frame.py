@@ -1,6 +1,7 @@
-"""Frame of the page: top bar, and the places of panel, track, ladder and curves.
+"""Frame of the page: top bar, and the places of panel, track, error ladder and curves.
 
-It appears at once.  The libraries of the physics take a second to load; `Layout` then fills the places.
+The frame appears at once.  The libraries of the physics take a second to load; `Layout` then fills the
+places.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ class Frame:
         steps: Place of the steps.
         title: Label for the vehicle and the recording.
         busy: Place of the progress of work.
-        error: Place of the error of the vehicle on the page.
+        error: Place of the error of the shown vehicle.
         history: Place of the buttons for undo and redo.
         panel: Place of the panel of the present step.
     """

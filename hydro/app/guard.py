@@ -61,7 +61,7 @@ class Guard:
         await self.app(scope, _limited(receive, self.largest), _with_headers(send))
 
     def _fault(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str]:
-        """Return status and reason of a refusal; 0 for an admissible request."""
+        """Return HTTP status and reason to refuse a request; status 0 for an admissible request."""
         host = headers.get("host", "")
         if host not in self.hosts:
             return REFUSED, "this name is not the address of the workbench"
@@ -91,13 +91,13 @@ def _query(scope: Scope) -> str:
 
 
 def _name(scope: Scope) -> str:
-    """Return the name of the cookie; cookies do not distinguish ports, so the name does."""
+    """Return the name of the cookie, which includes the port, because browsers send cookies to all ports."""
     server = scope.get("server") or ("", 0)
     return f"hydro-{server[1]}"
 
 
 def _cookie_of(headers: dict[str, str], name: str) -> str:
-    """Return the value of a cookie; empty without it."""
+    """Return the value of a cookie in the headers; empty if they lack it."""
     try:
         found = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
@@ -129,7 +129,7 @@ def _with_headers(send: Any) -> Any:
 
 
 def _limited(receive: Any, largest: int) -> Any:
-    """Return a receiver that ends a request whose body is too large, whatever its header says."""
+    """Return a receiver that ends requests with more than `largest` bytes, whatever their header says."""
     seen = 0
 
     async def receiving() -> dict[str, Any]:
@@ -142,7 +142,7 @@ def _limited(receive: Any, largest: int) -> Any:
 
 
 async def _refuse(scope: Scope, receive: Any, send: Any, status: int, words: str) -> None:
-    """Answer a request with a status and a line."""
+    """Answer a request with an HTTP status and one line of text."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008, "reason": words})
@@ -158,7 +158,7 @@ async def _refuse(scope: Scope, receive: Any, send: Any, status: int, words: str
 
 
 async def _redirect(send: Any, path: str, cookie: str) -> None:
-    """Answer with another address and a cookie."""
+    """Answer a request with a redirection to `path`, and set a cookie."""
     headers = [
         (b"location", path.encode()),
         (b"set-cookie", cookie.encode()),

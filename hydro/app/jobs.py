@@ -1,4 +1,7 @@
-"""Long work of the workbench, each a function that its worker process runs."""
+"""Long work of the workbench, each a function that the worker process of a tab runs.
+
+The last argument of each function, `report`, receives a kind of message and its content.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ class Compared:
 
     Attributes:
         table: Comparison table.
-        places: First row, and row after the last, of the stretches of each worst place, (K, 2).
+        places: For each worst place, its stretches of rows, (K, 2): first row, and row after the last.
     """
 
     table: pl.DataFrame
@@ -69,14 +72,19 @@ class Stepped:
     """Result of a step of a study.
 
     Attributes:
-        step: The step; None if no candidate predicts better.
+        step: The step; None if no candidate effect predicts better.
     """
 
     step: Step | None
 
 
 class _Kept:
-    """Recordings of the present study: they are prepared once, and all its steps use them."""
+    """Prepared recordings of the present study, which all its steps share.
+
+    Attributes:
+        key: Inputs from which the recordings were prepared.
+        recordings: The recordings; None before the first step.
+    """
 
     key: tuple[Any, ...] | None = None
     recordings: Recordings | None = None
@@ -85,12 +93,12 @@ class _Kept:
 def propose(
     paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, report: Report
 ) -> Proposed:
-    """Propose the map of logs, see `opening.propose_map`."""
+    """Propose the map of logs; see `opening.propose_map`."""
     return opening.propose_map(paths, given, thrusters, _progress(report))
 
 
 def correct(paths: Sequence[str], before: Proposed, blocks: Mapping[str, Any], report: Report) -> Proposed:
-    """Return a map with blocks that a person has changed, see `opening.correct_map`."""
+    """Return a map with blocks that the user has changed; see `opening.correct_map`."""
     return opening.correct_map(paths, before, blocks, _progress(report))
 
 
@@ -103,7 +111,7 @@ def open_recording(
     before: str,
     report: Report,
 ) -> Opened:
-    """Open a recording, see `opening.open_recording`."""
+    """Open a recording; see `opening.open_recording`."""
     return opening.open_recording(
         paths, map_, craft, _progress(report), correct=correct, holdout=holdout, before=before
     )
@@ -158,7 +166,16 @@ def fit(
 
 
 def force(opened: Opened, vehicle: Vehicle, without: Vehicle, report: Report) -> Array:
-    """Return the force of an effect along the recorded motion, (N, 6), see `core.evaluation.added_force`."""
+    """Return the force of an effect along the recorded motion, (N, 6) [N, N m].
+
+    `core.evaluation.added_force` computes it.
+
+    Args:
+        opened: The recording.
+        vehicle: Vehicle with the effect.
+        without: The same vehicle without the effect.
+        report: Receives progress.
+    """
     report("progress", ("force of the effect", 0.5))
     record = opened.log.record
     motion = Motion.of(record)
@@ -168,13 +185,13 @@ def force(opened: Opened, vehicle: Vehicle, without: Vehicle, report: Report) ->
 def save_study(
     opened: Opened, craft: Craft, steps: Sequence[Step], wanted: Sequence[str], folder: str, report: Report
 ) -> str:
-    """Write the study folder of some steps, as `hydro explain` does, and return its headline.
+    """Write the study folder of given steps, as `hydro explain` does, and return its headline.
 
     Args:
         opened: The recording.
         craft: Vehicle file of step 0.
         steps: The steps.
-        wanted: Effects that the steps were asked to add, for the footers.
+        wanted: Effects that the user asked the steps to add, for the footers of the files.
         folder: Existing folder.
         report: Receives progress.
 
@@ -217,7 +234,7 @@ def save_study(
 
 
 def write_report(folder: str, destination: str, report: Report) -> str:
-    """Write the report of a study folder as one page, and return its path."""
+    """Write the report of a study folder as one HTML page at `destination`, and return its path."""
     from hydro.io.files import write_bytes
     from hydro.report import sources
     from hydro.report.page import render
@@ -228,12 +245,12 @@ def write_report(folder: str, destination: str, report: Report) -> str:
 
 
 def holding(vehicle: Vehicle, held: Sequence[str], *, instead: Vehicle | None = None) -> Vehicle:
-    """Return a vehicle whose tables hold some parameters as known.
+    """Return a vehicle whose effect tables mark some parameters as known, so that a fit keeps them.
 
     Args:
         vehicle: The vehicle.
         held: Parameters, each `effect.parameter`.
-        instead: Vehicle from which the marks of the tables are restored, instead of setting them.
+        instead: Undo the marking: restore the marks of `held` from this vehicle.
     """
     tables = list[dict[str, Any]]()
     before = {} if instead is None else {table["name"]: table.get("known") for table in instead.effect}
@@ -250,7 +267,7 @@ def holding(vehicle: Vehicle, held: Sequence[str], *, instead: Vehicle | None = 
 
 
 def _told_beside(opened: Opened, recordings: Recordings) -> dict[str, Any]:
-    """Return the parameters of a study on its further recordings, as `hydro explain` writes them."""
+    """Return the parameters that `hydro explain` writes about held-out and earlier recordings."""
     from hydro.report.change import parameters_of
 
     told: dict[str, Any] = {}
@@ -282,7 +299,7 @@ def _recordings(opened: Opened, craft: Craft, report: Report) -> Recordings:
 
 
 def _hull(before: Further, craft: Craft, report: Report) -> Hull:
-    """Return the hull-force model of a recording before a change.
+    """Return the hull-force model, fitted to a recording before a change.
 
     Raises:
         DataError: The recording does not fit the vehicle, or is too short.
@@ -295,5 +312,5 @@ def _hull(before: Further, craft: Craft, report: Report) -> Hull:
 
 
 def _progress(report: Report) -> Progress:
-    """Return a callback of progress that sends its words and share as one message."""
+    """Return a callback that sends a description of the work and the share done as one message."""
     return lambda words, share: report("progress", (words, share))

@@ -21,7 +21,7 @@ REFRESH = 0.4
 
 
 class Layout:
-    """The parts of the page of one tab."""
+    """Content of one tab's page: steps, progress, undo, panel, error and error ladder."""
 
     def __init__(self, bench: Bench, frame: Frame) -> None:
         """Connect the page's events with the actions of the tab."""
@@ -58,7 +58,7 @@ class Layout:
         self._head()
 
     def refresh(self) -> None:
-        """Show the present state everywhere but in the curves."""
+        """Show the present state in all parts of the page except the curves."""
         with self.bench.client:
             self._steps.refresh()
             if self.bench.tab.step == self._drawn == 1 and self.bench.menus == panel_load.menus(self.bench):
@@ -69,7 +69,7 @@ class Layout:
             self._head()
 
     def refresh_error(self) -> None:
-        """Show the error of the vehicle on the page."""
+        """Show the error of the vehicle that the page shows."""
         self.frame.error.set_content(_error(self.bench))
 
     @ui.refreshable_method
@@ -186,14 +186,14 @@ class Layout:
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a literal of JavaScript."""
+    """Return a text as a string literal of JavaScript."""
     import orjson
 
     return orjson.dumps(text).decode()
 
 
 def _error(bench: Bench) -> str:
-    """Return the error of the vehicle on the page, and the noise floor, as HTML."""
+    """Return the error of the vehicle that the page shows, and the noise floor, as HTML."""
     shown, session = bench.shown, bench.session
     if shown is None or not math.isfinite(shown.all):
         return ""
@@ -205,12 +205,12 @@ def _error(bench: Bench) -> str:
 
 
 def _figure(error: float) -> str:
-    """Return an error as text; a dash where it is not known."""
+    """Return an error as text; a dash if it is NaN."""
     return words.figure(error) if math.isfinite(error) else "–"
 
 
 def _ladder(bench: Bench) -> str:
-    """Return the history with the error of each state as HTML."""
+    """Return the error ladder as HTML: the states of the history with the error of each."""
     session = bench.session
     if not session.history:
         return "<h3>error ladder</h3><p class='hint'>opening …</p>"

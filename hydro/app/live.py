@@ -31,7 +31,7 @@ class Errors:
     """Errors of predicted velocities.
 
     Attributes:
-        all: Over all axes, weighted by inertia [m/s]; NaN without samples.
+        all: Root mean square over all axes, weighted by inertia [m/s]; NaN without samples.
         axes: Root mean square of u v w [m/s] and p q r [rad/s], (6,).
         predictions: Number of predictions.
     """
@@ -42,11 +42,12 @@ class Errors:
 
 
 class Live:
-    """A recording for live predictions.
+    """Open recording, prepared for fast predictions while the vehicle changes.
 
     Attributes:
         opened: The recording.
-        windows: Its windows.
+        record: Cleaned recording of N rows.
+        windows: Predictions of parts of the recording.
         clock: Time of each row on the page's axis [s], (N,): sessions one after the other.
     """
 
@@ -86,17 +87,29 @@ class Live:
         return Errors(together.error(self.opened.weights), axes, number)
 
     def predicted(self, vehicle: Vehicle, horizon: float | None, begin: int, end: int) -> Array:
-        """Return predicted pose and velocity of some rows, see `core.evaluation.window`."""
+        """Return the predicted pose and velocity of the rows from `begin` to before `end`, (rows, 12).
+
+        Args:
+            vehicle: The vehicle.
+            horizon: Length of a prediction [s]; None for whole segments.
+            begin: First row.
+            end: Row after the last.
+        """
         return self.windows.predicted(candidate(vehicle), horizon, begin, end)
 
     def rows(self, low: float, high: float) -> tuple[int, int]:
-        """Return the first row, and the row after the last, of a window of the page's time axis [s]."""
+        """Return the first row, and the row after the last, between two times of the page's axis [s]."""
         begin, end = np.searchsorted(self.clock, [low, high])
         begin = min(int(begin), self.record.rows - 2)
         return begin, max(int(end), begin + 2)
 
     def _of(self, horizon: float | None, *, every: bool) -> list[Shots]:
-        """Return the predictions of a horizon, those of one length together; empty if none fits."""
+        """Return the predictions of a horizon, grouped by length; empty if the recording is too short.
+
+        Args:
+            horizon: Length of a prediction [s]; None for whole segments.
+            every: Use all predictions; otherwise at most FEW of them.
+        """
         key = (horizon, every)
         if key not in self._shots:
             self._shots[key] = self._made(horizon, every=every)
@@ -117,7 +130,14 @@ class Live:
 
 
 def _clock(t: Array, segments: Rows, session: Rows, dt: float) -> Array:
-    """Return the time of each row on one axis [s]: gaps of a session stay, sessions follow each other."""
+    """Return the time of each of N rows on one axis [s], (N,): gaps stay, sessions follow each other.
+
+    Args:
+        t: Time of each row [s], (N,).
+        segments: First row, and row after the last, of each gap-free segment (K, 2).
+        session: Session of each segment (K,).
+        dt: Sample time [s].
+    """
     out, end = np.empty_like(t), -SESSION_GAP
     for number, (first, last) in enumerate(segments.tolist()):
         same = number > 0 and session[number] == session[number - 1]
@@ -128,7 +148,7 @@ def _clock(t: Array, segments: Rows, session: Rows, dt: float) -> Array:
 
 
 def decimated(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """Return at most so many points of a curve: the least and the greatest value of each stretch.
+    """Return at most `points` points of a curve: the least and the greatest value of each stretch.
 
     A gap in the curve (NaN) stays a gap.
 

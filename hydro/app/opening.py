@@ -57,10 +57,10 @@ class Craft:
     """Vehicle file.
 
     Attributes:
-        path: The file.
-        text: Its text.
+        path: Path of the file.
+        text: Text of the file.
         vehicle: The vehicle, with standard errors from the covariance next to the file.
-        estimates: This covariance; None without one.
+        estimates: The covariance next to the file; None if there is none.
     """
 
     path: str
@@ -86,7 +86,10 @@ class Craft:
         )
 
     def for_recording(self, source: Artefact) -> Craft:
-        """Return the file without standard errors from a recording, which are not independent of it."""
+        """Return the file without standard errors that were estimated from the given recording.
+
+        Such errors are not independent of the recording, so a fit to it must not use them as prior.
+        """
         return replace(self, vehicle=vehicles.without_errors_from(self.vehicle, source.provenance.content))
 
 
@@ -111,10 +114,10 @@ class Proposed:
 
 @dataclass(frozen=True)
 class Further:
-    """Further recording of a study: a held-out one, or one from before a change.
+    """Further recording of a study: a held-out recording, or one from before a change.
 
     Attributes:
-        path: Its file.
+        path: Path of the file.
         source: Raw table with its provenance.
     """
 
@@ -127,14 +130,14 @@ class Opened:
     """Recording that is open.
 
     Attributes:
-        name: Its name on the page.
-        paths: The logs, or the raw table.
+        name: Name of the recording on the page.
+        paths: Paths of the logs, or of the raw table.
         map: Path of the map; empty for a raw table.
         source: Raw table with its provenance.
         log: Cleaned recording.
         weights: Weights of the velocity axes, by the inertia of the vehicle that it was opened with, (6,).
-        lines: Result of the import, of the cleaning and of the thruster audit, a line each.
-        audit: Contradiction between the thrusters and the file; empty without one.
+        lines: Results of the import, of the cleaning and of the thruster audit, a line each.
+        audit: Contradiction between the thrusters and the file; empty if there is none.
         holdout: Held-out recording; None without one.
         before: Recording before a change; None without one.
     """
@@ -157,13 +160,13 @@ class Opened:
 
 
 def sample() -> tuple[str, str]:
-    """Return the vehicle file and the recording of the sample."""
+    """Return the paths of the vehicle file and of the recording that the package includes as a sample."""
     folder = bundled("hidden")
     return str(folder / "vehicle.toml"), str(folder / "measured.parquet")
 
 
 def presets() -> dict[str, str]:
-    """Return the bundled vehicle files by name."""
+    """Return the paths of the bundled vehicle files by name."""
     return {path.stem: str(path) for path in sorted(bundled("vehicles").glob("*.toml"))}
 
 
@@ -182,7 +185,7 @@ def is_table(paths: Sequence[str]) -> bool:
 
 
 def commands_of(path: str) -> tuple[int, str]:
-    """Return the number of command columns of a raw table, and the vehicle file in its footer."""
+    """Return the number of command columns of a raw table, and the text of the vehicle file in its footer."""
     found = table.read(path, "raw")
     return sum(name.startswith(COMMAND) for name in found.frame.columns), found.provenance.vehicle or ""
 
@@ -194,9 +197,9 @@ def propose_map(
 
     Args:
         paths: The files of one dive.
-        given: Blocks that a person wrote, by name, each as one text.
+        given: Blocks that the user wrote, by name, each as one text.
         thrusters: Number of thrusters of the vehicle, if known.
-        progress: Called with a few words and the share of the work done.
+        progress: Called with a description of the work and the share of it that is done.
 
     Raises:
         DataError: A file cannot be read, or the text of a block is invalid.
@@ -209,7 +212,7 @@ def propose_map(
 
 
 def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Return the settings of a block of a map that have fixed choices, such as its unit, with the choices.
+    """Return the settings of a map's block that have fixed choices, such as its unit, with their choices.
 
     Args:
         name: Name of the block, one of `map_lines.KINDS`.
@@ -225,10 +228,15 @@ def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
 
 
 def edited(before: Proposed, name: str, text: str) -> dict[str, Block]:
-    """Return the blocks of a map with one that a person wrote as text; `none` removes it.
+    """Return the blocks of a map after the user wrote the text of one; the text `none` removes the block.
+
+    Args:
+        before: The map before.
+        name: Name of the block.
+        text: Text of the block.
 
     Raises:
-        DataError: The text is not a block of this name.
+        DataError: The text does not describe a block of this name.
     """
     blocks = {key: block for key, block in before.blocks.items() if key != name}
     if (block := block_of(name, text, before.columns)) is not None:
@@ -314,10 +322,10 @@ def open_recording(
         paths: A raw table, or the logs of one dive.
         map_: Path of the map; empty for a raw table.
         craft: The vehicle file.
-        progress: Called with a few words and the share of the work done.
+        progress: Called with a description of the work and the share of it that is done.
         correct: Accept the directions and the order of the thrusters that the audit states.
         holdout: Held-out recording: a raw table, or a log that the same map fits; empty without one.
-        before: Recording before a change, likewise.
+        before: Recording before a change: a raw table, or a log that the same map fits; empty without one.
 
     Raises:
         DataError: A file, the map or the vehicle is invalid, or they do not fit each other; or a further
@@ -366,7 +374,7 @@ def open_recording(
 
 
 def _read(paths: Sequence[str], map_: str, craft: Craft) -> tuple[Artefact, list[str]]:
-    """Return a raw table, or logs imported by a map, and the lines on it."""
+    """Return a raw table, read or imported by a map, and lines that describe it."""
     if not map_:
         source = table.read(paths[0], "raw")
         return source, _of_table(source)
@@ -384,10 +392,17 @@ def _read(paths: Sequence[str], map_: str, craft: Craft) -> tuple[Artefact, list
 
 
 def _further(path: str, words: str, map_: str, craft: Craft, measured: Artefact) -> Further:
-    """Return a further recording.
+    """Read a held-out recording or one from before a change.
+
+    Args:
+        path: Path of a raw table or a log.
+        words: Name of its purpose, for messages.
+        map_: Path of the map; empty for a raw table.
+        craft: The vehicle file.
+        measured: Raw table of the main recording.
 
     Raises:
-        DataError: It cannot be read, or has the same rows as the measured one.
+        DataError: The file cannot be read, or has the same rows as the main recording.
     """
     name = Path(path).name
     raw = is_table([path])
@@ -400,10 +415,15 @@ def _further(path: str, words: str, map_: str, craft: Craft, measured: Artefact)
 
 
 def _require_length(other: Further, craft: Craft, *, beside: bool) -> None:
-    """Refuse a held-out recording that is too short, or is another vehicle's.
+    """Refuse a further recording that is too short, or belongs to another vehicle.
+
+    Args:
+        other: Further recording.
+        craft: Vehicle file.
+        beside: Whether the study learns a hull-force model, which needs more data.
 
     Raises:
-        DataError: It is.
+        DataError: The recording is refused.
     """
     try:
         long_enough(craft.vehicle, other.source.frame, beside=beside)

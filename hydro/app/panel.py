@@ -12,7 +12,7 @@ from hydro.app.live import Live
 
 
 def begun(bench: Bench, title: str) -> Live | None:
-    """Show the title of a panel, and return the open recording; say so if none is open.
+    """Show the title of a panel, and return the open recording; if none is open, say so and return None.
 
     Args:
         bench: The workbench.

@@ -63,6 +63,6 @@ def _errors(bench: Bench) -> str:
 
 
 def _axis(name: str) -> str:
-    """Return the word for the axis of a force."""
+    """Return the name of the axis on which a force acts."""
     forces = dict(zip("XYZKMN", DOF, strict=True))
     return forces.get(name, name)

@@ -65,7 +65,7 @@ def show(bench: Bench) -> None:
 
 
 def _card(bench: Bench, row: dict[str, Any]) -> None:
-    """Make the card of one finding."""
+    """Make the card of one finding, a row of the diagnosis."""
     session = bench.session
     live = session.live
     assert live is not None
@@ -104,7 +104,7 @@ def _card(bench: Bench, row: dict[str, Any]) -> None:
 
 
 def _with(vehicle: Vehicle, row: dict[str, Any]) -> Vehicle:
-    """Return a vehicle with one finding."""
+    """Return a vehicle with the effect of one finding added, a row of the diagnosis."""
     import polars as pl
 
     return extended(vehicle, tables(pl.DataFrame([row]), [row["effect"]]))

@@ -1,4 +1,4 @@
-"""Panel of step 1: choose a recording and a vehicle, correct the map, and see what was understood."""
+"""Panel of step 1: choose a recording and a vehicle, correct the map, and read a summary of the import."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def _menus(bench: Bench, name: str, block: Any) -> None:
 
 
 def _understood(bench: Bench) -> None:
-    """List what was understood of the recording: rows, gaps, clock, frames, cleaning, thrusters."""
+    """List the results of the import: rows, gaps, clock, frames, cleaning, thrusters."""
     opened = bench.session.opened
     if opened is None:
         return
@@ -269,7 +269,7 @@ def is_map(path: str | Path) -> bool:
 
 
 def _head(path: str | Path) -> bytes:
-    """Return the begin of a TOML file; nothing of another or an unreadable one."""
+    """Return the first bytes of a TOML file; empty for an unreadable file or another format."""
     if Path(path).suffix.lower() != ".toml":
         return b""
     try:
@@ -280,7 +280,7 @@ def _head(path: str | Path) -> bytes:
 
 
 def _named(bench: Bench, path: Path) -> str:
-    """Return a path relative to the folder that holds it."""
+    """Return a path relative to the folder of the workbench that holds it."""
     folder = next((one for one in bench.desk.places.folders if path.is_relative_to(one)), path.parent)
     return str(path.relative_to(folder))
 

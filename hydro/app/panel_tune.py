@@ -1,4 +1,4 @@
-"""Panel of step 4: switches for the effects, sliders for their numbers, and the fit."""
+"""Panel of step 4: switches for the effects, sliders for their parameters, and the fit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def show(bench: Bench) -> None:
 
 
 def toggle(bench: Bench, effect: str) -> None:
-    """Show or hide the numbers of an effect."""
+    """Show or hide the sliders of an effect."""
     shown = opened(bench)
     if effect in shown:
         shown.remove(effect)
@@ -52,7 +52,7 @@ def toggle(bench: Bench, effect: str) -> None:
 
 
 def opened(bench: Bench) -> list[str]:
-    """Return the effects whose numbers are shown; at first one that changes the forces."""
+    """Return the effects whose sliders are shown; at first, the vehicle's first effect other than inertia."""
     if bench.unfolded is None:
         own = [str(one["name"]) for one in bench.session.present.effect]
         bench.unfolded = [one for one in own if CATALOGUE[one].kind != "inertia"][:1]
@@ -60,7 +60,7 @@ def opened(bench: Bench) -> list[str]:
 
 
 def _effect(bench: Bench, name: str, *, on: bool) -> str:
-    """Return an effect with its switch, and its numbers if they are shown."""
+    """Return the HTML of an effect: its switch, and its sliders if they are shown."""
     record = CATALOGUE[name]
     remark = " (random: not in predictions)" if record.is_random else ""
     head = (
@@ -80,7 +80,13 @@ def _effect(bench: Bench, name: str, *, on: bool) -> str:
 
 
 def _number(bench: Bench, one: Slider, *, first: bool) -> str:
-    """Return the row of one number: tick of its parameter, slider, field and unit."""
+    """Return the HTML of one slider: tick of its parameter, slider, field and unit.
+
+    Args:
+        bench: The workbench.
+        one: The slider.
+        first: Whether it is the first slider of its parameter, which carries the tick.
+    """
     key, parameter = escape(one.key, quote=True), escape(f"{one.effect}.{one.parameter}", quote=True)
     ticked = "checked" if f"{one.effect}.{one.parameter}" in bench.session.ticked else ""
     tick = (

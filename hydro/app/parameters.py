@@ -1,4 +1,4 @@
-"""Switches and sliders: effects of the catalogue on a vehicle, and the numbers of each with their ranges."""
+"""Switches and sliders: effects of the catalogue on a vehicle, and the values of each with their ranges."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 @dataclass(frozen=True)
 class Slider:
-    """One number of an effect.
+    """Slider of one number of an effect's parameter.
 
     Attributes:
         effect: Name of the effect on the vehicle.
@@ -38,11 +38,11 @@ class Slider:
         unit: Unit; empty for a pure number.
         value: Present value.
         low: Lower end of the slider.
-        high: Upper end.
+        high: Upper end of the slider.
         step: Step of the slider.
         least: Minimum admissible value.
         most: Maximum admissible value.
-        known: Whether the file holds it as known, so that no fit changes it.
+        known: Whether the file marks the value as known, so that no fit changes it.
     """
 
     effect: str
@@ -60,12 +60,12 @@ class Slider:
 
     @property
     def key(self) -> str:
-        """Unique name: `linear_damping.diagonal[0]`."""
+        """Unique name of the slider, such as `linear_damping.diagonal[0]`."""
         return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
 
 
 def sliders(vehicle: Vehicle, effect: str) -> list[Slider]:
-    """Return the numbers of an effect of a vehicle; of a symmetric matrix those on and above the diagonal."""
+    """Return the sliders of an effect of a vehicle; a symmetric matrix has none below its diagonal."""
     table = next(iter(vehicle.effects(effect)), None)
     if table is None:
         return []
@@ -100,7 +100,7 @@ def sliders(vehicle: Vehicle, effect: str) -> list[Slider]:
 
 
 def with_value(vehicle: Vehicle, slider: Slider, value: float) -> Vehicle:
-    """Return the vehicle with another value of one number, within its admissible range.
+    """Return the vehicle with the number of a slider set to `value`, limited to its admissible range.
 
     Raises:
         DataError: The value is not finite.
@@ -112,14 +112,14 @@ def with_value(vehicle: Vehicle, slider: Slider, value: float) -> Vehicle:
 
 
 def switchable(vehicle: Vehicle) -> list[str]:
-    """Return the effects of the catalogue that a switch can add, and those of the vehicle, in its order."""
+    """Return the names of the vehicle's effects, then of the catalogue's effects that can be added."""
     present = [str(table["name"]) for table in vehicle.effect]
     names = [name for name, record in CATALOGUE.items() if not record.is_written]
     return [*present, *(name for name in names if not vehicle.effects(name))]
 
 
 def neutral(effect: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Return the table of an effect whose values are 0, or 1 where 0 is not allowed."""
+    """Return the table of an effect with values of 0, or of 1 where 0 is not allowed."""
     tables: Sequence[dict[str, Any]] = toml_text.content(toml(CATALOGUE[effect], len(vehicle.thruster)))[
         "effect"
     ]
@@ -127,7 +127,7 @@ def neutral(effect: str, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def with_effect(vehicle: Vehicle, table: dict[str, Any]) -> Vehicle:
-    """Return the vehicle with one more effect."""
+    """Return the vehicle with the effect of a table added."""
     return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, table))
 
 

@@ -63,7 +63,7 @@ class Places:
         shutil.rmtree(self.uploads, ignore_errors=True)
 
     def readable(self, path: str | Path) -> Path:
-        """Return a path that may be read, with all links followed.
+        """Return a path with all links followed, if it may be read.
 
         Raises:
             DataError: It is outside the folders and is not a file of the command line.
@@ -75,7 +75,7 @@ class Places:
         return found
 
     def writable(self, path: str | Path) -> Path:
-        """Return a path that may be written, with all links followed.
+        """Return a path with all links followed, if it may be written.
 
         Raises:
             DataError: It is outside the folders.
@@ -86,14 +86,14 @@ class Places:
         return found
 
     def listed(self, endings: Sequence[str]) -> list[Path]:
-        """Return files with some endings in the folders and below, sorted."""
+        """Return the files with one of the given endings in the folders and below them, sorted."""
         found = list[Path]()
         for folder in self.folders:
             self._list(folder, DEPTH, tuple(endings), found)
         return found[:MOST_LISTED]
 
     def _list(self, folder: Path, depth: int, endings: tuple[str, ...], found: list[Path]) -> None:
-        """Append files of a folder, and of its folders down to a depth."""
+        """Append to `found` a folder's files with one of the endings, including subfolders to a depth."""
         try:
             inside = sorted(folder.iterdir())
         except OSError:

@@ -51,7 +51,7 @@ class Address:
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """Admissible values of the header Host."""
+        """Values of the HTTP header Host that the server accepts."""
         return (self.name, *(f"{name}:{self.port}" for name in NAMES))
 
 
@@ -86,7 +86,7 @@ def bound(host: str, port: int, token: str | None) -> tuple[Address, socket.sock
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether an address reaches this machine alone."""
+    """Return whether a numeric address can be reached from this machine only."""
     return ipaddress.ip_address(host).is_loopback
 
 
@@ -103,7 +103,7 @@ def plotly_script() -> Path:
 
 
 def application(desk: Desk, address: Address) -> Guard:
-    """Return the application behind its gate: scripts, uploads and the page."""
+    """Return the web application with scripts, uploads and the page, behind the check of each request."""
     from fastapi import FastAPI, Request
     from fastapi.responses import FileResponse, PlainTextResponse, Response
     from nicegui import ui
@@ -152,9 +152,9 @@ def serve(desk: Desk, address: Address, listening: socket.socket, ready: Callabl
 
     Args:
         desk: State of the server.
-        address: Its address.
-        listening: Socket that listens there.
-        ready: Called once it answers.
+        address: Address of the server.
+        listening: Socket that listens at the address.
+        ready: Called once the server answers.
     """
     import uvicorn
 

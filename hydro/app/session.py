@@ -1,7 +1,7 @@
-"""Session of the workbench: the open recording, the vehicle, its history, and what may be done next.
+"""Session of the workbench: the open recording, the vehicle, its history, and the possible next actions.
 
-It knows no page and no process.  Every change makes a new `Rung` of the history; nothing that was made is
-changed, so undo and redo move along the history, and a copy for another tab is cheap.
+A session knows neither page nor process.  Every change makes a new `Rung` of the history; earlier states are
+never changed, so undo and redo move along the history, and a copy for another tab is cheap.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ class Rung:
     """One state of the vehicle in the history.
 
     Attributes:
-        label: What led to it.
+        label: Description of the change that led to the state.
         kind: `given`, `added`, `tuned` or `fitted`.
         vehicle: The vehicle.
-        text: Its file.
+        text: Text of its vehicle file.
         error: Error of at most 60 predictions [m/s]; NaN if it is not known.
         estimates: Fitted values with their covariance; None without a fit.
-        base: Vehicle file of step 0 of the study that led to it.
+        base: Vehicle file of step 0 of the study that led to the state.
         steps: Steps of this study; empty before a diagnosis.
-        wanted: Effects that these steps were asked to add.
-        fitted: Effects that a fit estimated, and the parameters of these that it held, each
+        wanted: Effects that the user asked these steps to add.
+        fitted: Effects that a fit estimated, and those of their parameters that it did not change, each
             `effect.parameter`.
     """
 
@@ -70,14 +70,14 @@ class Session:
 
     Attributes:
         opened: The recording; None before one is open.
-        live: The same for live predictions.
+        live: The recording prepared for fast predictions; None before one is open.
         history: All states, the vehicle as given first.
-        at: Number of the present one.
+        at: Index of the present state in the history.
         vehicle: The vehicle on the page; while a slider moves, it differs from the present state.
-        compared: Comparison of the vehicle as given, by which the page draws the noise floor.
+        compared: Comparison of the vehicle as given, with the noise floor that the page draws.
         horizon: Prediction horizon of the page [s]; None for whole sessions.
         ticked: Parameters that the next fit changes, each `effect.parameter`.
-        aside: Tables of effects that a switch has removed, so that it can bring them back.
+        aside: Tables of effects that the user switched off, by name, for switching them on again.
     """
 
     opened: Opened | None = None
@@ -144,29 +144,29 @@ class Session:
 
     @property
     def can_undo(self) -> bool:
-        """Whether an earlier state exists."""
+        """Whether the history has a state before the present one."""
         return self.at > 0
 
     @property
     def can_redo(self) -> bool:
-        """Whether a state was undone."""
+        """Whether the history has a state after the present one."""
         return self.at + 1 < len(self.history)
 
     def undo(self) -> None:
-        """Return to the state before."""
+        """Show the state before the present one."""
         self.go(self.at - 1)
 
     def redo(self) -> None:
-        """Return to the state that was undone."""
+        """Show the state after the present one."""
         self.go(self.at + 1)
 
     def go(self, number: int) -> None:
-        """Show a state of the history."""
+        """Show the state with an index in the history, limited to its ends."""
         if 0 <= number < len(self.history):
             self.at, self.vehicle = number, self.history[number].vehicle
 
     def _append(self, rung: Rung) -> None:
-        """Add a state after the present one; states that were undone are lost."""
+        """Add a state after the present one, and drop all states that were undone."""
         self.history = [*self.history[: self.at + 1], rung]
         self.at, self.vehicle = len(self.history) - 1, rung.vehicle
 
@@ -177,11 +177,11 @@ class Session:
         return [(name, bool(self.present.effects(name))) for name in switchable(self.present)]
 
     def sliders(self, effect: str) -> list[Slider]:
-        """Return the numbers of an effect of the vehicle on the page."""
+        """Return the sliders of an effect of the vehicle on the page."""
         return sliders(self.present, effect)
 
     def move(self, slider: Slider, value: float) -> Vehicle:
-        """Show another value of a number, without a new state; `settle` makes one.
+        """Set the number of a slider on the page's vehicle, without a new state; return the vehicle.
 
         Raises:
             DataError: The value breaks a rule of vehicle files; the vehicle on the page stays.
@@ -194,10 +194,10 @@ class Session:
     def settle(self, number: str) -> None:
         """Make the vehicle on the page a state of the history.
 
-        Consecutive changes of one number are one state.
+        Consecutive changes of one slider are one state.
 
         Args:
-            number: Name of the number that was changed.
+            number: Name of the slider that was moved, for the label of the state.
         """
         if self.present == self.rung.vehicle:
             return
@@ -208,7 +208,11 @@ class Session:
         self._append(rung)
 
     def switch(self, effect: str, on: bool) -> None:
-        """Add an effect with its earlier values, or neutral ones, or remove it.
+        """Add an effect with its earlier values, or neutral ones, or remove it; make the result a state.
+
+        Args:
+            effect: Name of the effect.
+            on: Whether to add the effect.
 
         Raises:
             DataError: The vehicle would break a rule of vehicle files.
@@ -230,7 +234,7 @@ class Session:
         self._append(self._tuned(f"{effect_name(effect)} {'on' if on else 'off'}"))
 
     def _tuned(self, label: str) -> Rung:
-        """Return the state of the vehicle on the page, with which a new study begins."""
+        """Return a state of kind `tuned` with the vehicle on the page, from which a new study can start."""
         vehicle, present = _without_stale_errors(self.present, self.rung.vehicle), self.rung
         text = rewrite.rewritten(vehicle, present.text)
         craft = Craft(present.base.path, text, vehicles.parse(text))
@@ -239,7 +243,7 @@ class Session:
     # Fitting
 
     def to_fit(self) -> tuple[list[str], list[str]]:
-        """Return the effects with a ticked parameter, and the parameters of these that are held.
+        """Return the effects with a ticked parameter, and the unticked parameters of these effects.
 
         Raises:
             DataError: No parameter is ticked.
@@ -263,7 +267,7 @@ class Session:
 
         Args:
             fitted: The result.
-            held: Parameters that it held, each `effect.parameter`.
+            held: Parameters that the fit did not change, each `effect.parameter`.
         """
         if self.opened is None:
             raise DataError("open a recording and a vehicle first")
@@ -308,11 +312,15 @@ class Session:
 
     @property
     def over(self) -> str:
-        """Reason why nothing more is to be added; empty if something is, or before a diagnosis."""
+        """Reason why the study ends without a further effect; empty if it goes on or has not begun."""
         return over(self.rung.steps) if self.diagnosed else ""
 
     def wanted(self, effect: str) -> str:
-        """Return the name by which a finding is added: BEST for the one that `hydro explain` would add."""
+        """Return the name by which to ask for a finding: BEST if `hydro explain` would add it next.
+
+        Args:
+            effect: Effect of the finding.
+        """
         step = self.rung.steps[-1]
         every = options(step)
         first = next(iter(every[0]), None) if len(every) == 1 and not is_open(step) else None
@@ -325,8 +333,8 @@ class Session:
         predicts left-out data worse is kept in the history but is not the present state.
 
         Args:
-            step: The step; None if no candidate predicts better.
-            wanted: Effect that it was asked to add.
+            step: The step; None if no candidate effect predicts better.
+            wanted: Effect that the user asked the step to add.
 
         Returns:
             A remark for the user; empty if there is nothing to say.
@@ -369,13 +377,20 @@ class Session:
     # Errors
 
     def errors(self, *, every: bool = False) -> Errors | None:
-        """Return the errors of the vehicle on the page at the page's horizon; None before one is open."""
+        """Return the errors of the page's vehicle at the page's horizon; None before a recording is open.
+
+        Args:
+            every: Use all predictions of the recording, not only some of them.
+        """
         if self.live is None or self.vehicle is None:
             return None
         return self.live.errors(self.vehicle, self.horizon, every=every)
 
     def floors(self) -> Mapping[str, float]:
-        """Return the noise floor of each axis at the page's horizon; empty before a comparison."""
+        """Return the noise floor of each velocity [m/s, rad/s] at the page's horizon, by name.
+
+        It is empty before a comparison.
+        """
         if self.compared is None:
             return {}
         rows = self.compared.table.filter(level="replay", by="all")
@@ -387,18 +402,18 @@ class Session:
         }
 
     def worst(self, most: int = 6) -> list[dict[str, Any]]:
-        """Return the rows of the places where the vehicle as given fails, the worst first."""
+        """Return the worst places of the vehicle as given: at most `most` rows of the comparison table."""
         if self.compared is None:
             return []
         table = self.compared.table
         return table.filter(table["rank"].is_not_null()).sort("rank").head(most).to_dicts()
 
     def copy(self) -> Session:
-        """Return a session for another tab, which shares the recording and nothing that changes."""
+        """Return a session for another tab: the same recording, with its own history and vehicle."""
         return replace(self, history=list(self.history), ticked=set(self.ticked), aside=dict(self.aside))
 
     def _error(self, vehicle: Vehicle) -> float:
-        """Return the error of a vehicle at the horizon of the ladder [m/s]; NaN where none fits."""
+        """Return the error of a vehicle 5 s ahead, or at the longest horizon of the recording [m/s]."""
         if self.live is None:
             return math.nan
         horizons = self.live.horizons
@@ -406,7 +421,12 @@ class Session:
 
 
 def _without_stale_errors(vehicle: Vehicle, before: Vehicle) -> Vehicle:
-    """Return a vehicle without standard errors and origins of tables whose values have changed by hand."""
+    """Return a vehicle without standard errors and fit notes in the tables whose values the user changed.
+
+    Args:
+        vehicle: The vehicle.
+        before: The vehicle before the change.
+    """
     known = {str(table["name"]): table for table in before.effect}
     tables = [
         table

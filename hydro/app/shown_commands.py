@@ -1,4 +1,4 @@
-"""Command lines and Python that do the same as the history of a session."""
+"""Command lines and Python code that do the same as the history of a session."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def shell(session: Session) -> str:
 
 
 def python(session: Session) -> str:
-    """Return the Python that leads to the present state."""
+    """Return the Python code that leads to the present state."""
     return "\n".join(_statements(session))
 
 
 def _further(opened: Opened) -> list[tuple[str, Further, str]]:
-    """Return option, recording and name of the imported table of the further recordings."""
+    """Return option, recording, and name of the imported table of each further recording."""
     given = (("--holdout", opened.holdout, HELD_OUT), ("--before", opened.before, BEFORE))
     return [(option, one, name) for option, one, name in given if one is not None]
 
 
 def _runs(session: Session) -> Iterator[tuple[str, list[Rung]]]:
-    """Yield the states up to the present one, those that one study added together."""
+    """Yield the states up to the present one as pairs of kind and states; one study's states are together."""
     shown = session.history[1 : session.at + 1]
     for key, run in groupby(
         shown, key=lambda one: (one.kind, one.base.text if one.kind == "added" else one.label)
@@ -120,12 +120,12 @@ def _statements(session: Session) -> Iterator[str]:
 
 
 def _before(session: Session, rung: Rung) -> Vehicle:
-    """Return the vehicle of the state before another."""
+    """Return the vehicle of the state before a given state."""
     return session.history[max(session.history.index(rung) - 1, 0)].vehicle
 
 
 def _edits(before: Vehicle, after: Vehicle) -> Iterator[str]:
-    """Yield comments with the changed tables of effects."""
+    """Yield comment lines with the tables of effects that differ between two vehicles."""
     earlier = {table["name"]: table for table in before.effect}
     for table in after.effect:
         if earlier.get(table["name"]) != table:
@@ -141,12 +141,15 @@ def _is_value(value: object) -> bool:
 
 
 def _added(wanted: Sequence[str]) -> list[str]:
-    """Return the options that add these findings."""
+    """Return the command-line options that add the given findings."""
     return [word for one in wanted for word in ("--add", one)]
 
 
 def _by_itself(rung: Rung) -> bool:
-    """Return whether `hydro explain` adds these findings by itself, and then stops."""
+    """Return whether `hydro explain` without further options gives the same steps as the app.
+
+    That is so if the user chose no finding, and the study ended by itself.
+    """
     return all(one == BEST for one in rung.wanted) and bool(over(rung.steps))
 
 
@@ -156,6 +159,6 @@ def _recording(session: Session) -> str:
 
 
 def _line(*words: str) -> str:
-    """Return a command line, with files below the working folder by their relative paths."""
+    """Return a command line of the given words, with paths below the working folder made relative."""
     here = f"{Path.cwd()}/"
     return shlex.join(["hydro", *(word.removeprefix(here) for word in words)])

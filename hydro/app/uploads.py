@@ -18,8 +18,8 @@ async def store(places: Places, name: str, chunks: AsyncIterator[bytes], largest
 
     Args:
         places: Folders of the server.
-        name: Name of the file as the browser says it.
-        chunks: Its content.
+        name: Name of the file that the browser gives.
+        chunks: Content of the file.
         largest: Maximum size [bytes].
 
     Raises:

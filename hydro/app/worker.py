@@ -26,11 +26,11 @@ PATIENCE = 5.0
 
 
 class Cancelled(HydroError):
-    """Error of work that was cancelled."""
+    """Error that ends work after `Worker.cancel`."""
 
 
 class Worker:
-    """A process that runs one function at a time."""
+    """Process that runs one function at a time."""
 
     def __init__(self) -> None:
         """Start no process yet."""
@@ -40,7 +40,7 @@ class Worker:
         self._cancelled = False
 
     def start(self) -> None:
-        """Start the process ahead of its first work, so that the libraries are loaded by then."""
+        """Start the process before its first work, so that the libraries are loaded in time."""
         self._started(WORK)
 
     def run(self, work: Callable[..., Any], *arguments: Any, report: Report | None = None) -> Any:
@@ -108,7 +108,7 @@ class Worker:
 
 
 def serve(pipe: Connection, module: str) -> None:
-    """Load a module, and run functions as they come through a pipe, until its other end closes."""
+    """Import a module, then run each function that arrives through a pipe, until the other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
     import_module(module)
     _forward_notices(pipe)

@@ -1,4 +1,4 @@
-"""Options `--text`, `--details` and `--json`: streams of an answer, and whether its table is written."""
+"""Options `--text`, `--details` and `--json`: the stream on which a command prints its answer."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class Printing:
 
     @property
     def brief(self) -> bool:
-        """Whether only the headline is printed, on stderr: the table goes into a pipe."""
+        """Whether only the headline is printed, on stderr, because the table goes into a pipe."""
         return self.saves and self.output == STREAM
 
     @property
     def console(self) -> Console:
-        """Return stdout for text and on a terminal, else stderr."""
+        """Console for the answer: stdout with --text and on a terminal, otherwise stderr."""
         from rich.console import Console
 
         aside = not self.text and (self.json or not sys.stdout.isatty())

@@ -15,7 +15,12 @@ Json = Annotated[
 
 
 def saves(output: str, as_json: bool) -> bool:
-    """Return whether the table is written: to a file, or to a pipe that does not get JSON."""
+    """Return whether a command writes its table: to a file, or to a pipe that does not get JSON.
+
+    Args:
+        output: Value of `-o`; `-` is stdout.
+        as_json: Whether JSON goes to stdout.
+    """
     return output != STREAM or not (as_json or shows_table(output))
 
 

@@ -1,4 +1,4 @@
-"""Questions on a terminal; without one, their default answers."""
+"""Questions to the user on a terminal; without a terminal, the questions' default answers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 
 
 def asks() -> bool:
-    """Return whether questions can be asked on a terminal."""
+    """Return whether a terminal is there on which questions can be asked."""
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
@@ -36,7 +36,7 @@ class Asker:
         self._about, self._asked = about, 0
 
     def talk(self, questions: Generator[Question, str, Result], hint: str) -> Result:
-        """Ask all questions and return the result of the generator.
+        """Ask the questions of a generator in turn, and return the generator's result.
 
         Args:
             questions: Generator that yields questions and receives answers.
@@ -54,7 +54,7 @@ class Asker:
             return found
 
     def _answer(self, question: Question, hint: str) -> str:
-        """Return the checked answer to a question."""
+        """Return the answer to a question, asked again until it is valid; without a terminal, its default."""
         if not asks():
             if not question.default:
                 raise UsageError(f"{self._about}: {question.text}: give {question.option}")

@@ -75,8 +75,8 @@ def learnt(
     """Fit a hull-force model to --before, or use the network of --model; None without --before.
 
     Args:
-        before: Recording before the change.
-        model: Network.
+        before: Recording from before the change.
+        model: Path of the network.
         vehicle: Vehicle file.
         source: Recording after the change.
         logs: Settings for reading the recording.

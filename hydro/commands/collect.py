@@ -188,16 +188,23 @@ def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., AnyTeacher
 
 
 def _stonefish(subject: AnyTeacher) -> dict[str, str]:
-    """Return the version of Stonefish if it is the simulator; fail before any run if it is missing."""
+    """Return the version of Stonefish, for the footer; empty for another simulator.
+
+    The call fails before any recording if Stonefish is missing.
+    """
     from hydro.sim.stonefish.recorder import StonefishTeacher
 
     return {"stonefish": subject.version()} if isinstance(subject, StonefishTeacher) else {}
 
 
 def _foretelling(rows: int, clock: Callable[[], float] = time.monotonic) -> Callable[[int], None]:
-    """Return a function that takes the number of finished rows and prints once the estimated duration.
+    """Return a function that, given the number of finished rows, prints the remaining time once.
 
     The first session is not used for the estimate, because kernels may be compiled in it.
+
+    Args:
+        rows: Number of all rows.
+        clock: Function that returns the time [s].
     """
     from hydro.core.recording import extent
 
@@ -252,7 +259,14 @@ def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
 def _with_hidden(
     build: Callable[..., AnyTeacher], known: Vehicle, surface: Any, hidden: list[dict[str, Any]]
 ) -> AnyTeacher:
-    """Return the reference simulator with hidden effects; errors in them name `--hide`."""
+    """Return the reference simulator with hidden effects; errors in these effects name `--hide`.
+
+    Args:
+        build: Function that builds the simulator.
+        known: Vehicle of the file.
+        surface: Vertices and faces of the hull; None without a mesh.
+        hidden: Tables of the hidden effects.
+    """
     from hydro.core.effects import CATALOGUE
 
     try:
@@ -265,7 +279,14 @@ def _with_hidden(
 
 
 def _write_truth(path: str, subject: AnyTeacher, hidden: list[dict[str, Any]], content: str) -> None:
-    """Write hidden effects and the simulator's own forces, which the footer of the data does not have."""
+    """Write the hidden effects and the simulator's own forces, which the recording's footer does not have.
+
+    Args:
+        path: File to write.
+        subject: The reference simulator.
+        hidden: Tables of the hidden effects.
+        content: Hash of the recording.
+    """
     import tomlkit
 
     from hydro.io.files import write_bytes

@@ -44,7 +44,7 @@ def path(
         ),
     ] = None,
 ) -> None:
-    """Print the path of a recording, or of their folder.
+    """Print the path of a recording, or of the folder of all recordings.
 
     Use it in other commands:
 

@@ -129,10 +129,10 @@ def compare(
 
 
 def _former(against: str, source: Artefact) -> Artefact:
-    """Return the earlier comparison.
+    """Read the earlier comparison of --against.
 
     Raises:
-        DataError: It is of another recording.
+        DataError: The comparison is of another recording than `source`.
     """
     earlier = read(against, "comparison")
     # The first recording is the one that was compared with, another the one of --before.

@@ -49,7 +49,12 @@ def demo(
 
 
 def _changed(root: Any, folder: Path) -> list[Path]:
-    """Find the change of the bundled recordings and add it; return the report and the other written files."""
+    """Find and add the change in the bundled recordings by ordinary commands; return the written files.
+
+    Args:
+        root: Command group `hydro`.
+        folder: Folder of the results.
+    """
     data, report, study = _bundled("changed"), folder / "report.html", folder / "study"
     comparison = folder / "comparison.parquet"
     file, log = str(data / "vehicle.toml"), str(data / "thruster.parquet")
@@ -61,9 +66,14 @@ def _changed(root: Any, folder: Path) -> list[Path]:
 
 
 def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:
-    """Train networks on the bundled sample and replay them; return the written files.
+    """Train networks on the bundled sample and replay them by ordinary commands; return the written files.
 
-    Without torch, say what is missing and return none.
+    Without torch, the function says so and returns no file.
+
+    Args:
+        root: Command group `hydro`.
+        folder: Folder of the results.
+        epochs: Passes over the training data.
     """
     from hydro.core import extras
 

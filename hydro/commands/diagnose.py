@@ -288,10 +288,10 @@ def diagnose(
 
 
 def _refuse_beside_each(**given: object) -> None:
-    """Refuse options that apply to a single diagnosis.
+    """Refuse options that apply to a single diagnosis, given by name, together with --each.
 
     Raises:
-        UsageError: One of them is given.
+        UsageError: An option has a value.
     """
     if named := [name for name, there in given.items() if there]:
         option = named[0].replace("_", "-")
@@ -404,7 +404,13 @@ def add(
 
 
 def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str) -> None:
-    """Refuse the diagnosis of another vehicle, or of this one as it was before it was edited.
+    """Refuse the diagnosis of another vehicle, or of an earlier version of this vehicle file.
+
+    Args:
+        known: Vehicle of the file.
+        vehicle: Path of the file.
+        source: Diagnosis table.
+        diagnosis: Name of the diagnosis in messages.
 
     Raises:
         DataError: The vehicle is different, or the diagnosis does not name its vehicle.
@@ -425,10 +431,10 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
 
 
 def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
-    """Write the covariance of the added values next to the file.
+    """Write the covariance of the added values next to the vehicle file.
 
     Raises:
-        DataError: The covariance is of another diagnosis.
+        DataError: The covariance file belongs to another diagnosis.
     """
     from hydro.io import covariance
     from hydro.io import vehicle as vehicles
@@ -439,15 +445,20 @@ def _write_covariance(estimates: Estimates, output: str, source: Artefact, text:
 
 
 def _recording(provenance: Provenance) -> str:
-    """Return the hash of the diagnosed recording; empty if the footer lacks it."""
+    """Return the hash of the recording that was diagnosed; empty if the footer lacks it."""
     return next((one.content for one in provenance.inputs if one.kind == "raw"), "")
 
 
 def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
-    """Refuse findings that do not lower the held-out prediction error, see `no_better`.
+    """Refuse findings that do not lower the held-out prediction error; see `findings.no_better`.
+
+    Args:
+        source: Diagnosis table.
+        names: Effects to add.
+        alone: Whether they are added by name, not as all confirmed ones.
 
     Raises:
-        DataError: They do not.
+        DataError: The findings do not lower the error.
     """
     from hydro.core.diagnosis.findings import PREDICTION, Prediction, no_better
 

@@ -1,4 +1,4 @@
-"""Option `--engine`: work of a command in this process, or on the nodes of a Ray cluster."""
+"""Option `--engine`: run the work of a command in this process, or on the nodes of a Ray cluster."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def engine_for(
 def runner(
     context: typer.Context, folder: Path, workers: int, name: str, address: str | None, threads: int
 ) -> Iterator[tuple[Runner, int]]:
-    """Yield the runner of a study's steps, and the number of steps at a time.
+    """Yield the runner of a study's steps, and the number of steps that may run at the same time.
 
     Without a cluster, one step runs in this process, or several run in parallel in their own processes.  A
     cluster runs as many steps as it has free processors.
@@ -88,7 +88,7 @@ def runner(
 
 
 def refuse_engine(name: str, why: str) -> None:
-    """Refuse a cluster for work that cannot be divided.
+    """Refuse a cluster for work that cannot be divided; `why` is the reason in the message.
 
     Raises:
         UsageError: A cluster is requested.

@@ -214,10 +214,17 @@ def explain(
 
 
 def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:
-    """Return the held-out recording.
+    """Read the held-out recording.
+
+    Args:
+        holdout: Arguments of --holdout.
+        logs: Settings for reading the recording.
+        source: Recording to which effects are fitted.
+        known: Vehicle of the file.
+        beside: Whether a recording from before a change is given as well.
 
     Raises:
-        DataError: It is the measured one, is too short, or is another vehicle's.
+        DataError: It has the same rows as the other recording, is too short, or is another vehicle's.
     """
     from hydro.core.explanation.explain import long_enough
 
@@ -230,7 +237,7 @@ def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, 
 
 
 def _tell(steps: Sequence[Step], remark: str = "") -> None:
-    """Print a line for the last of some steps, as soon as it is done."""
+    """Print a line on the last of the steps so far, with a remark in brackets, as soon as it is done."""
     from hydro.core.explanation.status import added
     from hydro.report.study import step_line
 

@@ -1,4 +1,4 @@
-"""Command `export`: files for other programs, and the effects that these cannot represent."""
+"""Command `export`: files for other programs, and the effects that these programs cannot represent."""
 
 from __future__ import annotations
 

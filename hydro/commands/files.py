@@ -146,7 +146,7 @@ def _check(file: str) -> tuple[str, Artefact | None]:
 
 
 def _told(file: str, artefact: Artefact) -> str:
-    """Check the rows of a table and return its kind."""
+    """Check the rows of a table and return its kind and number of rows, in words."""
     _check_table(file, artefact)
     return f"a table of kind {artefact.kind}, {artefact.frame.height:,} rows"
 
@@ -189,7 +189,7 @@ def show(file: File = STREAM, max_expanded: MaxExpanded = None) -> None:
 
 
 def columns(artefact: Artefact) -> pl.DataFrame:
-    """Return one row per column of an artefact: type, unit, frame, samples, range and meaning."""
+    """Return a table with one row per column of an artefact: type, unit, frame, samples, range, meaning."""
     import polars as pl
 
     from hydro.io import schema
@@ -247,7 +247,7 @@ def _summary(artefact: Artefact) -> Iterator[str]:
 
 
 def _network(model: dict[str, Any]) -> Iterator[str]:
-    """Return two lines on the footer of a residual model or a policy, without its tensors."""
+    """Yield two lines on a residual model or a policy, from the description in its footer."""
     kept = {name: value for name, value in model.items() if name not in ("training", "architecture")}
     layers = model.get("architecture")
     if isinstance(layers, dict):
@@ -275,7 +275,7 @@ def _lineage(artefact: Artefact) -> Tree:
 
 
 def _named(values: dict[str, Any]) -> str:
-    """Return parameters in a few words; long lists by their length."""
+    """Return parameters as `name=value` texts; of a long list only its length."""
     short = {
         name: f"[{len(value)}]" if isinstance(value, list) and len(value) > 6 else value
         for name, value in values.items()

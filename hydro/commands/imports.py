@@ -136,7 +136,10 @@ def import_(
 def _write_draft(
     names: Sequence[str], blocks: Mapping[str, Any], log: str, path: str, *, force: bool
 ) -> None:
-    """Write the map that the log suggests; never overwrite a map, which may have been edited."""
+    """Write a draft of the map that the log suggests.
+
+    Without `force`, an existing map is not overwritten, because it may have been edited.
+    """
     from hydro.io import mapdraft
     from hydro.io.files import write_bytes
 

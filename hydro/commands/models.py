@@ -162,7 +162,12 @@ def _centre_of_gravity(source: Artefact) -> tuple[float, float, float] | None:
 
 
 def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
-    """Return the labels and their split, limited to some minutes if requested."""
+    """Return the labels and their split, limited to `minutes` of training data if given.
+
+    Args:
+        labels: Path of labels or of a split table; `-` is stdin.
+        minutes: Minutes of training data; None for all.
+    """
     from hydro.core.distillation.split import split
     from hydro.learn.rows import for_minutes
 
@@ -174,7 +179,10 @@ def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
 
 
 def _trusted_accelerations(labels: str, frame: pl.DataFrame, noise: Sequence[float] | None) -> bool:
-    """Return whether the noise allows accelerations as inputs; print one line if it does not."""
+    """Return whether accelerations have so little noise that a network may use them as inputs.
+
+    If they have too much, a line is printed on stderr.
+    """
     from hydro.learn.train import trusted_accelerations
 
     with about(labels):

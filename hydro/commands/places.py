@@ -1,8 +1,8 @@
-"""Check of the output places of a command, before it reads or computes anything.
+"""Check of the output files and folders of a command, before it reads or computes anything.
 
-A place that cannot be written to is reported before an hour's work and not after it, and a refused command
-writes nothing.  A folder of results is made and locked while the command runs (`io.lock`), so that two
-commands do not mix their results.
+A file that cannot be written is reported before an hour's work and not after it, and a refused command writes
+nothing.  A folder of results is made and locked while the command runs (`io.lock`), so that two commands do
+not mix their results.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from hydro.core.errors import UsageError
 
 @dataclass(frozen=True)
 class Writes:
-    """Mark, in the `Annotated` of an option, for a place to which the command writes.
+    """Mark, in the `Annotated` of an option, of a file or folder to which the command writes.
 
     Attributes:
         folder: Whether it is a folder, which is made if it is missing; else one file in an existing folder.
-        holds: What the folder holds, a key of `MARKS`; a folder with something else of them is refused.
-        like: Name of an argument: if it is a folder of sessions, the command writes such a folder too.
+        holds: Kind of content of the folder, a key of `MARKS`; a folder with another kind is refused.
+        like: Name of an argument: if that is a folder of sessions, the command writes such a folder too.
         where: Name of an option: `like` applies only if this option is given; always by default.
     """
 
@@ -82,7 +82,7 @@ EachOutput = Annotated[
 
 
 def checked(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command with a check of its output places, and a lock on its output folders."""
+    """Return a version of a command that first checks its output places and locks its output folders."""
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
@@ -96,11 +96,11 @@ def checked(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
-    """Check every place to which a command would write.
+    """Check every file and folder to which a command would write.
 
     Args:
         command: The command.
-        given: Its arguments.
+        given: Arguments of the command by name.
 
     Raises:
         DataError: A folder is missing or cannot be written to, or a folder is given for a file or vice versa.
@@ -132,7 +132,7 @@ def _refuse_other_contents(folder: str | Path, holds: str) -> None:
 
     Args:
         folder: Folder of results; it may be missing.
-        holds: What the command keeps there, a key of `MARKS`; "" allows any folder.
+        holds: Kind of content of the command, a key of `MARKS`; "" allows any folder.
     """
     for what, mark in MARKS.items():
         if holds and what != holds and (found := next(Path(folder).glob(mark), None)):
@@ -157,14 +157,14 @@ def _alone(folder: str) -> AbstractContextManager[None]:
 
 @functools.cache
 def _marks(command: Callable[..., None]) -> dict[str, Writes]:
-    """Return the marks of the parameters that are output places."""
+    """Return the marks of those parameters of a command that are output places, by parameter."""
     hints = get_type_hints(command, include_extras=True)
     found = {name: [one for one in get_args(hint) if isinstance(one, Writes)] for name, hint in hints.items()}
     return {name: marks[0] for name, marks in found.items() if marks}
 
 
 def _inputs(given: Mapping[str, Any], outputs: Mapping[str, Any]) -> Iterator[str]:
-    """Yield all other arguments that can be files."""
+    """Yield the arguments of a command that can be input files: texts and paths that are no outputs."""
     for name, value in given.items():
         if name not in outputs:
             yield from (str(one) for one in _each(value) if isinstance(one, str | Path))
@@ -180,7 +180,7 @@ def _is_dataset(place: object) -> bool:
 
 
 def same(one: str | Path, other: str | Path) -> bool:
-    """Return whether two paths are the same place."""
+    """Return whether two paths lead to the same file or folder."""
     return os.path.realpath(one) == os.path.realpath(other)
 
 

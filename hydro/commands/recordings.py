@@ -49,7 +49,7 @@ Definitions = Annotated[
 
 
 def _allow(context: typer.Context, gigabytes: float | None) -> None:
-    """Limit the decompressed size of the files that a command reads, until it ends."""
+    """Limit the decompressed size [GB] of each file that a command reads, until the command ends."""
     from hydro.io.readers.expansion import allowed
 
     context.with_resource(allowed(gigabytes))
@@ -132,7 +132,7 @@ def dataset(sources: Sequence[str] | None) -> str | None:
 
 
 def tell_strangers(folder: str, sessions: Iterable[str]) -> None:
-    """Print on stderr the sessions of a folder that existed before and were not written now."""
+    """Print on stderr which sessions of an output folder the command has not written now."""
     from hydro.io import partitions
 
     strangers = sorted(set(partitions.sessions(folder)) - set(sessions))
@@ -158,7 +158,7 @@ def opened(names: Sequence[str], definitions: Path | None) -> Iterator[list[LogF
 
 @contextmanager
 def reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
-    """Yield a function that shows the progress of reading a large file; None for a small one."""
+    """Yield a function that shows the share of a large file that was read; None for a small file."""
     from hydro.io.log_files import LARGE
 
     if file.size < LARGE:

@@ -147,7 +147,15 @@ class _Given:
 
 @dataclass(frozen=True)
 class _Flown:
-    """Time series and errors of all variants, with the origin of their tables."""
+    """Time series and errors of all variants, with the origin of their tables.
+
+    Attributes:
+        series: Replay table.
+        errors: Metrics table.
+        parameters: Parameters for the footers of the tables.
+        inputs: Recording and networks.
+        vehicle_text: Text of the vehicle file.
+    """
 
     series: pl.DataFrame
     errors: pl.DataFrame
@@ -156,7 +164,7 @@ class _Flown:
     vehicle_text: str
 
     def table(self, kind: str, frame: pl.DataFrame) -> Artefact:
-        """Return an artefact of these replays."""
+        """Return a frame of the given kind with the origin of these replays as its provenance."""
         from hydro.io import table
 
         return table.make(

@@ -128,7 +128,7 @@ def train(
 
 
 def _drawn(words: Sequence[str]) -> Iterator[str]:
-    """Yield the random draws of each episode as settings.
+    """Yield the words of --randomise as settings `NAME=VALUE`.
 
     Raises:
         UsageError: A word is neither `posterior`, nor a share, nor a name with a value.
@@ -252,7 +252,7 @@ def _config(given: _Given) -> TrainingConfig:
 
 
 def _choice(text: str) -> tuple[str, str]:
-    """Return the name and the JSON value of a `--set`; a word without quotes is a string."""
+    """Return the name and the JSON value in a `--set NAME=VALUE`; a word without quotes is a string."""
     import json
 
     name, equals, value = text.partition("=")
@@ -266,19 +266,19 @@ def _choice(text: str) -> tuple[str, str]:
 
 
 class _Clock:
-    """Measurement of a training's speed, maximum remaining time, and share of time of each part."""
+    """Clock of a training: speed, maximum remaining time, and share of time of each part of the work."""
 
     def __init__(self) -> None:
         self._first, self._started = 0, time.perf_counter()
         self._spent: dict[str, float] = {}
 
     def start(self, training: Training) -> None:
-        """Count steps and time from here on."""
+        """Start to count steps and time."""
         self._first, self._started = training.steps, time.perf_counter()
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
-        """Add the time of a block to a part of the work."""
+        """Count the time of a block for the part of the work with this name."""
         before = time.perf_counter()
         yield
         self._spent[name] = self._spent.get(name, 0.0) + time.perf_counter() - before

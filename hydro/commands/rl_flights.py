@@ -65,7 +65,16 @@ def builder_of(
     estimates: Estimates | None = None,
     truth: Path | None = None,
 ) -> Builder:
-    """Return the builder of a training's fleets."""
+    """Return the builder of the fleets of a training.
+
+    Args:
+        config: Settings of the training.
+        text: Text of the vehicle file.
+        residual: Residual model; None without one.
+        folder: Folder of the vehicle file.
+        estimates: Covariance of the vehicle file's parameters.
+        truth: Vehicle file to simulate instead.
+    """
     from hydro.core import effects
     from hydro.io import vehicle
     from hydro.io.model import from_artefact
@@ -80,7 +89,12 @@ def builder_of(
 
 
 def _of_vehicle(path: Path, truth: Path | None) -> Builder:
-    """Return the builder of fleets of a vehicle file with the effects of the file."""
+    """Return the builder of fleets for a vehicle file alone, with all effects of the file.
+
+    Args:
+        path: Vehicle file.
+        truth: Vehicle file to simulate instead.
+    """
     from hydro.io.vehicle import read
     from hydro.rl.training.config import TrainingConfig
 
@@ -89,7 +103,13 @@ def _of_vehicle(path: Path, truth: Path | None) -> Builder:
 
 
 def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, list[Artefact], Builder]:
-    """Return the policy of a run for a task, its table, and the builder of its fleets."""
+    """Return the policy of a training for a task, its table, and the builder of the training's fleets.
+
+    Args:
+        run: Folder of the training.
+        task: Task of the policy; None for the last policy.
+        truth: Vehicle file to simulate instead.
+    """
     from hydro.io import covariance
     from hydro.rl.training.runs import Folder
 
@@ -102,7 +122,11 @@ def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, li
 
 
 def asked_task(run: Path, task: str | None, stage: int | None) -> str | None:
-    """Return the name of the requested task; None if none was requested."""
+    """Return the name of the task that --task or --stage requests; None if neither is given.
+
+    Raises:
+        UsageError: Both are given.
+    """
     from hydro.rl.tasks.registry import STAGES
     from hydro.rl.training.runs import Folder
 
@@ -122,7 +146,17 @@ def is_vehicle(run: Path) -> bool:
 def flight_of(
     run: Path, wanted: str | None, level: int | None, truth: Path | None = None, *, last: bool = False
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
-    """Return the policy of a run and its table (none for a vehicle file), its fleets, task and level."""
+    """Return policy, table, fleet builder, task and level for test flights of a training or vehicle file.
+
+    A vehicle file has neither policy nor table.
+
+    Args:
+        run: Folder of a training, or a vehicle file.
+        wanted: Name of the task; by default that of the training.
+        level: Level; by default the greatest that the training reached.
+        truth: Vehicle file to simulate instead.
+        last: Use the last policy, not the one that passed the task.
+    """
     alone = is_vehicle(run)
     policy, learnt, builder = (
         (None, [], _of_vehicle(run, truth)) if alone else _opened(run, None if last else wanted, truth)
@@ -135,7 +169,14 @@ def flight_of(
 def _task(
     come_to: Mapping[str, Any], builder: Builder, name: str | None, level: int | None
 ) -> tuple[Task, int]:
-    """Return the task and the level to run, by default those that the training has reached."""
+    """Return the task and the level to fly, by default those that the training has reached.
+
+    Args:
+        come_to: `task` and `level` that the training has reached.
+        builder: Builder of fleets, with the curriculum of the training.
+        name: Name of the task; None for the default.
+        level: Level; None for the default.
+    """
     from dataclasses import replace
 
     from hydro.rl.tasks.registry import STAGES, task_of
@@ -251,7 +292,18 @@ def eval_(
 def _flyers(
     policy: Policy | None, task: Task, config: TrainingConfig, *, pilot: bool, planless: bool
 ) -> list[tuple[str, Callable[[Fleet], Actor], bool]]:
-    """Return the name of each actor, the function that makes it, and whether a planned path is shown."""
+    """Return name, maker and guidance of each actor that flies: policy and hand-written pilots.
+
+    Args:
+        policy: Policy of the training; None for a vehicle file.
+        task: The task.
+        config: Settings of the training.
+        pilot: Whether the hand-written pilots fly, too.
+        planless: Whether the planned path is hidden.
+
+    Returns:
+        For each actor its name, a function that makes it for a fleet, and whether it sees a planned path.
+    """
     from hydro.rl.environment.action import steered_by_fins
     from hydro.rl.environment.helmsman import NAME, PLAIN, TAUGHT, WITH_MAP
     from hydro.rl.training.evaluate import POLICY
@@ -270,7 +322,12 @@ def _flyers(
 
 
 def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
-    """Return the summary of test episodes as one row of `evaluations`, with the columns that identify it."""
+    """Return the summary of test episodes as one row of an `evaluations` table.
+
+    Args:
+        flown: Table of episodes.
+        what: Further columns that identify the row.
+    """
     import polars as pl
 
     from hydro.rl.training.evaluate import RARE, summary

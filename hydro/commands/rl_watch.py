@@ -76,7 +76,16 @@ def watch(
 
 @dataclass(frozen=True)
 class _Shown:
-    """Run, or vehicle file with the scripted pilot, that is shown in a task."""
+    """Actor and task of a picture or film: the policy of a training, or the hand-written pilot.
+
+    Attributes:
+        run: Folder of the training, or a vehicle file.
+        policy: The policy; None for the hand-written pilot.
+        builder: Builder of fleets.
+        task: The task.
+        level: Level of the task.
+        simulator: Simulator of the flights.
+    """
 
     run: Path
     policy: Policy | None
@@ -89,12 +98,12 @@ class _Shown:
     def of(
         cls, run: Path, task: str | None, level: int | None, truth: Path | None, simulator: Simulator
     ) -> _Shown:
-        """Return what is shown of a run, see `flight_of`."""
+        """Return actor and task for a training or vehicle file; see `rl_flights.flight_of`."""
         policy, _, builder, chosen, at = flight_of(run, task, level, truth)
         return cls(run, policy, builder, chosen, at, simulator)
 
     def flight(self, seed: int) -> Flight:
-        """Return the flight in the task of a seed."""
+        """Return the recorded flight in the task that belongs to a seed."""
         from hydro.rl.training.evaluate import trace
         from hydro.rl.training.pilots import WithMap
         from hydro.rl.training.trials import NOMINAL, TRIALS
@@ -124,7 +133,7 @@ def _draw(shown: _Shown, seed: int, output: Path) -> str:
 
 
 def _film(shows: Sequence[_Shown], seed: int, seconds: float, output: Path) -> str:
-    """Film one or more runs side by side, and return the ending or the numbers of arrivals.
+    """Film one or more runs side by side; return the outcome of one flight, or the numbers of arrivals.
 
     Raises:
         UsageError: Tank or control period of two runs differ.
@@ -156,7 +165,13 @@ def _film(shows: Sequence[_Shown], seed: int, seconds: float, output: Path) -> s
 
 
 def _flights(shows: Sequence[_Shown], seed: int, seconds: float) -> list[tuple[Flight, ...]]:
-    """Return for every run the flight in the task of a seed, and in the next ones that fit into a film."""
+    """Return for every run the flights in the tasks of successive seeds, as many as fit into the film.
+
+    Args:
+        shows: The runs.
+        seed: First seed.
+        seconds: Length of the film [s]; the first flights are included even if they take longer.
+    """
     from hydro.sim.film import HOLD
 
     rounds, length = list[list["Flight"]](), 0.0

@@ -120,13 +120,13 @@ def write(artefact: Artefact, output: str) -> None:
 
 
 def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) -> tuple[Vehicle, str]:
-    """Return a vehicle with some effects held as known, and the text of its file with these marks.
+    """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
 
-    Standard errors from the covariance file are put into its tables. Those that come from this recording are
-    left out, because they are not independent of it.
+    Standard errors from the covariance file are put into its tables.  Errors that were estimated from the
+    recording `source` are left out, because they are not independent of it.
 
     Raises:
-        DataError: the file is invalid, or has nothing of a name.
+        DataError: the file is invalid, or has no effect or parameter of a name.
     """
     from hydro.io import vehicle
 
@@ -135,10 +135,12 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
 
 
 def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
-    """Return the vehicle of `vehicle_to_fit` with all standard errors, from any recording.
+    """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
+
+    Standard errors from the covariance file are put into its tables, whatever recording they are from.
 
     Raises:
-        DataError: the file is invalid, or has nothing of a name.
+        DataError: the file is invalid, or has no effect or parameter of a name.
     """
     from hydro.core import effects
     from hydro.io import covariance, vehicle
@@ -155,7 +157,10 @@ def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]
 
 
 def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
-    """Return the covariance next to a vehicle file or a diagnosis; warn if it does not match (None)."""
+    """Return the covariance next to a vehicle file or a diagnosis; None if it is missing or does not match.
+
+    A covariance of other values than those of the vehicle causes a warning.
+    """
     from hydro.io import covariance
 
     found, warning = covariance.read(file, vehicle)
@@ -168,16 +173,21 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
     """Return the vehicle and the text of its file: `--vehicle` if given, else that in the artefact's footer.
 
     Raises:
-        DataError: neither says what the vehicle is, or the file is invalid.
+        DataError: neither the option nor the footer has a vehicle, or the file is invalid.
     """
     return vehicle_or(artefact.provenance.vehicle if file is None else None, artefact.kind, file)
 
 
 def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicle, str]:
-    """Return the vehicle and its text from the footer of a table, or from a file.
+    """Return the vehicle and its text from a file if given, else from the footer of a table.
+
+    Args:
+        footer: Text of the vehicle file in the footer; None without one.
+        kind: Kind of the table, for the message.
+        file: Vehicle file.
 
     Raises:
-        DataError: neither says what the vehicle is, or the file is invalid.
+        DataError: neither is given, or the vehicle is invalid.
     """
     from hydro.core import effects
     from hydro.io import vehicle
@@ -196,7 +206,7 @@ def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicl
 
 @contextmanager
 def about(source: str) -> Iterator[None]:
-    """Put the name of an input in front of errors in its data."""
+    """Put the name of an input in front of errors that the block raises on its data."""
     try:
         yield
     except DataError as error:
@@ -216,7 +226,7 @@ def report_gaps(source: str, frame: pl.DataFrame) -> None:
 
 
 def report(source: str, words: str) -> None:
-    """Print a remark on an input on stderr, unless it is empty."""
+    """Print a remark on an input on stderr; print nothing if the remark is empty."""
     if words:
         message(f"hydro: {_name(source)}: {words}")
 
@@ -229,7 +239,7 @@ def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
 
 
 def left_out(frame: pl.DataFrame) -> str:
-    """Return a remark on rows without a label; empty if all rows have one."""
+    """Return a remark on the number of rows without a label; empty if all rows have one."""
     from hydro.core.distillation.labels import labelled
 
     missing = frame.height - labelled(frame).height
@@ -271,14 +281,14 @@ def dataset_name(source: str) -> str:
 
 @contextmanager
 def progress(label: str, expected: Expected | None = None) -> Iterator[Callable[..., None]]:
-    """Show a progress bar with the remaining time on stderr; nothing elsewhere.
+    """Show a progress bar with the remaining time, if stderr is a terminal.
 
     Args:
         label: Name of the work.
         expected: Range of its duration [s]; None where nothing is known beforehand.
 
     Yields:
-        `update(done, total, text)`, which sets the progress and a few words next to the bar.
+        `update(done, total, text)`, which sets the progress and a short text next to the bar.
     """
     if not sys.stderr.isatty():
         yield lambda done, total, text="": None
@@ -295,11 +305,11 @@ def message(text: str) -> None:
 
 
 def expected_seconds(frame: pl.DataFrame, *, steps: bool = False) -> Expected:
-    """Return the range of the duration of a diagnosis [s].
+    """Return the expected range of the duration of a diagnosis [s].
 
     Args:
         frame: The recording.
-        steps: Whether it is the first of several, as in `explain`.
+        steps: Whether the diagnosis is the first of several, as in `explain`.
     """
     from hydro.core.recording import extent
     from hydro.core.threads import available
@@ -309,17 +319,17 @@ def expected_seconds(frame: pl.DataFrame, *, steps: bool = False) -> Expected:
 
 
 def is_long(expected: Expected | None) -> bool:
-    """Return whether long work runs with a terminal on stderr."""
+    """Return whether work is expected to be long and stderr is a terminal, so that messages help."""
     return expected is not None and expected.middle > LONG and sys.stderr.isatty()
 
 
 def tell_duration(frame: pl.DataFrame, expected: Expected | None, *, steps: bool = False) -> None:
-    """Print the range of the duration of a long diagnosis.
+    """Print the expected range of the duration of a long diagnosis.
 
     Args:
         frame: The recording.
         expected: The range [s]; None where nothing is known.
-        steps: Whether it is the first of several, as in `explain`.
+        steps: Whether the diagnosis is the first of several, as in `explain`.
     """
     if expected is None or not is_long(expected):
         return
@@ -357,12 +367,12 @@ def tell_provisional(
 
 
 def here(root: Any) -> Callable[[Step], None]:
-    """Return a function that runs steps of a study in this process, by a Click command."""
+    """Return a function that runs steps of a study in this process, by the command group `root`."""
     return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
 
 
 def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
-    """Print on stderr what a recording without some sensors cannot show."""
+    """Print on stderr which effects a recording cannot show because sensors are missing."""
     from hydro.core.prediction.visibility import not_shown
 
     tell_voltage(vehicle, frame)
@@ -371,7 +381,7 @@ def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
 
 
 def tell_voltage(vehicle: Vehicle, frame: pl.DataFrame) -> None:
-    """Print on stderr if a recording lacks the supply voltage that the thrust curves need."""
+    """Print a line on stderr if a recording lacks the supply voltage that the thrust curves need."""
     from hydro.core.recording.supply import unknown_voltage
 
     if words := unknown_voltage(vehicle, frame):

@@ -29,7 +29,7 @@ COLUMNS = "COLUMNS"
 
 
 def _line(of: str) -> Any:
-    """Return the option for a line of the map."""
+    """Return the option for one line of the map, with the help text `of`."""
     return typer.Option(metavar=COLUMNS, show_default=False, help=f"{of}.")
 
 
@@ -228,7 +228,7 @@ class _Guide:
         self._code = 0
 
     def run(self) -> None:
-        """Ask the questions, run the commands and list the files written."""
+        """Ask the questions, run the commands, and list the written files."""
         from hydro.study import guided
         from hydro.study.steps import Runner
 
@@ -286,7 +286,7 @@ class _Guide:
         return True
 
     def _map(self) -> Path:
-        """Return the map of the logs: the given one, an existing one in the folder, or a new one."""
+        """Return the path of the logs' map: the given one, an existing one in the folder, or a new one."""
         if self._given.map is not None:
             return self._given.map
         path = self._folder / "map.toml"
@@ -435,7 +435,7 @@ _FOOTER = "footer"
 
 
 def _wanting(log: str, missing: Sequence[str]) -> str:
-    """Return the error line for a map that lacks a required line."""
+    """Return the message for a map in which required blocks are missing."""
     from hydro.core.guessing.map_lines import EXAMPLES
 
     name = missing[0] if missing[0] in EXAMPLES else "rates"
@@ -454,7 +454,7 @@ def _count(vehicle: Path) -> int:
 
 
 def _fleet() -> list[Preset]:
-    """Return the presets: the bundled vehicle files, and the BlueROV2."""
+    """Return the known vehicles to choose from: the bundled vehicle files, and the BlueROV2."""
     from hydro.core.guessing.vehicle_choice import BLUEROV2, Hull, Preset
     from hydro.io import vehicle as vehicles
     from hydro.io.files import bundled
@@ -470,7 +470,7 @@ def _fleet() -> list[Preset]:
 
 
 def _described(fleet: Sequence[Preset]) -> str:
-    """Describe each preset in one line."""
+    """Return a text with one line on each known vehicle."""
     rows = (
         f"{one.name:<16} {one.thrusters} thrusters, {one.hull.mass:g} kg, "
         f"{' x '.join(f'{side:g}' for side in one.hull.sides)} m"
@@ -480,14 +480,14 @@ def _described(fleet: Sequence[Preset]) -> str:
 
 
 def _file_of(choice: Choice) -> Path:
-    """Return the vehicle file of a choice."""
+    """Return the path of the vehicle file that the user chose: an own file, or a bundled preset."""
     from hydro.io.files import bundled
 
     return Path(choice.file) if choice.file is not None else bundled("vehicles") / f"{choice.preset}.toml"
 
 
 def _keep(path: Path, text: str) -> None:
-    """Refuse to overwrite a file that may have been edited.
+    """Refuse to overwrite a file with another content than `text`, because it may have been edited.
 
     Raises:
         DataError: The file exists with another content.
@@ -497,7 +497,7 @@ def _keep(path: Path, text: str) -> None:
 
 
 def _other(path: Path) -> DataError:
-    """Return the error for an existing file that differs from the options."""
+    """Return the error for an existing file whose content differs from the options."""
     return DataError(
         f"{path}: the file exists and differs from the options: leave the options out to use it, delete it, "
         "or choose another folder with -o"

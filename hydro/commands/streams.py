@@ -67,6 +67,6 @@ def failure(error: OSError) -> str:
 
 
 def leave() -> None:
-    """Discard the buffer of stdout, so that its flush at exit does not cause a second error."""
+    """Discard the unwritten output of stdout, so that its flush at exit does not cause a second error."""
     with contextlib.suppress(io.UnsupportedOperation, ValueError):  # a stream of tests has no number
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

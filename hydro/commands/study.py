@@ -334,7 +334,13 @@ def _vehicle_file(raw: Path, vehicle: Path | None, folder: Path) -> Path:
 
 
 def _paper(settings: Study, steps_of: Runner, together: int) -> None:
-    """Run the study of the paper, and print the flights of the policies."""
+    """Run the study of the paper, and print the flights of the policies.
+
+    Args:
+        settings: Settings of the study.
+        steps_of: Runner of the steps.
+        together: Number of steps that may run at the same time.
+    """
     from hydro.study import paper as whole
     from hydro.study import policies
 
@@ -351,7 +357,7 @@ def _paper(settings: Study, steps_of: Runner, together: int) -> None:
 
 
 def show(summary: dict[str, pl.DataFrame]) -> None:
-    """Print a summary."""
+    """Print the summary tables of a study of networks."""
     from hydro.report.seeds import conditioning_table, minutes_table, ranking_table
     from hydro.report.tables import prediction_errors, replay_errors
 

@@ -15,7 +15,13 @@ WIDE = 160
 
 
 def person(aside: bool = False) -> Console:
-    """Return the console for messages of a command that writes files: stdout on a terminal, else stderr."""
+    """Return the console for text that a person reads, as opposed to tables that a program reads.
+
+    Text goes to stdout if that is a terminal, otherwise to stderr.
+
+    Args:
+        aside: Whether text always goes to stderr.
+    """
     from rich.console import Console
 
     return Console(stderr=aside or not sys.stdout.isatty(), highlight=False, markup=False)
@@ -49,7 +55,13 @@ def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = 
 
 
 def _side_by_side(cells: dict[str, list[str]], numeric: set[str], width: int) -> Iterator[Sequence[str]]:
-    """Yield groups of columns that fit a width [characters], each with the columns that name the rows."""
+    """Yield groups of columns that fit next to each other, each led by the columns that name the rows.
+
+    Args:
+        cells: Cells of each column by its name.
+        numeric: Names of the columns with numbers.
+        width: Width of the terminal [characters].
+    """
     keys = list(cells)[:1]
     least = {name: _least(name, column) + 2 for name, column in cells.items()}
     for name in list(cells)[1:]:
@@ -76,7 +88,7 @@ def _least(name: str, column: Sequence[str]) -> int:
 
 
 def _wraps(column: Sequence[str]) -> bool:
-    """Return whether a column has sentences."""
+    """Return whether a column has cells of several words, which may be wrapped."""
     return any(" " in cell for cell in column)
 
 

@@ -151,7 +151,7 @@ def _baseline(names: Sequence[str], count: int, given: Sequence[str]) -> list[st
 
 
 def _new(whole: History, file: Path) -> list[str]:
-    """Return the sentences on changes that the last run had not found; all in the first run."""
+    """Return the sentences on changes that the last run had not found; in the first run, all sentences."""
     try:
         before = {(one["parameter"], one["found_in"]) for one in json.loads(file.read_bytes())["changes"]}
     except (OSError, ValueError, KeyError, TypeError):

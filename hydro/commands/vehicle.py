@@ -39,7 +39,7 @@ Text = str | None
 
 @dataclass
 class Asked:
-    """Options and answers so far."""
+    """Options of `vehicle new`, completed by the answers to questions so far."""
 
     name: str | None
     mass: float | None
@@ -57,7 +57,11 @@ class Asked:
         return not self.thrusters and self.layout != "none" and self.thrust is None and self.curve != T200
 
     def missing(self, mesh: bool) -> list[str]:
-        """Return the names of options that an estimate needs and that were not given."""
+        """Return the options that an estimate needs and that have no value yet.
+
+        Args:
+            mesh: Whether a mesh of the hull is given, which replaces the dimensions.
+        """
         lacking = ["--mass"] if self.mass is None else []
         if not mesh:
             names = ("--length", "--width", "--height")
@@ -201,7 +205,7 @@ def new(
 
 
 def _place(output: str | None, force: bool) -> str:
-    """Return the output place.
+    """Return the output file, `-` for stdout.
 
     Raises:
         UsageError: The file exists, and --force is not given.
@@ -289,7 +293,7 @@ def above_0(text: str) -> float:
 
 
 def _maybe(text: str) -> str:
-    """Return the text of a number, or an empty text."""
+    """Return the text of a height, after a check, or an empty text."""
     from hydro.core.geometry.layouts import numbers_of
 
     if text:
@@ -298,7 +302,7 @@ def _maybe(text: str) -> str:
 
 
 def _buoyancy_text(text: str) -> str:
-    """Return the text of a positive number, or `neutral`."""
+    """Return the text of a positive number or `neutral`, after a check."""
     if text != NEUTRAL:
         above_0(text)
     return text
@@ -315,7 +319,7 @@ def _known(
     density: float,
     place: str,
 ) -> Known:
-    """Return all given values, checked.
+    """Return all given values of a vehicle, checked, for the estimate of the others.
 
     Raises:
         DataError: A number or a thruster is invalid.

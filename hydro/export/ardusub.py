@@ -77,10 +77,16 @@ def answer(reading: Reading) -> bytes:
 
 
 def channels(text: str, thrusters: int) -> tuple[int, ...]:
-    """Parse servo outputs of the thrusters in the file's order: `1,2,-3`, from 1, negative if reversed.
+    """Parse the servo outputs of the thrusters, in the order of the vehicle file, from a text like `1,2,-3`.
+
+    Outputs are counted from 1; a negative number is a reversed thruster.
+
+    Args:
+        text: Comma-separated numbers.
+        thrusters: Number of thrusters.
 
     Raises:
-        UsageError: Their number differs from that of the thrusters, or one is not a valid output.
+        UsageError: The count differs from that of the thrusters, or a number is not a valid output.
     """
     try:
         found = tuple(int(one) for one in text.split(","))
@@ -105,8 +111,8 @@ class Counts:
         repeated: Repeated frames, which were answered again.
         lost: Missing frame numbers.
         restarts: Restarts of SITL, each of which resets the vehicle.
-        others: Dropped frames of other clients, while one is served.
-        unanswered: Frames with an unreachable sender.
+        others: Frames of other clients, dropped while one client is served.
+        unanswered: Frames whose sender could not be reached with the answer.
     """
 
     frames: int = 0
@@ -137,6 +143,7 @@ class Sub:
         vehicle: The vehicle file.
         outputs: Servo outputs of its thrusters, as returned by `channels`.
         depth: Initial depth, at rest and level [m].
+        counts: Counts of received packets.
     """
 
     vehicle: Vehicle
@@ -156,7 +163,7 @@ class Sub:
         self._live.reset([0.0, 0.0, self.depth, 0.0, 0.0, 0.0])
 
     def receive(self, packet: bytes) -> bytes | None:
-        """Return the answer to a packet; None if it is not a frame.
+        """Move the vehicle by one frame, and return the answer to SITL; None if the packet is not a frame.
 
         Raises:
             DataError: The motion diverges.
@@ -179,7 +186,7 @@ class Sub:
         return answer(self._live.read())
 
     def _commands(self, pwm: Sequence[int]) -> Array:
-        """Return effective commands for servo outputs."""
+        """Return effective commands (n,) for n thrusters, from the pulses of all servo outputs [us]."""
         pulses = np.array([pwm[abs(one) - 1] for one in self.outputs], float)
         commands: Array = np.clip(commands_of_pulses(pulses.tolist()), -1.0, 1.0) * np.sign(self.outputs)
         commands[pulses == NO_OUTPUT] = 0.0

@@ -1,9 +1,9 @@
 """Target `casadi`: the equations of motion as CasADi functions, for controllers and optimisation.
 
-They are traced from the kernels that `simulate` runs (`export.tracing`).  The state x contains position (3),
-quaternion body to NED (4), nu (6), the lag states of thrusters and the internal states of effects.  It also
-contains the time if a current depends on it, and past commands of thrusters with delay.  u are commands in
-[-1, 1].
+The functions are traced from the kernels that `simulate` runs (`export.tracing`).  The state x contains
+position (3), quaternion body to NED (4), nu (6), the lag states of thrusters and the internal states of
+effects.  It also contains the time if a current depends on it, and past commands of thrusters with delay.  u
+are commands in [-1, 1].
 
 The function `step` handles delays: it starts with past commands and switches to newer ones within the step.
 The function f has no steps, so its u are the delayed commands, and past commands stay constant.
@@ -75,28 +75,28 @@ class Symbols:
         return isinstance(value, self._ca.SX)
 
     def select(self, test: Any, yes: Any, no: Any) -> Any:
-        """Return one of two values; the other never enters the result, even if it is not finite."""
+        """Return `yes` where `test` holds, otherwise `no`; the other value has no influence, even if NaN."""
         return self._ca.if_else(test, yes, no)
 
     def both(self, one: Any, other: Any) -> Any:
-        """Return the conjunction of two conditions."""
+        """Return whether both conditions hold, as a symbol."""
         return self._ca.logic_and(one, other)
 
     def negated(self, one: Any) -> Any:
-        """Return the negation of a condition."""
+        """Return whether a condition does not hold, as a symbol."""
         return self._ca.logic_not(one)
 
     def _known_or(self, known: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function that uses `known` for numbers and `symbolic` for symbols."""
+        """Return a function that applies `symbolic` if any argument is a symbol, otherwise `known`."""
         return lambda *given: (symbolic if any(map(self.is_symbol, given)) else known)(*given)
 
     def _root(self, value: Any) -> Any:
-        """Return the square root, linear near 0, where its infinite derivative would stop a solver."""
+        """Return the square root, near 0 a line instead, because an infinite slope would stop a solver."""
         root = self._ca.sqrt(self._ca.fmax(value, LEAST_SQUARE))
         return self._ca.if_else(value > LEAST_SQUARE, root, value / math.sqrt(LEAST_SQUARE))
 
     def _interpolated(self, at: Any, points: list[float], values: list[float]) -> Any:
-        """Interpolate linearly between points; constant beyond the ends."""
+        """Interpolate linearly between ascending points; beyond the ends, the first or last value holds."""
         if not self.is_symbol(at):
             return float(self._ca.pw_lin(self._ca.DM(at), points, values))
         within = self._ca.fmin(self._ca.fmax(at, points[0]), points[-1])
@@ -186,8 +186,8 @@ class CommandDelays:
 
     Attributes:
         whole: Whole steps of delay of each thruster.
-        part: Remainder of its delay [s], below `length`.
-        slots: Thruster and age, in steps less one, of every past command that still has to act.
+        part: Remainder of each thruster's delay [s], below `length`.
+        slots: The stored past commands, each as a thruster's index and its age in steps; 0 is the last step.
         length: Length of a step [s].
     """
 
@@ -198,7 +198,7 @@ class CommandDelays:
 
     @classmethod
     def of(cls, delays: list[float], length: float) -> CommandDelays:
-        """Build from the thrusters' delays [s]."""
+        """Return the command delays in steps of `length` [s], given the thrusters' delays [s]."""
         whole = [math.floor(delay / length + CLOSE) for delay in delays]
         rest = [max(0.0, delay - length * k) for delay, k in zip(delays, whole, strict=True)]
         part = [one if one > CLOSE * length else 0.0 for one in rest]
@@ -206,7 +206,15 @@ class CommandDelays:
         return cls(tuple(whole), tuple(part), tuple(slots), length)
 
     def parts(self, past: Any, u: Any) -> Iterator[tuple[float, Any]]:
-        """Yield the parts of a step: their lengths [s], and the commands that act during each."""
+        """Yield the parts of a step between changes of delayed commands.
+
+        Args:
+            past: Past commands, in the order of `slots`.
+            u: Commands of this step.
+
+        Yields:
+            Length of the part [s], and the command of each thruster that acts during the part.
+        """
         import casadi as ca
 
         known = {slot: past[place] for place, slot in enumerate(self.slots)}
@@ -216,7 +224,7 @@ class CommandDelays:
             yield end - begin, ca.vertcat(*(known[i, k] for i, k in enumerate(ago)))
 
     def after(self, past: Any, u: Any) -> list[Any]:
-        """Return the past commands after the step, each one step older."""
+        """Return the past commands after a step with the commands u, in the order of `slots`."""
         known = {slot: past[place] for place, slot in enumerate(self.slots)}
         return [u[i] if k == 0 else known[i, k - 1] for i, k in self.slots]
 
@@ -243,7 +251,7 @@ def _step(within: Any, tracer: Tracer, delay: CommandDelays, length: float, subs
 
 
 def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, delay: CommandDelays) -> Any:
-    """Build the function from pose and velocity to the state; all past commands are 0."""
+    """Build the function from pose eta and velocity nu to the state; thrusters and past commands are 0."""
     import casadi as ca
 
     from hydro.export.craft import quaternion
@@ -257,7 +265,7 @@ def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, delay:
 
 
 def _states(vehicle: Vehicle, model: Model) -> list[Any]:
-    """Return the effect table of every internal state."""
+    """Return, for every internal state, the table of the effect to which it belongs."""
     running = [table for table in vehicle.effect if CATALOGUE[table["name"]].kernel is not None]
     return [table for table, entry in zip(running, model.effects, strict=True) for _ in range(entry[3])]
 

@@ -18,12 +18,12 @@ def of_lacks(vehicle: Vehicle, lacks: Sequence[Lack], raw: pl.DataFrame | None =
 
     Args:
         vehicle: The vehicle.
-        lacks: Lacks of the target.
-        raw: A recording; by default manoeuvres simulated with the vehicle.
+        lacks: Properties that the target cannot represent.
+        raw: A recording (raw table); by default manoeuvres simulated with the vehicle.
 
     Returns:
-        `left out`, `why` and the error 5 s ahead, null if no motion depends on it.  The first row is the
-        complete vehicle, the last one leaves out everything together.
+        `left out`, `why` and the error 5 s ahead without this property, null if no motion depends on it.  The
+        first row is the complete vehicle, the last one leaves out all properties together.
 
     Raises:
         DataError: The vehicle cannot be simulated, or the recording does not fit it.

@@ -34,7 +34,7 @@ def euler_angles(q: Numbers) -> Numbers:
 
 
 def same_type(given: Any, values: Numbers) -> Any:
-    """Return the values as an array if `given` is one, otherwise as a list."""
+    """Return the values as a float array if `given` is an array, otherwise as a list."""
     if not hasattr(given, "astype"):
         return values
     out = given.astype(float)
@@ -78,7 +78,7 @@ class Craft:
         self.commands = Commands()
 
     def stepInput(self, t: float) -> Any:
-        """Return the commands at a time [s]; replace it by your own."""
+        """Return the commands at a time [s], here all 0; replace this method to control the vehicle."""
         return [0.0] * self.dimU
 
     def dynamics(self, eta: Any, nu: Any, u_actual: Any, u_control: Any, sampleTime: float) -> Any:
@@ -113,7 +113,14 @@ class Craft:
         return same_type(eta, pose), same_type(nu, y[7:BODY]), same_type(u_actual, lags)
 
     def _advance(self, y: Numbers, lags: Numbers, given: Numbers, h: float) -> Any:
-        """Return the state and the lag states after a step with constant delayed commands."""
+        """Return state and lag states after a step of `h` [s] in which the delayed commands are constant.
+
+        Args:
+            y: Position, quaternion, velocity and internal states, as for `export.equations.motion_state`.
+            lags: Lag states of the thrusters.
+            given: Commands in [-1, 1].
+            h: Length of the step [s].
+        """
         model, delayed = self.model, self.commands.delayed(self.model, self.time + 1e-9 * h)
         goals, rows = targets(model, delayed), range(len(lags))
         middle = [lag_after(model.thrusters[i], lags[i], goals[i], 0.5 * h) for i in rows]

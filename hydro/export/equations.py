@@ -51,12 +51,13 @@ def interpolated(at: float, points: Numbers, values: Numbers) -> float:
 
 
 def effective(thruster: Numbers, curve: Any, command: Any) -> Any:
-    """Return the effective command of a thruster.
+    """Return the effective command of a thruster with a thrust table.
 
-    With its simple curve, this command gives the thrust that the thrust table gives for the original command.
+    With the simple thrust curve, the effective command gives the thrust that the table gives for the original
+    command.
 
     Args:
-        thruster: Row of the thruster table.
+        thruster: Row of the thruster table, for the exponent of the simple curve.
         curve: Commands, thrusts [N] and full thrust ahead and astern [N] of its thrust table; None without
             a table, where the command itself is returned.
         command: Command in [-1, 1].
@@ -75,10 +76,10 @@ class Model:
     """Vehicle as numbers and kernels.
 
     Attributes:
-        flat: Header and constants of its program, which the kernels read.
+        flat: Header and constants of the vehicle's program, which the kernels read.
         thrusters: Rows of the thruster table.
-        curves: For each thruster commands, thrusts [N] and full thrust ahead and astern; None without a
-            table.
+        curves: For each thruster commands, thrusts [N] and full thrust ahead and astern [N]; None without a
+            thrust table.
         effects: For each effect with a force its kernel, the kernel that initialises its states or None, its
             parameters and the number of its states.
     """
@@ -156,7 +157,7 @@ def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numb
         model: Vehicle.
         y: State as for `motion_state`.
         time: Time [s].
-        rotors: Lag states of the thrusters, as for `targets`.
+        rotors: Lag states of the thrusters at this time, as defined for `targets`.
         commands: Commands in [-1, 1], one per thruster.
     """
     c = model.flat[HEADER:]
@@ -224,7 +225,14 @@ def runge_kutta(model: Model, y: Numbers, time: float, h: float, lags: Numbers, 
 
 
 def lag_after(thruster: Numbers, state: float, target: float, dt: float) -> float:
-    """Return a lag state after dt [s] of exponential approach to a target."""
+    """Return the lag state of a thruster after `dt` [s] of first-order approach to a constant target.
+
+    Args:
+        thruster: Row of the thruster table, with the time constant.
+        state: Lag state at the start.
+        target: Value that the state approaches.
+        dt: Time [s].
+    """
     return float(target + (state - target) * lag_decay(thruster, dt))
 
 
@@ -239,11 +247,11 @@ class Commands:
         self.given: list[tuple[float, Numbers]] = []
 
     def give(self, time: float, commands: Numbers) -> None:
-        """Add commands that are given from a time on [s]."""
+        """Add commands, one per thruster, that are given from `time` [s] on."""
         self.given.append((time, commands))
 
     def delayed(self, model: Model, now: float) -> Numbers:
-        """Return the delayed command of each thruster; 0 before the first."""
+        """Return the command of each thruster that acts at the time `now` [s]; 0 before the first command."""
         found = [0.0] * len(model.thrusters)
         for time, commands in self.given:
             for i in range(len(found)):
@@ -252,7 +260,15 @@ class Commands:
         return found
 
     def next_change(self, model: Model, now: float, end: float) -> float:
-        """Return the time of the next delayed change after `now`, at most `end`; drop older commands."""
+        """Return the next time [s] at which a delayed command takes effect, at most `end`.
+
+        Commands that no thruster uses any more are dropped.
+
+        Args:
+            model: Vehicle, with the thrusters' delays.
+            now: Present time [s].
+            end: Greatest time returned [s].
+        """
         latest = max([row[DELAY] for row in model.thrusters] + [0.0])
         while len(self.given) > 1 and self.given[1][0] + latest <= now:
             self.given.pop(0)

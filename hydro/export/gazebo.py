@@ -60,7 +60,7 @@ PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
 
 
 def to_sdf(vehicle: Vehicle) -> bytes:
-    """Write the world.
+    """Return the content of an SDF world file with the vehicle.
 
     Raises:
         DataError: An effect, a thruster or a name is invalid, or the vehicle has no buoyancy.
@@ -132,7 +132,12 @@ def warnings(vehicle: Vehicle) -> list[str]:
 
 
 def _supports(entry: Entry, c: Array) -> bool:
-    """Return whether Gazebo can represent an effect other than those of thrusters."""
+    """Return whether Gazebo can represent an effect that does not act through thrusters.
+
+    Args:
+        entry: The effect with its parameters.
+        c: Constants of the vehicle's program.
+    """
     effect, parameters, _ = entry
     if effect.kind == "sensor":
         return False
@@ -152,7 +157,7 @@ def _supported(vehicle: Vehicle) -> Vehicle:
 
 
 def _law(vehicle: Vehicle, listed: Sequence[Entry]) -> Law:
-    """Return the sum of all water forces except inertia."""
+    """Return the sum of the water forces of effects as one polynomial of velocity, without inertia."""
     c = constants(vehicle, listed)
     found = (law(entry, c) for entry in listed if entry.effect.kernel is not None)
     return reduce(lambda one, other: one + other, (one for one in found if one is not None), Law.none())
@@ -192,7 +197,7 @@ def _thruster_lacks(vehicle: Vehicle) -> list[Lack]:
 
 
 def _changes_column(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
-    """Return whether an effect changes a column of the thruster table."""
+    """Return whether the effect of a table changes a column of the thruster table."""
     (entry,) = entries(msgspec.structs.replace(vehicle, effect=(table,)))
     if entry.effect.actuator is None:
         return False
@@ -227,7 +232,7 @@ def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequ
 
 
 def _point_inertia(mass: float, at: Array) -> Array:
-    """Return the inertia of a point mass about the origin, (3, 3)."""
+    """Return the inertia (3, 3) [kg m^2] of a point mass [kg] at a place (3,) [m] about the origin."""
     found: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
     return found
 
@@ -238,7 +243,7 @@ def _propeller_inertia() -> float:
 
 
 def _add_inertia(inertial: ET.Element, inertia: Array) -> None:
-    """Add the six entries of an inertia matrix."""
+    """Add the six independent entries of an inertia matrix (3, 3) [kg m^2] to an element."""
     matrix = _add(inertial, "inertia")
     for i in range(3):
         for j in range(i, 3):
@@ -246,9 +251,14 @@ def _add_inertia(inertial: ET.Element, inertia: Array) -> None:
 
 
 def _hull(link: ET.Element, vehicle: Vehicle, total: Law) -> None:
-    """Add a collision box with the volume of the buoyancy, about its centre, and a visual of the hull.
+    """Add a collision box with the volume of the buoyancy about its centre, and a visual of the hull.
 
-    The volume and its centre include weight and buoyancy of effects.
+    Volume and centre include the constant vertical forces of effects.
+
+    Args:
+        link: Element of the link.
+        vehicle: The vehicle.
+        total: Sum of the effects' forces, with their constant force and moment.
     """
     lift = vehicle.buoyancy.force - total.force
     if lift <= 0.0:
@@ -293,7 +303,15 @@ def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Arra
 
 
 def _hydrodynamics(model: ET.Element, total: Law, flow: Array) -> None:
-    """Add the plug-in's coefficients; their signs are those of the derivatives, X_u < 0 for drag."""
+    """Add the Hydrodynamics plug-in with the coefficients of a force law and a constant current.
+
+    Signs are those of the derivatives, X_u < 0 for drag.
+
+    Args:
+        model: Element of the vehicle.
+        total: Coefficients of all water forces.
+        flow: Velocity of the water and its rates (7,).
+    """
     plugin = _plugin(model, "hydrodynamics", "Hydrodynamics")
     _add(plugin, "link_name", LINK)
     _add(plugin, "disable_added_mass", "true")
@@ -317,7 +335,7 @@ def _plugin(parent: ET.Element, name: str, system: str) -> ET.Element:
 
 
 def _add(parent: ET.Element, tag: str, value: Any = None, **attributes: str) -> ET.Element:
-    """Add an element with a text, a number or several numbers."""
+    """Add an element `tag` with attributes and a text, a number or several numbers; return the element."""
     element = ET.SubElement(parent, tag, attributes)
     if isinstance(value, str):
         element.text = value

@@ -8,7 +8,7 @@ from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 
 def to_mjcf(vehicle: Vehicle) -> bytes:
-    """Write the file, with Runge-Kutta integration at 2 ms.
+    """Return the content of an MJCF file with the vehicle, with Runge-Kutta integration at 2 ms.
 
     Raises:
         DataError: The vehicle cannot be simulated.
@@ -25,7 +25,7 @@ def lacks(vehicle: Vehicle) -> list[Lack]:
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """Return a warning if the controls are not the commands."""
+    """Return a warning if the model's controls are effective commands and not those of the vehicle file."""
     curved = [thruster.name for thruster in vehicle.thruster if table_of(thruster) is not None]
     if not curved:
         return []

@@ -38,7 +38,11 @@ def model_of(vehicle: Vehicle, kernel: Callable[[Any, str], Any] = lambda functi
 
 
 def curves_of(vehicle: Vehicle) -> Numbers:
-    """Return thrust tables at nominal voltage: commands, thrusts, full thrust ahead and astern; or None."""
+    """Return the thrust table of each thruster at nominal voltage; None for a thruster without a table.
+
+    Returns:
+        Commands, thrusts [N], and full thrust ahead and astern [N].
+    """
     found: Numbers = []
     for thruster in vehicle.thruster:
         table = table_of(thruster)

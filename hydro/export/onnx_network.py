@@ -26,7 +26,7 @@ def to_onnx(trained: Model | Policy) -> bytes:
 def of_policy(policy: Policy) -> bytes:
     """Export a policy as a graph from `observations` (N, O) in SI units to `actions` (N, A), all float32.
 
-    A policy with stacked observations takes them in one row, the newest first.
+    A policy with stacked observations takes the steps in one row, the newest first.
     """
     import torch
 

@@ -30,9 +30,9 @@ After Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011). 
 
 
 def to_python(vehicle: Vehicle) -> bytes:
-    """Return the file of a vehicle.
+    """Return the content of a Python file with the class of a vehicle.
 
-    `class_name` gives the name of its class; `Vehicle` is prepended if the file already has that name.
+    `class_name` gives the name of the class; `Vehicle` is prepended if that name is already used in the file.
 
     Raises:
         DataError: An effect or a thruster of the vehicle is invalid.

@@ -97,11 +97,11 @@ class Bundle:
         self._named: dict[Any, str] = {}
 
     def add(self, thing: Any, name: str = "") -> str:
-        """Add a function, kernel or class with all that it uses.
+        """Add a function, kernel or class, with all that it uses.
 
         Args:
             thing: Function, kernel or class.
-            name: Name in the module; by default its own.
+            name: Name in the module; by default the name of the thing itself.
 
         Returns:
             Its name in the module.
@@ -122,7 +122,12 @@ class Bundle:
         return "\n\n\n".join(["import math", constants, *self.definitions.values()])
 
     def _names_in(self, tree: Definition, around: dict[str, Any]) -> dict[str, str]:
-        """Return new names for the global names of a definition; attributes of modules as `module.name`."""
+        """Return the new name of each global name in a definition; attributes of modules as `module.name`.
+
+        Args:
+            tree: The definition.
+            around: Global names of the definition's module.
+        """
         found = {}
         for name, value in _globals(tree, around):
             if value is math or value is Any or _is_hydro(value):
@@ -136,14 +141,14 @@ class Bundle:
         return found
 
     def _constant(self, name: str, value: Any) -> str:
-        """Add a number, and return its name."""
+        """Add a number to the constants of the module, and return its name there."""
         while self.constants.get(name, value) != value or name in self.definitions:
             name += "_"
         self.constants[name] = value
         return name
 
     def _unused(self, name: str, thing: Any) -> str:
-        """Return the name, prefixed with the module if another object has it."""
+        """Return a name for a thing, prefixed with its module's name if the plain name is already used."""
         taken = {*self._named.values(), *self.constants}
         return name if name not in taken else f"{thing.__module__.rpartition('.')[2]}_{name}"
 

@@ -48,7 +48,7 @@ class Target:
         suffix: Suffix of its files, which selects the target if `--to` is missing.
         summary: Short description.
         write: Function from a vehicle or network to the content of the file.
-        lacks: Function that returns the properties that it cannot represent.
+        lacks: Function that returns the properties of a vehicle that the target cannot represent.
         warnings: Function that returns further warnings, one line each.
         text: Whether the file is readable text.
     """
@@ -97,13 +97,18 @@ def choose(to: str | None, takes: str, output: str) -> Target:
 
 
 def without_effects(vehicle: Vehicle, left_out: Callable[[Effect], bool]) -> Vehicle:
-    """Return the vehicle without some effects."""
+    """Return the vehicle without the effects for which `left_out` is true."""
     kept = tuple(table for table in vehicle.effect if not left_out(CATALOGUE[table["name"]]))
     return msgspec.structs.replace(vehicle, effect=kept)
 
 
 def lacking_effects(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
-    """Return the effects that a target cannot represent, each once; `why` gives a reason, or ''."""
+    """Return the effects of a vehicle that a target cannot represent, each effect once.
+
+    Args:
+        vehicle: The vehicle.
+        why: Function that returns why the target cannot represent an effect; an empty text if it can.
+    """
     found = []
     for name in dict.fromkeys(str(table["name"]) for table in vehicle.effect):
         effect = CATALOGUE[name]
@@ -119,9 +124,9 @@ def sensor_reason(effect: Effect) -> str:
 
 
 def all_left_out(vehicle: Vehicle, lacks: Sequence[Lack]) -> Vehicle:
-    """Return the vehicle as a target represents it: without all its lacks.
+    """Return the vehicle as a target represents it, without any of the properties in `lacks`.
 
-    Each lack changes effects or thrusters; the changes are combined.
+    Each entry of `lacks` changes effects or thrusters; the changes are combined.
     """
     effects, thrusters = list(vehicle.effect), list(vehicle.thruster)
     for lack in lacks:

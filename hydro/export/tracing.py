@@ -32,13 +32,13 @@ class Algebra(Protocol):
         """Return whether a value is a symbol."""
 
     def select(self, test: Any, yes: Any, no: Any) -> Any:
-        """Return one of two values, selected by a symbolic condition."""
+        """Return `yes` where the symbolic condition `test` holds, otherwise `no`."""
 
     def both(self, one: Any, other: Any) -> Any:
-        """Return the conjunction of two conditions."""
+        """Return whether both conditions hold, as a symbol."""
 
     def negated(self, one: Any) -> Any:
-        """Return the negation of a condition."""
+        """Return whether a condition does not hold, as a symbol."""
 
 
 class _Returned:
@@ -58,7 +58,7 @@ class Tracer:
         self.algebra = algebra
 
     def call(self, function: Any, *given: Any) -> Any:
-        """Return the result of a function; lists that it writes to are modified.
+        """Return the result of a function on numbers and symbols; lists to which it writes are modified.
 
         Raises:
             HydroError: The function is not scalar code.
@@ -75,7 +75,13 @@ class Tracer:
         return end.value if isinstance(end, _Returned) else None
 
     def _run(self, statements: Sequence[ast.stmt], here: Environment, around: Mapping[str, Any]) -> Any:
-        """Run statements; return how they end: normally, by `return`, or out of a loop."""
+        """Run statements; return their end: normal, by `return` with its value, or by `break` or `continue`.
+
+        Args:
+            statements: Statements of a function.
+            here: Local names with their values, changed in place.
+            around: Global names of the function's module.
+        """
         for place, statement in enumerate(statements):
             if isinstance(statement, ast.If):
                 test = self._value(statement.test, here, around)
@@ -121,7 +127,14 @@ class Tracer:
     def _split(
         self, test: Any, sides: Sequence[Sequence[ast.stmt]], here: Environment, around: Mapping[str, Any]
     ) -> Any:
-        """Run both sides from the same state, and join their assignments and return values."""
+        """Run both sides of a branch on a symbol from one state; join their assignments and results.
+
+        Args:
+            test: Condition, a symbol.
+            sides: Statements if the condition holds, and if it does not.
+            here: Local names with their values, changed in place.
+            around: Global names of the function's module.
+        """
         lists = list(_lists(here.values()))
         before, ends, after = [list(one) for one in lists], [], []
         for side in sides:
@@ -143,7 +156,7 @@ class Tracer:
         return _Returned(self._select_entries(test, *values))
 
     def _select_entries(self, test: Any, yes: Any, no: Any) -> Any:
-        """Select one of two values, entry by entry."""
+        """Select `yes` or `no` by a symbolic condition, entry by entry for lists and tuples of one length."""
         if yes is no:
             return yes
         if isinstance(yes, list | tuple) and isinstance(no, list | tuple) and len(yes) == len(no):
@@ -195,7 +208,7 @@ def _sum_of(statement: ast.AugAssign) -> ast.expr:
 
 @cache
 def _prepared(function: Any) -> Definition:
-    """Return the syntax tree of a function in which calls and logic are calls of the tracer."""
+    """Return the syntax tree of a function whose calls, conditions and `and`, `or`, `not` call the tracer."""
     tree = _TracerCalls().visit(copy.deepcopy(definition(function)))
     found: Definition = ast.fix_missing_locations(tree)
     return found

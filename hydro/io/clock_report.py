@@ -27,7 +27,7 @@ class Clocks:
     Attributes:
         sensors: Lags of velocity, attitude and rates relative to the pose, where the motion shows them.
         commands: Lag of the motion relative to the commands; None if the log does not show it.
-        declared: Map of the log, which may already state some lags.
+        declared: Map of the log, which may already state lags.
         receipt: Time by which commands are stamped later than sensors of the same driver [s], see
             `core.logs.receipt`.
     """
@@ -57,15 +57,15 @@ class Clocks:
 
     @property
     def _late_commands(self) -> bool:
-        """Whether commands are stamped late and the map does not correct it."""
+        """Whether commands are stamped late and the map does not correct the lag."""
         return self.receipt >= LEAST_REPORTED and not self.declared.commands.lag
 
     def contradictions(self) -> list[str]:
-        """Return lines on significant lags longer than a sample, which `--strict` refuses."""
+        """Return a line for each significant lag longer than a sample, which `--strict` refuses."""
         return [self._line(one) for one in self._significant() if one.over_a_sample]
 
     def suspicions(self) -> list[str]:
-        """Return lines on significant lags shorter than a sample of their sensor."""
+        """Return a line for each significant lag shorter than a sample of its sensor."""
         return [
             self._line(one)
             for one in self._significant()
@@ -83,7 +83,7 @@ class Clocks:
         return {one.block: self._lag(one) for one in told} | late
 
     def _lag(self, one: Offset) -> float:
-        """Return the lag of a sensor to write into the map [s]."""
+        """Return the lag of a sensor for the map [s]: the stated lag plus the lag that was found."""
         declared: float = getattr(self.declared, one.block).lag
         return declared + one.seconds
 
@@ -118,7 +118,7 @@ def clocks(imported: Imported, follows: LogMap, declared: LogMap, travel: Mappin
 
     Args:
         imported: Log on one clock.
-        follows: Map that the data follow.
+        follows: Map whose frames and signs agree with the motion.
         declared: Map as given.
         travel: Mean time from the stamp of a message to its receipt [s], by topic.
     """

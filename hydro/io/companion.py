@@ -1,6 +1,7 @@
 """Recordings of the companion distribution deep-hydro-sim-data: where they are, and whether they are intact.
 
-hydro works without it.  Its package has a manifest of all files, and the files themselves in one folder.
+hydro works without the distribution.  Its package has a manifest of all files, and the files themselves in
+one folder.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ def path_of(name: str) -> Path:
 
 
 def fault(entry: Entry) -> str:
-    """Return what is wrong with an installed file; empty if it is intact.
+    """Return a description of the damage to an installed file; empty if the file is intact.
 
     Compares size and SHA-256 of the bytes and, for a table, also the hash of the values.
 
@@ -124,7 +125,11 @@ def _package() -> Path:
 
 
 def _there(path: Path) -> Path:
-    """Return a path that exists."""
+    """Return a path, after a check that it exists.
+
+    Raises:
+        DataError: Nothing is at the path.
+    """
     if not path.exists():
         raise DataError(f"{path}: this file of the manifest is missing: install the wheel again")
     return path

@@ -38,15 +38,15 @@ def write(
 ) -> None:
     """Write a covariance next to a vehicle file or diagnosis.
 
-    Nothing is written if there are no values or the file is a device.
+    Nothing is written if there are no values, or if the file is no regular file, such as /dev/stdout.
 
     Args:
-        estimates: Estimated values as the file has them.
-        path: The vehicle file or diagnosis.
-        stage: Command.
-        inputs: Artefacts that the values were estimated from.
+        estimates: Estimated values, equal to those in the file.
+        path: Path of the vehicle file or diagnosis.
+        stage: Name of the command that made the estimates.
+        inputs: Artefacts from which the values were estimated.
         vehicle_text: Text of the vehicle file.
-        parameters: Further parameters in the footer.
+        parameters: Further parameters in the footer of the table.
     """
     if not (estimates.entries and Path(path).is_file()):
         return
@@ -65,7 +65,8 @@ def read(path: str | Path, vehicle: Vehicle | None = None) -> tuple[Estimates | 
         vehicle: Vehicle of the file, whose values the covariance must match.
 
     Returns:
-        Estimates, or None if there is no such file or it is of other values; and a warning, or an empty text.
+        Estimates, or None if there is no covariance or it belongs to other values; and a warning, or an empty
+        text.
 
     Raises:
         DataError: The covariance file is damaged.
@@ -94,7 +95,7 @@ def of(artefact: Artefact, name: str = KIND) -> Estimates:
 
 
 def with_errors(vehicle: Vehicle, estimates: Estimates) -> Vehicle:
-    """Return the vehicle with standard errors from estimates in the tables that have none."""
+    """Return the vehicle with standard errors from estimates, in those effect tables that have none."""
     stated = {table["name"] for table in vehicle.effect if "standard_error" in table}
     errors: dict[str, dict[str, object]] = {}
     for entry, error in zip(estimates.entries, estimates.errors, strict=True):

@@ -1,4 +1,4 @@
-"""Detection of a file of another kind than expected: a recording for a vehicle, or a vehicle for one."""
+"""Detection of a file of the wrong kind: a recording where a vehicle file is needed, or the reverse."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def kind(path: object) -> str:
 
 
 def explained(error: DataError, path: object, needed: str) -> DataError:
-    """Return the error, or one that names the kind of the file if that is not the kind needed.
+    """Return a clearer error if a file is of another kind than needed, otherwise the given error.
 
     Args:
         error: Error of reading the file.

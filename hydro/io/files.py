@@ -43,12 +43,12 @@ def bundled(name: str) -> Path:
 
 
 def name_of(place: Source, stream: str = "stdin") -> str:
-    """Return the name of a place in error messages: the path as given, or `stream` for a stream."""
+    """Return the name of a file or stream in error messages: the path as given, or `stream` for a stream."""
     return shown(os.fspath(place)) if isinstance(place, str | Path) else stream
 
 
 def explained(name: str, error: OSError) -> DataError:
-    """Return an error of one line for a failure of the operating system at `name`."""
+    """Return an error of one line, naming the file `name`, for a failure of the operating system."""
     reason = (error.strerror or str(error) or type(error).__name__).splitlines()[0]
     remedy = _REMEDIES.get(error.errno or 0, f"{reason}: check the device and run again")
     return DataError(f"{name}: {remedy}")
@@ -73,7 +73,7 @@ def read_bytes(source: Source) -> bytes:
 
 
 def refuse_device(source: Source) -> None:
-    """Refuse an input that may never end: a disk, a terminal or /dev/zero.  Files and pipes are allowed.
+    """Refuse an input that may never end, such as a disk, a terminal or /dev/zero.
 
     Raises:
         DataError: The path is a device other than the null device, which is empty.
@@ -95,7 +95,7 @@ def refuse_device(source: Source) -> None:
 
 
 def check_file(destination: str | Path) -> None:
-    """Check that a file could be written to a place, without writing it.
+    """Check that a file could be written to a path, without writing it.
 
     Raises:
         DataError: The path is a folder, or its parent folder is missing or not writable.
@@ -110,7 +110,7 @@ def check_file(destination: str | Path) -> None:
 
 
 def check_folder(destination: str | Path) -> None:
-    """Check that a folder of results could be made at a place, without making it.
+    """Check that a folder of results could be made at a path, without making it.
 
     Raises:
         DataError: The path or a part of it is a file, or the last existing folder is not writable.
@@ -123,7 +123,12 @@ def check_folder(destination: str | Path) -> None:
 
 
 def _check_writable(name: str, folder: Path) -> None:
-    """Check that a file can be made in a folder."""
+    """Check that a file can be made in a folder.
+
+    Args:
+        name: Name of the file in the error message.
+        folder: The folder.
+    """
     if not folder.exists():
         raise explained(name, FileNotFoundError(errno.ENOENT, "no such folder"))
     if not folder.is_dir():
@@ -164,7 +169,7 @@ def _found(name: str) -> os.stat_result | None:
     The system follows links, such as that of /dev/stdout to a pipe, which has no path of its own.
 
     Raises:
-        OSError: It is a folder, or it is not writable.
+        OSError: The path is a folder, or it is not writable.
     """
     try:
         found = os.stat(name)
@@ -179,7 +184,7 @@ def _found(name: str) -> os.stat_result | None:
 
 @contextlib.contextmanager
 def _replacing(target: Path, former: os.stat_result | None) -> Iterator[BinaryIO]:
-    """Yield a temporary file that replaces `target` at the end, with the permissions of the old file."""
+    """Yield a temporary file that replaces `target` at the end, with the permissions of the file there."""
     ours = f".{target.name}.{_machine()}-"
     _sweep(target.parent, ours)
     temporary = target.with_name(f"{ours}{os.getpid()}-{secrets.token_hex(2)}{_UNFINISHED}")
@@ -206,7 +211,7 @@ def _machine() -> str:
 
 
 def _sweep(folder: Path, ours: str) -> None:
-    """Remove temporary files of this name whose process on this machine no longer exists."""
+    """Remove temporary files of the destination `ours` whose process on this machine no longer exists."""
     for left in os.listdir(folder) if os.name == "posix" else ():
         if left.startswith(ours) and left.endswith(_UNFINISHED):
             owner = left.removeprefix(ours).partition("-")[0]
@@ -216,7 +221,7 @@ def _sweep(folder: Path, ours: str) -> None:
 
 
 def _alive(process: int) -> bool:
-    """Check whether a process of this number exists."""
+    """Return whether a process with this number runs on this machine."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

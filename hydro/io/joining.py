@@ -23,7 +23,7 @@ TIME, SESSION = "time of the row", "session of the file"
 def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
     """Join several logs into one with the columns that the map names, and return a map for it.
 
-    A row has the columns of its own file; the columns of other files are empty.
+    In each row only the columns of the row's own file have values.
 
     Args:
         logs: Logs in any order.
@@ -60,7 +60,11 @@ def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
 
 
 def _place(log: Log, meaning: LogMap) -> tuple[Table, str]:
-    """Return the table that matches a file, and its session."""
+    """Return the table of the map whose name pattern matches a file, and the name of the file's session.
+
+    Raises:
+        DataError: No table or several tables match.
+    """
     found = []
     name = PurePath(log.name).name
     for table in meaning.table:
@@ -78,13 +82,23 @@ def _place(log: Log, meaning: LogMap) -> tuple[Table, str]:
 
 
 def _columns(log: Log, table: Table, wanted: set[str]) -> dict[str, str]:
-    """Return the columns of a file that the map names, by their names in the map."""
+    """Return the columns of a file by their names in the map, for those of `wanted` that the file has."""
     prefix = f"{table.name}." if table.name is not None else ""
     return {prefix + own: own for own in log.frame.columns if prefix + own in wanted}
 
 
 def _require_all(meaning: LogMap, logs: Sequence[Log], wanted: set[str], where: dict[str, Table]) -> None:
-    """Check that each table has a file, and each column is in a file."""
+    """Check that each table of the map has a file, and each named column is in a file.
+
+    Args:
+        meaning: Map of the log.
+        logs: The files.
+        wanted: Names of columns in the map.
+        where: Table of each column that was found.
+
+    Raises:
+        DataError: A table has no file, or a column is in no file.
+    """
     there = {_place(log, meaning)[0] for log in logs}
     for table in meaning.table:
         if table not in there:

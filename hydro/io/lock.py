@@ -73,7 +73,7 @@ def _description() -> str:
 
 
 def _owner(owner: Path) -> str:
-    """Return the description of the process that holds the lock; it may have ended meanwhile."""
+    """Return the description of the process that holds the lock; the process may have ended meanwhile."""
     try:
         return owner.read_text(encoding="utf-8").strip() or "another process"
     except OSError:

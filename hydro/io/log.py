@@ -36,9 +36,10 @@ class Log:
 
     Attributes:
         name: Name of the log in error messages.
-        table: Columns: text from a CSV, typed from other tables; of messages, those of each topic.
+        table: Columns: text from a CSV, typed from other tables; of a log of messages, the columns of each
+            topic.
         digest: `sha256:` and the hash of the file's bytes.
-        more: Return the columns that were not read, which needs a pass over the log.
+        more: Function that returns the columns that were not read, which needs a pass over the log.
         notes: Notes of the reader, a line each.
         files: `digest` of every file, if the log was made of several.
     """
@@ -52,7 +53,7 @@ class Log:
 
     @cached_property
     def frame(self) -> pl.DataFrame:
-        """All columns in one table; of messages a row for each, which needs memory for all of them."""
+        """All columns in one table; a log of messages gets a row for each message, all in memory."""
         return self.table.wide() if isinstance(self.table, Tables) else self.table
 
     @property
@@ -61,7 +62,7 @@ class Log:
         return list(dict.fromkeys((*self.table.columns, *self.more())))
 
     def row(self, index: int) -> str:
-        """Return the name of a row in error messages: in a CSV from 1 after the header, elsewhere from 0.
+        """Return the name of a row in error messages: in a CSV from 1 after the header, otherwise from 0.
 
         Args:
             index: Row from 0.
@@ -84,7 +85,7 @@ class Log:
 
 @dataclass(frozen=True)
 class LogFile:
-    """File, or folder of a ROS 2 recording, with its reader.
+    """File of a log, or folder of a ROS 2 recording, with its reader.
 
     Attributes:
         name: Name of the file in error messages.
@@ -100,7 +101,7 @@ class LogFile:
 
     @property
     def stem(self) -> str:
-        """Name of a session from this file."""
+        """Name for the session of this file: the file's name without suffix."""
         return self.path.stem if self.name != "stdin" else self.name
 
     @property
@@ -125,7 +126,7 @@ class LogFile:
         return registry.topics(self.path, self.reader, options), options.notes
 
     def header(self, progress: Reading | None = None) -> Log:
-        """Return the log's columns: without rows for messages, with rows for a table.
+        """Return a log with all columns, but with rows only if the file is a table and not messages.
 
         Raises:
             DataError: The file cannot be read, or has no messages.
@@ -156,7 +157,7 @@ class LogFile:
         return Log(self.name, found, self._digest(), self._names, tuple(options.notes))
 
     def _names(self) -> Sequence[str]:
-        """Return all columns for hints; none if the file no longer exists."""
+        """Return all columns, for hints in error messages; none if the file no longer exists."""
         if self.reader.messages is None or not self.path.exists():
             return ()
         return self.header().frame.columns
@@ -168,7 +169,7 @@ class LogFile:
         return options
 
     def _digest(self) -> str:
-        """Return the hash of the file's bytes; of a folder, of all its files with their names."""
+        """Return the hash of a file's bytes; for a folder, of all its files with their names."""
         whole = hashlib.sha256()
         try:
             for part in self.parts:
@@ -231,11 +232,11 @@ def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Pa
 
 
 def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
-    """Return one log of several, named after the first; its digest does not depend on their order.
+    """Return one log made of several, named after the first; its digest does not depend on their order.
 
     Args:
-        logs: Logs that it was made of, at least one.
-        frame: Columns of all.
+        logs: The logs, at least one.
+        frame: Columns of the new log.
     """
     if len(logs) == 1:
         return replace(logs[0], table=frame)
@@ -256,7 +257,7 @@ def column(log: Log, name: str, where: str) -> pl.Series:
     Args:
         log: The log.
         name: Name of the column in the map.
-        where: Place in the map, for the error message.
+        where: Path in the map that names the column, for the error message.
 
     Raises:
         DataError: There is no such column.
@@ -271,7 +272,7 @@ def require(log: Log, name: str, where: str) -> None:
     Args:
         log: The log.
         name: Name of the column in the map.
-        where: Place in the map, for the error message.
+        where: Path in the map that names the column, for the error message.
 
     Raises:
         DataError: There is no such column.
@@ -291,7 +292,7 @@ def numbers(log: Log, name: str, where: str) -> Array:
     Args:
         log: The log.
         name: Name of the column in the map.
-        where: Place in the map, for the error message.
+        where: Path in the map that names the column, for the error message.
 
     Raises:
         DataError: There is no such column, or a cell is not a number.
@@ -334,7 +335,7 @@ def unset(log: Log, name: str) -> Mask:
 
 
 def numeric(values: pl.Series) -> bool:
-    """Check whether a column holds numbers, as text or typed, by its first entry."""
+    """Return whether a column holds numbers, as text or typed; the first entry decides."""
     if values.dtype != pl.String:
         return values.dtype.is_numeric() or values.dtype in (pl.Boolean, pl.Duration)
     first = stripped(values.drop_nulls().head(1))
@@ -352,7 +353,15 @@ def stripped(values: pl.Series) -> pl.Series:
 
 
 def refuse(log: Log, name: str, text: pl.Series, read: pl.Series, expected: str, remedy: str) -> None:
-    """Refuse a column of text if some entries could not be read.
+    """Raise an error if entries of a text column could not be converted.
+
+    Args:
+        log: The log.
+        name: Name of the column.
+        text: Column as text.
+        read: Converted column, null where the conversion failed.
+        expected: Kind of entry that is expected, for the message.
+        remedy: What the user can do, for the message.
 
     Raises:
         DataError: An entry of `text` is null in `read`.

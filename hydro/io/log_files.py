@@ -31,12 +31,12 @@ LARGE = 50_000_000
 
 
 def silent(file: LogFile) -> AbstractContextManager[Reading | None]:
-    """Show no progress."""
+    """Show no progress while a file is read."""
     return nullcontext()
 
 
 def _headers(files: Sequence[LogFile], progress: Progress) -> list[Log]:
-    """Return the columns of each file."""
+    """Return a log with all columns of each file; see `LogFile.header`."""
     each = []
     for file in files:
         with progress(file) as told:
@@ -56,14 +56,14 @@ def gather(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> tuple[Log, LogMap]:
-    """Return some files as one log with the columns of a map, and that map.
+    """Return the files of a dive as one log with the columns of a map, and that map.
 
     The `[[table]]`s of a map assign the files (see `joining`).  Without them, files whose times overlap are
     merged by time; other files are sessions, named after their files.
 
     Args:
         files: Files in any order.
-        map_: Map, its file, or None to guess it from the column names.
+        map_: Map, path of a map file, or None to guess the map from the column names.
         progress: Context that reports the progress of each file.
         preset: Naming scheme of the columns for a guess; by default any.
         thrusters: Number of thrusters of the vehicle, for a guess, if known.
@@ -87,13 +87,16 @@ def drafted(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> tuple[list[str], dict[str, dict[str, Any]]]:
-    """Return the columns of some files, and the blocks of a map that their names and numbers suggest.
+    """Return the columns of files, and the blocks of a map that their names and values suggest.
 
     Args:
         files: Files in any order.
         progress: Context that reports the progress of each file.
         preset: Naming scheme of the columns for a guess; by default any.
         thrusters: Number of thrusters of the vehicle, if known.
+
+    Returns:
+        Names of all columns, and the guessed blocks by name.
 
     Raises:
         DataError: A file cannot be read.
@@ -111,14 +114,14 @@ def drafted(
 
 
 def _first_values(logs: Sequence[Log], column: str) -> Array | None:
-    """Return the numbers of a column of the first log that has it."""
+    """Return a column as numbers from the first log that has it; None if none does."""
     return next((found for log in logs if (found := values(log, column)) is not None), None)
 
 
 def _read(
     files: Sequence[LogFile], meaning: LogMap, headers: Sequence[Log], progress: Progress
 ) -> tuple[Log, LogMap]:
-    """Read the columns of a map from some files; return them as one log with its map."""
+    """Read those columns of files that a map names; return them as one log with its map."""
     words = [*_words(msgspec.to_builtins(meaning))]
     wanted = {*CLOCKS, *words, *(word.partition(".")[2] for word in words if meaning.table)}
     logs = []
@@ -136,11 +139,11 @@ def _read(
 
 
 def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[Log, LogMap]:
-    """Merge several logs in order of time; return the map with a session for each overlapping group.
+    """Merge several logs in order of time; return the log, and the map with a session per recording.
 
     Args:
         logs: The logs.
-        names: Name of a session of each log alone.
+        names: Session name of each log.
         meaning: Map of the columns of all logs.
 
     Raises:
@@ -169,13 +172,24 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
 
 
 def _restarts(logs: Sequence[Log], group: Sequence[int]) -> Array:
-    """Return the times at which a clock restarts in one of some logs [s]."""
+    """Return the times at which a clock restarts in a group of logs [s].
+
+    Args:
+        logs: All logs.
+        group: Indices of the logs of the group.
+    """
     found = [log.table.begins for log in (logs[place] for place in group) if isinstance(log.table, Tables)]
     return np.unique(np.concatenate([np.empty(0), *found]))
 
 
 def _numbered(title: str, times: Array, begins: Array) -> pl.Series:
-    """Return the session of each row: the title, numbered if a clock restarts."""
+    """Return the session name of each row: the title, with a number if a clock restarts.
+
+    Args:
+        title: Name of the recording.
+        times: Times of the rows (n,) [s].
+        begins: Times at which a clock restarts [s].
+    """
     if not len(begins):
         return pl.repeat(title, len(times), eager=True)
     titles = [f"{title}-{number}" for number in range(1, len(begins) + 2)]
@@ -183,7 +197,7 @@ def _numbered(title: str, times: Array, begins: Array) -> pl.Series:
 
 
 def _words(value: Any) -> Iterator[str]:
-    """Yield every text in a map: column names and other words."""
+    """Yield every text in a nested map: column names and other words."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
@@ -209,7 +223,12 @@ def _timed(log: Log, meaning: LogMap) -> tuple[pl.DataFrame, Array]:
 
 
 def _groups(times: Sequence[Array], measured: Sequence[set[str]]) -> list[list[int]]:
-    """Group the logs of one recording; logs and groups are sorted by start time."""
+    """Group logs that belong to one recording; return indices, sorted by start time.
+
+    Args:
+        times: Times of each log [s].
+        measured: Columns with measurements of each log.
+    """
     spans = [(float(np.min(t)), float(np.max(t))) for t in times]
     groups: list[list[int]] = []
     for place in sorted(range(len(times)), key=lambda place: spans[place]):
@@ -226,10 +245,16 @@ def _groups(times: Sequence[Array], measured: Sequence[set[str]]) -> list[list[i
 def _same_recording(
     spans: Sequence[tuple[float, float]], measured: Sequence[set[str]], a: int, b: int
 ) -> bool:
-    """Check whether two logs belong to one recording.
+    """Return whether the logs with indices `a` and `b` belong to one recording.
 
     Their times must overlap.  Two logs with the same columns are consecutive parts, which overlap only a
     little.  If they overlap completely, they are two runs whose clocks start at 0, and so two recordings.
+
+    Args:
+        spans: First and last time of each log [s].
+        measured: Columns with measurements of each log.
+        a: Index of one log.
+        b: Index of the other log.
     """
     overlap = min(spans[a][1], spans[b][1]) - max(spans[a][0], spans[b][0])
     shorter = min(spans[place][1] - spans[place][0] for place in (a, b))
@@ -237,7 +262,13 @@ def _same_recording(
 
 
 def _title(names: Sequence[str], groups: Sequence[Sequence[int]], group: Sequence[int]) -> str:
-    """Return the session name of a group of files: that of the first, numbered if it is not unique."""
+    """Return the session name of a group of files: that of its first file, numbered if it is not unique.
+
+    Args:
+        names: Name of each file.
+        groups: Indices of the files of all groups.
+        group: Indices of the files of this group.
+    """
     title = names[group[0]]
     alike = [other for other in groups if names[other[0]] == title]
     return title if len(alike) == 1 else f"{title}-{alike.index(group) + 1}"

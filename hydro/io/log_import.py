@@ -37,7 +37,7 @@ class ImportReport:
         imported: Raw table, its sessions, sample time [s], gaps and clipped commands.
         verdict: Result of the kinematic check of the map's frames, units and signs.
         clocks: Lags of the sensors relative to the pose, and of the motion relative to the commands.
-        cuts: Sessions that start because the log's clock jumped, a line each.
+        cuts: Description of each session that starts because the log's clock jumped.
     """
 
     map: LogMap
@@ -99,7 +99,12 @@ def guessed(
 
 
 def refined_map(source: Log, blocks: Mapping[str, dict[str, Any]], name: str) -> tuple[LogMap, list[str]]:
-    """Refine guessed blocks by the log's numbers; return the map and a line for each change.
+    """Refine guessed blocks of a map by the log's values; return the map and a line for each change.
+
+    Args:
+        source: The log.
+        blocks: Guessed blocks by name.
+        name: Session name to use if the map has none.
 
     Raises:
         DataError: The remaining blocks do not suffice.
@@ -112,7 +117,7 @@ def refined_map(source: Log, blocks: Mapping[str, dict[str, Any]], name: str) ->
 
 
 def _with_session(meaning: LogMap, name: str) -> LogMap:
-    """Return a map with a session name if it has none."""
+    """Return a map whose session is called `name` if the map states none."""
     if meaning.session.column is None and meaning.session.name is None:
         session = msgspec.structs.replace(meaning.session, name=name)
         meaning = msgspec.structs.replace(meaning, session=session)
@@ -155,7 +160,7 @@ def import_log(
 
 
 def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
-    """Yield the contradictions and limits that the thruster audit finds.
+    """Yield a line for each contradiction or limit that the thruster audit finds.
 
     A wrong frame of a sensor looks like reversed or swapped thrusters.  So nothing is audited before the map
     agrees with the motion.
@@ -183,7 +188,7 @@ def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
 
 
 def described(meaning: LogMap) -> Iterator[str]:
-    """Describe each block of a map in a few words."""
+    """Yield a line for each block of a map: its columns, frames and units."""
     yield f"time {meaning.time.column} [{meaning.time.unit}]"
     if meaning.session.column is not None:
         yield f"session {meaning.session.column}"
@@ -208,7 +213,7 @@ def _settings(block: Block) -> str:
 
 
 def _size_lines(imported: Imported) -> Iterator[str]:
-    """Yield the number of rows, missing sensors and gaps."""
+    """Yield lines with the number of rows, the missing sensors and the gaps."""
     sessions, rate = len(imported.logs), 1.0 / imported.dt
     yield (
         f"{imported.frame.height:,} rows at {rate:g} Hz in {sessions} session{'s' if sessions > 1 else ''}"
@@ -235,7 +240,7 @@ def _size_lines(imported: Imported) -> Iterator[str]:
 
 
 def _verdict_lines(verdict: Verdict) -> Iterator[str]:
-    """Yield the results of the kinematic check."""
+    """Yield lines with the results of the kinematic check."""
     yield from (f"warning: {line}" for line in verdict.contradictions)
     names = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))
     tested = [

@@ -59,21 +59,21 @@ def _table_lines(file: LogFile) -> Iterator[str]:
 
 
 def _row(each: Listed, begun: float) -> tuple[str, str, str]:
-    """Return name, type and figures of a topic."""
+    """Return name, type and figures of a topic; `begun` is the start of the log [s]."""
     rate = "-" if math.isnan(each.rate) else f"{each.rate:.4g}"
     span = f"{each.first - begun:.1f} to {each.last - begun:.1f} s"
     return each.topic.name, each.topic.kind, f"{each.count:>9,}  {rate:>7} Hz  {span}"
 
 
 def _since(begun: float) -> str:
-    """Return the start date of a log as text, if its clock has one."""
+    """Return the start date of a log as text; empty if its clock has no date."""
     if not _EPOCH < begun < 1e11:
         return ""
     return f", from {datetime.fromtimestamp(begun, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def ranges(paths: Iterable[str]) -> list[str]:
-    """Return paths with the indices of an array merged: `channels[0..7]`."""
+    """Return paths in which the indices of one array are merged, such as `channels[0..7]`."""
     found: dict[tuple[str, str], list[int]] = {}
     for path in paths:
         match = _INDEX.match(path)

@@ -36,7 +36,7 @@ ORTHOGONAL = 1e-3
 
 
 def is_map(path: str | Path) -> bool:
-    """Check whether a TOML file declares itself a map of a log.
+    """Return whether a TOML file declares itself a map of a log.
 
     Raises:
         DataError: The file cannot be read.
@@ -48,7 +48,7 @@ def read(path: str | Path) -> LogMap:
     """Read a map file.
 
     Raises:
-        DataError: The file cannot be read or is not a map; the message has the path in the file.
+        DataError: The file cannot be read or is not a map; the message has the key in the file.
     """
     try:
         return parse(toml.read(path), os.fspath(path))
@@ -128,7 +128,7 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
 
 
 def listed(columns: Sequence[str]) -> str:
-    """Return the log's columns as text, the first 40 if there are more."""
+    """Return columns as a text, at most the first 40 by name."""
     more = f" and {len(columns) - 40} more" if len(columns) > 40 else ""
     return ", ".join(shown(name) for name in columns[:40]) + more
 
@@ -167,8 +167,8 @@ def _check_attitude(block: Attitude) -> None:
 def _check_named_once(found: LogMap) -> None:
     """Check that no block of pose or velocity has one column on two axes.
 
-    The check of the conventions identifies columns of a block by name.  Commands may repeat a column: one
-    output can drive two thrusters.
+    The check of the conventions identifies columns of a block by name.  Commands may repeat a column, because
+    one output can drive two thrusters.
     """
     for name, block in blocks_of(found).items():
         columns = [source.column for source in measured(block)]

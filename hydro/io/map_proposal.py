@@ -50,11 +50,11 @@ def proposed(
     progress: log_files.Progress = log_files.silent,
     thrusters: int | None = None,
 ) -> Proposal:
-    """Propose the map of some files.
+    """Propose the map of the files of one dive.
 
     Args:
-        files: The files of one dive.
-        given: Given blocks in their text form (`map_lines.block_of`), by name.
+        files: The files.
+        given: Blocks that the user gives in their text form (`map_lines.block_of`), by name.
         progress: Reports the progress of reading a file.
         thrusters: Number of thrusters of the vehicle, if known.
 
@@ -79,7 +79,13 @@ def _faster_sources(
     blocks: Mapping[str, Block],
     progress: log_files.Progress,
 ) -> tuple[dict[str, Block], list[str]]:
-    """Replace sources of a map by faster ones of the same quantity that agree better with the motion.
+    """Replace message types of a map by faster ones of the same quantity that agree better with the motion.
+
+    Args:
+        files: The files of one dive.
+        columns: All columns of the log.
+        blocks: Blocks of the map.
+        progress: Reports the progress of reading a file.
 
     Returns:
         The blocks, and a line for each replacement.
@@ -108,7 +114,8 @@ class _Agreement:
     """Agreement of the sensors of a map with each other.
 
     Attributes:
-        errors: RMS residuals of the kinematic identities of translation [m/s] and rotation [rad/s], (2,).
+        errors: Root mean square residuals of two kinematic identities, (2,): translation [m/s], rotation
+            [rad/s].
         steps: Median step of each sensor [s].
     """
 
@@ -157,7 +164,7 @@ def _agreement(
 
 
 def _sources(block: Block) -> str:
-    """Return the name of the message of a block's columns."""
+    """Return the name of the message that contains the columns of a block."""
     return str(next(iter(block.get("columns") or block["quaternion"]))).rpartition(".")[0]
 
 
@@ -170,13 +177,13 @@ def corrected(
 ) -> tuple[dict[str, Block], tuple[str, ...]]:
     """Correct axes, units, signs and lags of a map by the motion of the log.
 
-    Columns of validity are added to their sensors.
+    Columns that mark samples as valid are added to the blocks of their sensors.
 
     Args:
         files: The files of one dive.
         columns: All columns of the log.
         blocks: The blocks of a complete map.
-        stated: Names of blocks given by a person, whose axes, units and signs are kept.
+        stated: Names of blocks that the user gave, whose axes, units and signs are kept.
         progress: Reports the progress of reading a file.
 
     Returns:
@@ -213,12 +220,17 @@ def corrected(
 
 
 def _marks_any(source: Log, column: str) -> bool:
-    """Return whether a column marks any sample as valid; an unused column is 0 throughout."""
+    """Return whether a column marks any sample as valid, that is, has an entry other than 0."""
     numbers = values(source, column)
     return numbers is not None and bool(np.any(np.nan_to_num(numbers) != 0.0))
 
 
 def _without_derived(read: LogMap, given: LogMap) -> LogMap:
-    """Return the map that the check of the conventions used: without rates from the attitude."""
+    """Return a map without rates, if the given map derives them from the attitude.
+
+    Args:
+        read: The map.
+        given: Map as given.
+    """
     derived = given.rates is not None and given.rates.source == "attitude"
     return msgspec.structs.replace(read, rates=None) if derived else read

@@ -99,7 +99,7 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks
 
 
 def _inline(value: Any) -> Any:
-    """Return a value as TOML in one line, including a column with scale and offset."""
+    """Return a value in one line of TOML, also a column with scale and offset."""
     import tomlkit
 
     if not isinstance(value, Mapping):

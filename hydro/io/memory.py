@@ -15,7 +15,7 @@ import pyarrow as pa
 
 
 def give_back() -> None:
-    """Release unused memory of Arrow and the C library."""
+    """Release unused memory of Arrow and the C library to the operating system."""
     gc.collect()
     pa.default_memory_pool().release_unused()
     if sys.platform == "linux":

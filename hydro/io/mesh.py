@@ -55,7 +55,12 @@ def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _vertex(corner: str, count: int) -> int:
-    """Return the vertex number, from 0, of a face corner such as `7`, `7/1/3` or `-1`."""
+    """Return the vertex number, from 0, of a face corner such as `7`, `7/1/3` or `-1`.
+
+    Args:
+        corner: Text of the corner.
+        count: Number of vertices read so far, from which negative numbers count.
+    """
     number = int(corner.split("/", 1)[0])
     index = number - 1 if number > 0 else count + number
     if number == 0 or not 0 <= index < count:

@@ -70,13 +70,14 @@ class Model:
         architecture: Description from which the layers are built; JSON values.
         tensors: Weights by name in the order of the layers, all float32 or all float64.
         features: Name of the feature set, see `distillation.features`.
-        scalers: `SCALERS` by name, float64, shapes (n_in,) and (n_out,), fitted to the training part.
+        scalers: Means and scales of inputs and outputs, named as in `SCALERS`, float64, shapes (n_in,) and
+            (n_out,), fitted to the training part.
         inputs: Names of the features in order, (n_in,).
         outputs: Names of the outputs in order, (n_out,).
         units: Unit of every input and output by name.
         training: Summary of the training; JSON values.
         subtract: Effects that its labels exclude and a simulation must add: `inertia`, or all `effects`.
-        labelled: Vehicle that its labels were made with; None if the file does not state it.
+        labelled: Vehicle of the labels; None if the file does not state it.
     """
 
     name: str
@@ -105,7 +106,14 @@ def to_artefact(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
 ) -> Artefact:
-    """Return the model as an artefact, bytes with provenance; the same model gives the same bytes.
+    """Return the model as a table of tensors with provenance; the same model gives the same bytes.
+
+    Args:
+        model: The model.
+        stage: Name of the command that made the model.
+        parameters: Parameters of that command, besides inputs and seed; JSON values.
+        seed: Seed of the training.
+        inputs: Tables from which the model was made.
 
     Raises:
         DataError: A tensor is not finite, or not of a floating-point type.
@@ -166,7 +174,7 @@ def from_artefact(artefact: Artefact) -> Model:
 
 
 def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
-    """Return the description of a network in a footer, checked.
+    """Return the description of a network from a table's footer, checked.
 
     Args:
         artefact: Table of tensors.

@@ -78,7 +78,7 @@ def text(found: Estimate) -> str:
 
 
 def _trim(found: Estimate) -> str:
-    """Return the difference of buoyancy and weight in words."""
+    """Return the difference of buoyancy and weight [N] in words."""
     vehicle = found.vehicle
     excess = vehicle.buoyancy.force - vehicle.rigid_body.mass * vehicle.environment.gravity
     if abs(excess) < 1e-9 * vehicle.buoyancy.force:
@@ -126,17 +126,17 @@ def _effect(table: Mapping[str, Any], origin: str) -> Iterable[str]:
 
 
 def _any(value: Any) -> str:
-    """Return a number, a row or a matrix as TOML."""
+    """Return a number, a list of numbers or a matrix as TOML."""
     return (_value, _row, _matrix)[np.ndim(value)](value)
 
 
 def _value(number: float, digits: int = DIGITS) -> str:
-    """Return a number with some significant digits, always as a float and never as -0."""
+    """Return a number as TOML with `digits` significant digits, always as a float and never as -0."""
     return _given(float(f"{number:.{digits}g}") + 0.0)
 
 
 def _given(number: float) -> str:
-    """Return a number with all its digits."""
+    """Return a number as TOML with all its digits."""
     return repr(float(number))
 
 
@@ -157,7 +157,7 @@ def _matrix(values: Sequence[Sequence[float]]) -> str:
 
 
 def _full(matrix: Sequence[Sequence[float]]) -> bool:
-    """Check whether a matrix has off-diagonal entries."""
+    """Return whether a matrix has off-diagonal entries other than 0."""
     values = np.asarray(matrix)
     return bool(np.any(values != np.diag(np.diag(values))))
 

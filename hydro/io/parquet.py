@@ -37,7 +37,11 @@ def opened(content: bytes, name: str) -> pq.ParquetFile:
 
 
 def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
-    """Return the name and storage type of every column."""
+    """Return the storage type of every column by its name, such as `float32`.
+
+    Raises:
+        DataError: The file is damaged, or two columns have the same name.
+    """
     try:
         fields = list(file.schema_arrow)
     except (pa.ArrowException, OSError) as error:
@@ -50,7 +54,12 @@ def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
 
 
 def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
-    """Count the expanded size of a file.
+    """Check the expanded size of a Parquet file against the limit before it is decoded.
+
+    Args:
+        file: The file.
+        content: Bytes of the file.
+        name: Name of the file in error messages.
 
     Raises:
         DataError: The expanded size exceeds the limit (`io.readers.expansion`), or the file is damaged.
@@ -75,7 +84,7 @@ def stored_as(arrow: pa.DataType) -> str:
 
 
 def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
-    """Return all rows as polars; memory is shared with Arrow if it is contiguous."""
+    """Return all rows as a polars table; its memory is shared with Arrow where it is contiguous."""
     try:
         arrow = file.read()
     except (pa.ArrowException, OSError) as error:

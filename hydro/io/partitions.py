@@ -39,7 +39,7 @@ class Part:
         columns: Storage type of each column, by column name.
         rows: Number of rows.
         nulls: Columns with nulls.
-        record: Footer; None of a table from elsewhere.
+        record: Provenance in the footer; None for a table that hydro did not write.
     """
 
     session: str
@@ -53,7 +53,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Sessions of one kind with the same columns.
+    """Sessions of one kind of table with the same columns, in one folder.
 
     Attributes:
         folder: Folder of the sessions.
@@ -91,7 +91,7 @@ class Dataset:
 
 
 def scan(*paths: Path) -> pl.LazyFrame:
-    """Return a lazy frame of some parts: rows and columns are read only as needed."""
+    """Return a lazy frame of the files at `paths`: rows and columns are read only as needed."""
     return pl.scan_parquet(list(paths), hive_partitioning=False, glob=False)
 
 
@@ -118,8 +118,8 @@ def opened(folder: str | Path, kinds: Sequence[str] = ()) -> Dataset:
         kinds: Accepted kinds of table; by default any.
 
     Raises:
-        DataError: There is no session in it, or a file is missing, damaged, of another kind, breaks its
-            schema, or has other columns than those before it.
+        DataError: The folder has no session, or a file is missing, damaged, of another kind, breaks its
+            schema, or has other columns than the files before.
     """
     home, name = Path(folder), shown(os.fspath(folder))
     if not home.is_dir():
@@ -170,7 +170,7 @@ def _part(session: str, path: Path, kinds: tuple[str, ...]) -> Part:
 
 
 def _nulls(metadata: pq.FileMetaData) -> frozenset[str]:
-    """Return columns with a null by their statistics; columns without statistics count as such."""
+    """Return the columns that may have nulls: by their statistics, or because they have no statistics."""
     found = set[str]()
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)

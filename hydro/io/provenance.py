@@ -62,14 +62,14 @@ _PARAMETERS: dict[str | None, type] = {"labels": _LabelsParameters, "split": _Sp
 
 
 class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """Artefact that a table was made from, with its own inputs.
+    """Artefact from which a table was made, with its own inputs.
 
     Attributes:
         kind: Kind of table, or `vehicle`.
         content: Hash of its content.
-        stage: Command that made it.
+        stage: Command that made the artefact.
         parameters: Parameters of that command.
-        inputs: Artefacts that it was made from.
+        inputs: Artefacts from which the artefact was made.
     """
 
     kind: str
@@ -80,17 +80,17 @@ class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
 
 
 class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """Record in the footer.
+    """Record in the footer of a table: its kind, content hash, and all that determined its content.
 
     Attributes:
         kind: Kind of table.
-        schema: Digest of the schema that it was checked by.
+        schema: Digest of the schema by which the table was checked.
         content: Hash of its columns, see `content_hash`.
-        stage: Command that wrote it; None for a table from elsewhere.
+        stage: Command that wrote the table; None for a table that hydro did not write.
         parameters: Parameters, besides inputs and seed, that determine the result.
         seed: Seed of all random numbers.
-        package: Version of hydro that wrote it.
-        inputs: Artefacts that it was made from.
+        package: Version of hydro that wrote the table.
+        inputs: Artefacts from which the table was made.
         vehicle: Text of the vehicle file of the data.
         model: Description of a network without its tensors.
         format: Version of this record.
@@ -111,7 +111,7 @@ class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown
     check: str | None = None
 
     def as_input(self) -> Input:
-        """Return the reference to this table in the record of a table made from it."""
+        """Return this record as an input, for the provenance of a table made from this one."""
         return Input(self.kind, self.content, self.stage, self.parameters, self.inputs)
 
     def to_json(self) -> bytes:
@@ -124,7 +124,7 @@ def from_json(text: bytes, source: str) -> Provenance:
     """Read the record of a footer.
 
     Raises:
-        DataError: It is not a record of this version, or was changed after it was written.
+        DataError: The text is not a record of this version, or was changed after it was written.
     """
     try:
         record = msgspec.json.decode(text, type=Provenance)
@@ -145,7 +145,11 @@ def from_json(text: bytes, source: str) -> Provenance:
 
 
 def _check_parameters(stage: str | None, parameters: Mapping[str, Any]) -> None:
-    """Check the types of parameters that are read back.
+    """Check the types of those parameters that hydro reads back from a footer.
+
+    Args:
+        stage: Command that wrote the table.
+        parameters: Parameters of the command.
 
     Raises:
         msgspec.ValidationError: A parameter has the wrong type.
@@ -157,7 +161,7 @@ def _check_parameters(stage: str | None, parameters: Mapping[str, Any]) -> None:
 
 
 def _digest(content: bytes) -> bytes:
-    """Return a hash in the form used in records."""
+    """Return `sha256:` and the SHA-256 of bytes, hexadecimal."""
     return b"sha256:" + hashlib.sha256(content).hexdigest().encode()
 
 
@@ -179,7 +183,12 @@ def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
 
 
 def parameters_of(provenance: Provenance, stage: str) -> dict[str, Any]:
-    """Return the parameters of the latest artefact in a history that a stage made; empty without one."""
+    """Return the parameters of the latest table of a stage in the lineage of a table; empty without one.
+
+    Args:
+        provenance: Provenance of the table.
+        stage: Name of the command.
+    """
     found = [(depth, node.parameters) for depth, node in lineage(provenance) if node.stage == stage]
     return min(found, key=lambda one: one[0])[1] if found else {}
 

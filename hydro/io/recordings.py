@@ -1,4 +1,4 @@
-"""Recording as a table: a raw table, or a log imported with a map."""
+"""A recording as a table: read from a raw table, or imported from a log with a map."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def imported(
 
     Args:
         files: Files of one dive.
-        map_: Their map; None to guess it from the column names.
+        map_: Path of their map; None to guess the map from the column names.
         tell: Called with each line of the report.
         vehicle_file: Vehicle with as many thrusters as commands; its text goes into the footer.
         preset: Naming scheme of the columns for a guess; by default any.
@@ -77,10 +77,10 @@ def imported(
 
 
 def _require_names(meaning: LogMap, name: str) -> None:
-    """Refuse the blanks of a draft.
+    """Refuse the draft of a map whose empty column names were not filled in.
 
     Raises:
-        DataError: A table has an empty column name.
+        DataError: A column name is empty.
     """
     empty = [f"[{block}]" for block, sensor in sensors_of(meaning).items() if "" in columns_of(sensor)]
     if empty:

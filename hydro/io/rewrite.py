@@ -39,7 +39,7 @@ def rewritten(vehicle: Vehicle, text: str = "") -> str:
 
 
 def _stated(value: Any) -> Any:
-    """Return a vehicle as tables, lists and scalars, without None and without defaults."""
+    """Return nested structs as tables, lists and scalars, without None and without default values."""
     if isinstance(value, msgspec.Struct):
         fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
         return {field.name: _stated(inner) for field, inner in fields if inner != field.default}
@@ -51,14 +51,14 @@ def _stated(value: Any) -> Any:
 
 
 def _items(value: Any) -> dict[str, Any]:
-    """Return the keys of a struct or table that have a value, including defaults."""
+    """Return the entries of a struct or table other than None; defaults are included."""
     if isinstance(value, msgspec.Struct):
         value = {name: getattr(value, name) for name in value.__struct_fields__}
     return {key: inner for key, inner in value.items() if inner is not None}
 
 
 def _merge(table: Any, old: Any, new: Any) -> None:
-    """Change a document's table from the content of `old` to that of `new`; keep unchanged parts."""
+    """Change a TOML table from the content of `old` to that of `new`; keep unchanged parts as written."""
     from tomlkit.items import AoT
 
     before, after = _items(old), _items(new)
@@ -77,7 +77,7 @@ def _merge(table: Any, old: Any, new: Any) -> None:
 
 
 def _merge_tables(tables: Any, old: list[Any], new: Sequence[Any]) -> None:
-    """Change an array of named tables: remove names that are not in `new`, and insert the others."""
+    """Change an array of named TOML tables from `old` to `new`: remove missing names, insert new ones."""
     for index, entry in enumerate(new):
         names = [_items(one).get("name") for one in old[index:]]
         name = _items(entry).get("name")
@@ -108,7 +108,7 @@ def _are_tables(value: Any) -> bool:
 
 
 def _spaced(made: str, text: str) -> str:
-    """Return the text with an empty line before each header, except where the earlier text has none."""
+    """Return the text `made` with an empty line before each header, except where `text` has none there."""
     lines: list[str] = []
     for line in made.splitlines(keepends=True):
         last = lines[-1] if lines else "\n"

@@ -116,7 +116,7 @@ class Schema:
         return "sha256:" + hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
     def columns(self, names: Iterable[str]) -> dict[str, Field]:
-        """Return the fields by column name, in order; fields repeat as often as in `names`."""
+        """Return the fields by column name, in order; repeated fields occur as often as in `names`."""
         names = set(names)
         times: dict[str, int] = {}
         for field in self.fields:
@@ -233,7 +233,7 @@ class Schema:
         )
 
     def _refuse(self, frame: pl.DataFrame, source: str, rule: str, bad: Rows) -> None:
-        """Raise an error for the rows that break `rule`, if any."""
+        """Raise an error that states `rule`, if there are rows `bad` that break it."""
         if bad.size == 0:
             return
         first = int(bad[0])
@@ -297,13 +297,13 @@ def versions(kind: str) -> list[Schema]:
 
 
 def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
-    """Return the first version of a schema that has the fewest unknown columns in a table."""
+    """Return the version of a schema with the fewest unknown columns in a table; of equal ones, the first."""
     given = set(names)
     return min(rules, key=lambda one: len(given - one.columns(given).keys()))
 
 
 def fitting(wanted: Iterable[str], columns: Mapping[str, str]) -> str:
-    """Return the wanted kind whose columns differ least from these."""
+    """Return the kind of table, out of `wanted`, whose columns differ least from the given columns."""
 
     def unlike(kind: str) -> int:
         return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in versions(kind))
@@ -327,7 +327,7 @@ def _accepted(field: Field, dtype: pl.DataType) -> pl.DataType:
 
 
 def _widens(dtype: pl.DataType, to: pl.DataType) -> bool:
-    """Check whether every value of one type is a value of the other."""
+    """Return whether every value of the type `dtype` is also a value of the type `to`."""
     if isinstance(dtype, pl.List) and isinstance(to, pl.List):
         return _widens(_inner(dtype), _inner(to))
     whole = dtype.is_integer() and dtype != pl.UInt64
@@ -346,7 +346,7 @@ def _repeats(field: Field, names: set[str]) -> int:
 
 
 def _columns(names: list[str]) -> str:
-    """Return `column a is`, or `columns a, b are`, with at most eight names."""
+    """Return `column a is` or `columns a, b are`, with at most eight of the names."""
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     named = ", ".join(shown(name) for name in names[:8]) + more
     return f"column {named} is" if len(names) == 1 else f"columns {named} are"

@@ -54,7 +54,7 @@ class Field(Part, frozen=True):
     constraints: Constraints = Constraints()
 
     def column(self, number: int) -> Field:
-        """Return the field of the `number`-th column of a repeated field."""
+        """Return the field of one column, `number`, of a repeated field."""
         assert self.repeat is not None
         name = self.name.replace(f"{{{self.repeat}}}", str(number))
         return msgspec.structs.replace(self, name=name, repeat=None)
@@ -86,7 +86,7 @@ def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
 
 
 def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Yield broken rules of numbers; rows are searched only if the minimum or maximum is wrong."""
+    """Yield the broken rules of a column of numbers, each with the rows that break it."""
     numbers = (values.drop_nulls() if values.null_count() else values).to_numpy()
     if numbers.size == 0:
         return
@@ -100,7 +100,7 @@ def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str
 
 
 def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Yield broken rules of texts: length, pattern and allowed values."""
+    """Yield the broken rules of a column of texts, length, pattern and allowed values, with their rows."""
     if rules.min_length is not None:
         yield f"at least {rules.min_length} character long", _rows(values.str.len_chars() < rules.min_length)
     if rules.pattern is not None:

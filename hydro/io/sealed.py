@@ -19,7 +19,7 @@ _LENGTH = len(_MARK) + 64 + 1
 
 @contextlib.contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file to write its content atomically; the hash is inserted before it at the end.
+    """Open a file for writing its content; at the end the hash is put before it and the file is renamed.
 
     Raises:
         DataError: The operating system refused.
@@ -39,7 +39,7 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
     """Open a file, check its hash, and seek to the beginning of its content.
 
     Raises:
-        DataError: It cannot be read, or was changed after it was written.
+        DataError: The file cannot be read, or was changed after it was written.
     """
     name = os.fspath(path)
     try:
@@ -55,6 +55,6 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def _first_line(stream: io.BufferedReader) -> bytes:
-    """Return the first line that belongs to the content of a file."""
+    """Return the first line of a file with the content that follows in the stream: mark and SHA-256."""
     stream.seek(_LENGTH)
     return _MARK + hashlib.file_digest(stream, "sha256").hexdigest().encode() + b"\n"

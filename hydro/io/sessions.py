@@ -119,9 +119,16 @@ def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
 
 
 def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
-    """Return the ticks of the clock, their rows, and the number of ticks per second.
+    """Return the times of a log in ticks of its clock.
 
     Integers stay integers: nanoseconds since 1970 have more digits than a double.
+
+    Args:
+        log: The log.
+        time: Column and unit of the time, from the map.
+
+    Returns:
+        Ticks of the n rows with a time (n,), the indices of these rows (n,), and the ticks per second.
     """
     values, per_second = column(log, time.column, "time.column"), _PER_SECOND[time.unit]
     if isinstance(values.dtype, pl.Duration):
@@ -141,7 +148,7 @@ def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
 
 
 def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
-    """Return nanoseconds since 1970 of ISO text or a column of times."""
+    """Return the times of a column of ISO texts or timestamps in nanoseconds since 1970."""
     if values.dtype == pl.String:
         text = stripped(values)
         text = text.set(text.is_in(NOT_A_NUMBER), None)
@@ -166,7 +173,16 @@ def _labelled_sessions(
     per_second: float,
     columns: Mapping[str, Array],
 ) -> Iterator[tuple[str, Array, Rows, str]]:
-    """Yield name, times since start [s], rows and reason for the preceding cut of each session."""
+    """Yield name, times since start [s], rows and reason for the preceding cut of each session.
+
+    Args:
+        log: The log.
+        meaning: Map of the log.
+        ticks: Times of the rows, in ticks of the clock (n,).
+        rows: Indices of the rows with a time (n,).
+        per_second: Ticks per second.
+        columns: Numeric columns by name.
+    """
     for name, members in _labelled(log, meaning, rows):
         t = (ticks[members] - ticks[members[0]]) / per_second
         again = _restarts(t, rows[members], columns)
@@ -180,10 +196,10 @@ def _labelled_sessions(
 
 
 def _restarts(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Rows:
-    """Return the rows where a clock restarts: every fall, if the stretches between are similar recordings.
+    """Return the rows where a clock restarts: each fall of time, if the parts between are alike.
 
-    Stretches of a few rows belong to an unsorted log.  Stretches with different columns are several sensors
-    one after another, to be sorted by time.
+    Parts of a few rows belong to an unsorted log.  Parts with different columns are several sensors one after
+    another, to be sorted by time.
     """
     falls = np.flatnonzero(np.diff(t) < 0.0) + 1
     pieces = np.split(rows, falls)
@@ -194,14 +210,19 @@ def _restarts(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Rows:
 
 
 def _starts(t: Array, meaning: LogMap) -> Rows:
-    """Return where sessions begin among times: at the first, and after each longer pause or jump."""
+    """Return the indices at which sessions begin: the first, and after each pause longer than allowed.
+
+    Args:
+        t: Times of a log (n,) [s].
+        meaning: Map of the log, with the longest pause within a session.
+    """
     longest = min(meaning.session.gap or np.inf, A_DAY)
     found: Rows = np.r_[0, np.flatnonzero(np.diff(t) > longest) + 1]
     return found
 
 
 def _jump(step: float) -> str:
-    """Return the reason for a session that begins this long after the row before it [s]."""
+    """Return the reason, in words, for a session that begins `step` [s] after the row before."""
     if step < 0.0:
         return f"the clock goes back by {-step:.4g} s and begins again"
     if step > A_DAY:
@@ -210,12 +231,12 @@ def _jump(step: float) -> str:
 
 
 def _titles(name: str, count: int) -> list[str]:
-    """Return the names of the sessions of one label."""
+    """Return the names of `count` sessions with one label: the label itself, or numbered."""
     return [f"{name}-{number}" for number in range(1, count + 1)] if count > 1 else [name]
 
 
 def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows]]:
-    """Yield name and members of each session, as indices into `rows`, in order of start."""
+    """Yield name and members of each labelled session, as indices into `rows`, in order of start."""
     if meaning.session.column is None:
         yield meaning.session.name or "log", np.arange(len(rows))
         return

@@ -35,7 +35,7 @@ NO_FORCES = "no_forces"
 
 @dataclass(frozen=True)
 class Study:
-    """Study in its folder.
+    """Study of one vehicle and recording, stored in a folder.
 
     Attributes:
         folder: Existing folder of its files.
@@ -76,14 +76,14 @@ class Study:
         return steps
 
     def has_ended(self, steps: Sequence[Step]) -> bool:
-        """Check whether it is known that no step follows the last of these."""
+        """Return whether the folder records that no step follows the last of `steps`."""
         if not steps:
             return False
         ladder = table.read(self.folder / LADDER, "ladder")
         return ENDED in ladder.provenance.parameters and ladder.frame["step"].max() == steps[-1].number
 
     def clear(self, steps: Sequence[Step]) -> bool:
-        """Remove files of another study or of later steps; return whether there were any."""
+        """Remove the files of other steps than these, or of another study; return whether there were any."""
         keep = {name for step in steps for name in _names(step.number)} | ({LADDER} if steps else set())
         keep |= {covariance.beside(_names(step.number)[2]).name for step in steps}
         gone = [
@@ -117,7 +117,7 @@ class Study:
         self._save_ladder(steps, **{ENDED: why, HEADLINE: headline})
 
     def _save_ladder(self, steps: Sequence[Step], **parameters: str) -> None:
-        """Write the ladder of all steps."""
+        """Write the ladder table of all steps, with further parameters in its footer."""
         ladder = pl.concat(one.ladder for one in steps)
         table.write(self._table("ladder", ladder, self.vehicle_text, **parameters), self.folder / LADDER)
 
@@ -139,7 +139,7 @@ class Study:
         return {"data": self.measured.provenance.content, "method": STAGE}
 
     def _table(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
-        """Return a table of the study; if it depends on held-out data, they are among its inputs."""
+        """Return a table of the study; if its kind depends on held-out data, they are among its inputs."""
         about_both = kind in ("ladder", "replay", "sessions", "bands") and self.holdout is not None
         inputs = [self.measured, self.holdout if about_both else None, *self.beside]
         given = [one for one in inputs if one is not None]
@@ -147,7 +147,11 @@ class Study:
         return table.make(kind, frame, stage=STAGE, parameters=told, inputs=given, vehicle_text=text)
 
     def _read(self, number: int, ladder: pl.DataFrame) -> Step | None:
-        """Read a step from its files; None if they were made from other inputs.
+        """Read a step from its files; None if the files were made from other inputs.
+
+        Args:
+            number: Number of the step.
+            ladder: Ladder table of the folder.
 
         Raises:
             DataError: A file is missing or damaged.

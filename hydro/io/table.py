@@ -31,7 +31,7 @@ class Artefact:
     Attributes:
         kind: Kind of table, such as `raw` or `diagnosis`.
         frame: Rows of the table.
-        provenance: Command, inputs and hashes that the table was made from; stored in the file's footer.
+        provenance: Command, inputs and hashes from which the table was made; stored in the file's footer.
     """
 
     kind: str
@@ -39,7 +39,7 @@ class Artefact:
     provenance: Provenance
 
     def of_network(self, described: Mapping[str, Any]) -> Artefact:
-        """Return the same tensors with a description of the network: architecture, scalers and so on."""
+        """Return the table of a network's tensors with a description of the network in its footer."""
         return replace(self, provenance=structs.replace(self.provenance, model=dict(described)))
 
 
@@ -58,10 +58,10 @@ def make(
     Args:
         kind: Kind of table, one of `schema.KINDS`.
         frame: Table, its columns in any order; see `conform` for automatic conversions.
-        stage: Command that made it, such as `labels`.
+        stage: Command that made the table, such as `labels`.
         parameters: Parameters, besides inputs and seed, that determine the result; JSON values.
         seed: Seed of all random numbers.
-        inputs: Artefacts that it was made from.
+        inputs: Artefacts from which the table was made.
         vehicle_text: Text of the vehicle file; by default the one text that the inputs have.
 
     Raises:
@@ -147,7 +147,7 @@ def read_part(part: Part) -> Artefact:
     """Read one session of a dataset.
 
     Raises:
-        DataError: As for `read`, or rows are of another session than its folder.
+        DataError: As for `read`, or a row belongs to another session than the folder names.
     """
     artefact = read(part.path, part.kind)
     others = artefact.frame.filter(pl.col("session") != part.session)["session"]
@@ -214,7 +214,7 @@ def write(artefact: Artefact, destination: Source) -> None:
 
 
 def write_all(parts: Mapping[Path, Artefact]) -> None:
-    """Write new files of sessions; if one fails, remove those already written.
+    """Write new files of sessions; if a file fails, remove those already written.
 
     Args:
         parts: The tables, by the paths that `partitions.place` returned.

@@ -42,7 +42,8 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
         text: TOML.
         kind: Struct at the root of the file.
         name: Name of the file in error messages.
-        check: Raises `DataError`, with the path in the file, for rules that types cannot express.
+        check: Function that raises `DataError`, with the path in the file, for rules that types cannot
+            express.
 
     Raises:
         DataError: The text is not TOML, a key is missing, unknown or of the wrong type, or `check` fails;
@@ -64,7 +65,7 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
 
 
 def joined(path: str, key: str) -> str:
-    """Return the path of a key under a path; the root's is empty."""
+    """Return the dotted path of a key under a path; the path of the root is empty."""
     return f"{path}.{key}" if path else key
 
 
@@ -127,7 +128,7 @@ def _message(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct
 
 
 def _keys(kind: Any) -> set[str]:
-    """Return every key that a file of this struct may have, at any depth."""
+    """Return every key that a file described by the struct `kind` may have, at any depth."""
     if not _is_struct(kind):
         return set().union(*(_keys(part) for part in get_args(kind)))
     hints = get_type_hints(kind)
@@ -135,7 +136,7 @@ def _keys(kind: Any) -> set[str]:
 
 
 def _hints_under(hint: Any, key: str) -> set[Any]:
-    """Return the structs and literals allowed under a key of a type."""
+    """Return the structs and literals that the type `hint` allows for its entry `key`."""
     known = [get_type_hints(part) for part in _alternatives(hint) if _is_struct(part)]
     return set().union(*(_alternatives(hints[key]) for hints in known if key in hints))
 

@@ -62,11 +62,11 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
 
 
 def warn(vehicle: Vehicle, text: str, name: str) -> None:
-    """Warn of values that are likely in another unit, of idle servos, and of a missing format.
+    """Warn of values that are probably in another unit, of idle servos, and of a missing format.
 
     Args:
         vehicle: The vehicle.
-        text: Text that it was read from.
+        text: Text of its file.
         name: Name of the file in the warnings.
     """
     if "format" not in toml_text.content(text):
@@ -135,11 +135,11 @@ def vehicle_hash(vehicle: Vehicle) -> str:
 def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[str]) -> list[str]:
     """Return the places where two vehicle files differ: `name`, `rigid_body`, `effect payload`.
 
-    The bookkeeping of fits and known values is ignored.  So is an effect that `hydro add` wrote into `one`
-    from the same diagnosis.
+    Marks of fits and known values are ignored.  So is an effect that `hydro add` wrote into `one` from the
+    same diagnosis.
 
     Args:
-        one: Vehicle that findings are added to.
+        one: Vehicle to which findings are added.
         other: Vehicle that was diagnosed.
         recording: Hash of the recording of the diagnosis.
         added: Effects with values from the diagnosis.
@@ -151,7 +151,12 @@ def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[
 
 
 def _content(vehicle: Vehicle, without: Collection[str]) -> dict[str, Any]:
-    """Return the content of a vehicle file, effect by effect, without the bookkeeping of fits."""
+    """Return the content of a vehicle file by section and effect, without marks of fits.
+
+    Args:
+        vehicle: The vehicle.
+        without: Names of effects to leave out.
+    """
     from hydro.core.effects.record import BOOKKEEPING
 
     said: dict[str, Any] = _canonical(vehicle)
@@ -199,7 +204,7 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
 
     Args:
         text: Vehicle file.
-        effect: Keys and values of the table; `name` is the unique name from `told_apart`.
+        effect: Keys and values of the table; `name` is its unique name in the vehicle, see `told_apart`.
 
     Raises:
         DataError: Several effects have that name.
@@ -254,7 +259,7 @@ def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> 
 
 
 def hold_known(text: str, names: Sequence[str]) -> str:
-    """Return the text with effects, or some of their parameters (`effect.parameter`), marked as known.
+    """Return the text with effects, or single parameters (`effect.parameter`), marked as known.
 
     Raises:
         DataError: The file has no effect or parameter of a name, or several.
@@ -267,7 +272,7 @@ def hold_known(text: str, names: Sequence[str]) -> str:
 
 
 def without_errors_from(vehicle: Vehicle, recording: str) -> Vehicle:
-    """Return the vehicle without the standard errors of values that were fitted to this recording.
+    """Return the vehicle without the standard errors of values that were fitted to a recording.
 
     Args:
         vehicle: The vehicle.
@@ -349,7 +354,13 @@ def _check_repeated(vehicle: Vehicle) -> None:
 
 
 def _check_label(path: str, table: Mapping[str, Any], only: str) -> None:
-    """Check that a label is a word, and belongs to an effect that may be repeated."""
+    """Check that the label of an effect's table is a word, and that the effect may have a label.
+
+    Args:
+        path: Path of the label in the file, for the message.
+        table: The table.
+        only: Reason why the effect may not have a label; empty if it may.
+    """
     if (label := table.get("label")) is None:
         return
     if not (isinstance(label, str) and LABEL.fullmatch(label)):
@@ -378,7 +389,7 @@ def _check_thruster(path: str, thruster: Thruster) -> None:
 
 
 def _canonical(value: Any) -> Any:
-    """Return the content with all numbers as floats, without negative zeros and without defaults.
+    """Return nested content with all numbers as floats, without negative zeros and without defaults.
 
     So new keys with a default do not change the hashes of existing vehicles.
     """

@@ -36,7 +36,14 @@ PRODUCTS_AT, OTHERS_AT = 2, 15
 
 
 class Motion(NamedTuple):
-    """Motions about the centre: z (N, 6), its size m (N,), direction d (N, 6), and products (N, 57)."""
+    """Scaled motions of N velocities about the hull's centre, in the notation of `core.residual.mirrors`.
+
+    Attributes:
+        z: Scaled velocities about the centre (N, 6).
+        size: m = |z|, near rest EPSILON, (N,).
+        direction: d = z / m (N, 6).
+        products: Products |d_i| d_j and d_i d_j of the directions (N, 57).
+    """
 
     z: Array
     size: Array
@@ -45,20 +52,25 @@ class Motion(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """Centre of the hull's symmetry (3,) [m], and scale of the velocities (6,)."""
+    """Centre of symmetry and scale by which velocities become comparable motions.
+
+    Attributes:
+        centre: Centre of the hull's symmetry (3,) [m], FRD from CO.
+        scale: Factors on u v w [s/m] and p q r [s/rad], (6,).
+    """
 
     centre: Array
     scale: Array
 
     def motion(self, nu: Array) -> Motion:
-        """Return the motions of velocities (N, 6)."""
+        """Return the scaled motions of velocities nu of CO (N, 6) [m/s, rad/s], FRD."""
         z = np.hstack([nu[:, :3] + np.cross(nu[:, 3:], self.centre), nu[:, 3:]]) * self.scale
         size = np.sqrt((z**2).sum(axis=1) + EPSILON**2)
         direction = z / size[:, None]
         return Motion(z, size, direction, products(direction))
 
     def about(self, tau: Array) -> Array:
-        """Return wrenches (N, 6) about the hull's centre, given wrenches (N, 6) about the origin CO."""
+        """Return wrenches (N, 6) [N, N m] about the hull's centre, given wrenches about the origin CO."""
         return np.hstack([tau[:, :3], tau[:, 3:] - np.cross(self.centre, tau[:, :3])])
 
 
@@ -76,21 +88,34 @@ def images_of(one: Motion, other: Motion) -> Array:
 
 
 def _sums(images: Array, axis: int) -> list[Array]:
-    """Return the sums S of `core.residual.mirrors`, (N, M) each."""
+    """Return the three sums S_0, S_1, S_2 of `core.residual.mirrors`, each (N, M), from `images_of`.
+
+    Args:
+        images: Covariances between the mirror images of N and M motions (8, N, M).
+        axis: Axis of the wrench, 0 to 5.
+    """
     sign = MIRRORS[:, axis]
     return [np.tensordot(sign, images, 1) / 8.0, 0.5 * (images[0] + sign[PORT] * images[PORT]), images[0]]
 
 
 def mirrored(axis: int) -> NDArray[np.bool_]:
-    """Return a mask of z and its products (63,) that an axis has on a hull with three planes of symmetry."""
+    """Return which terms an axis of the wrench can have on a hull with three planes of symmetry.
+
+    Args:
+        axis: Axis of the wrench, 0 to 5.
+
+    Returns:
+        Mask (63,) of the six components of z and their 57 products.
+    """
     return np.asarray((parities() == MIRRORS[:, [axis]]).all(axis=0))
 
 
 def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
     """Return covariance matrices (N, M) of the Gaussian processes whose sum is the hull force on an axis.
 
-    They are in the order of GUESSES.  Two that are no drag follow: the covariances of d_i d_j at p = 2, those
-    that the symmetry of the hull allows and those that it excludes.  Two earlier matrices contain them.
+    They are in the order of GUESSES.  Two more follow, which belong to no drag: the covariances of the
+    products d_i d_j of second power (p = 2), first those that the symmetry of the hull allows, then those
+    that it excludes.  Matrices PRODUCTS_AT and OTHERS_AT contain them.
 
     Args:
         one: Motion at N points.
@@ -116,5 +141,10 @@ def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array
 
 
 def noise_of(motion: Motion, logs: Array) -> Array:
-    """Return the variance of the label's error (N,)."""
+    """Return the variance of each label's error (N,), constant plus growing with m^6.
+
+    Args:
+        motion: N motions, with their sizes m.
+        logs: Logarithms of the variances, in the order of GUESSES; the last two are those of the label.
+    """
     return np.asarray(np.exp(logs[-2]) * motion.size ** (2 * POWERS) + np.exp(logs[-1]))

@@ -31,8 +31,8 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
             velocity nu.
 
     Returns:
-        tau_res (N, 6) [N and N m], body FRD.  It stands on the left-hand side of the balance: the wrench on
-        the vehicle is -tau_res.
+        tau_res (N, 6) [N and N m], body FRD.  It stands on the left-hand side of the equations of motion: the
+        wrench on the vehicle is -tau_res.
 
     Raises:
         DataError: If the tensors or features of the model do not fit its architecture.
@@ -45,15 +45,15 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
 
 
 def predict_rows(model: Model, table: pl.DataFrame, part: str = "test") -> tuple[pl.DataFrame, Array]:
-    """Predict the residual wrench of the rows of one part of the split.
+    """Predict the residual wrench of the training rows, of the test rows, or of all rows of labels.
 
     Args:
         model: a trained model.
         table: labels; all rows of their sessions in order if the model has a window.
-        part: `test`, `train`, or `all` rows, guard rows included.
+        part: `test`, `train`, or `all` rows, including the guard rows between the two.
 
     Returns:
-        These rows, and tau_res (N, 6) [N and N m] as in `predict`.
+        The selected rows, and tau_res (N, 6) [N and N m] as in `predict`.
 
     Raises:
         DataError: If the part is empty, a column is missing or not finite, or the model is broken.
@@ -88,13 +88,13 @@ def evaluate(
         models: trained models with different names.
         table: labels, with `part` unless all rows are used; if it has `block`, the bootstrap draws whole
             blocks.
-        part: `test`, `train`, or `all` rows, guard rows included.
+        part: `test`, `train`, or `all` rows, including the guard rows between the two.
         dataset: name of the data in the table.
-        by: divisions of the rows into regimes, `speed`, `drift` or `reach`; see `regimes`.
+        by: divisions of the rows by motion, `speed`, `drift` or `reach`, evaluated too; see `regimes`.
 
     Returns:
-        A metrics table; see `evaluation.metrics.measure`.  Column `variant` names the regime; it is empty for
-        all rows together.
+        A metrics table; see `evaluation.metrics.measure`.  Column `variant` names the regime of motion; it is
+        empty for all rows together.
 
     Raises:
         DataError: If the part is empty, a column is missing or not finite, or a model is broken.

@@ -27,7 +27,7 @@ NEEDED = ("onnx", "onnxscript")  # libraries of the extra `onnx`
 
 
 class Exported(nn.Module):
-    """Complete map from states to the wrench."""
+    """Complete map from states in SI units to the wrench in N and N m, including features and scalers."""
 
     def __init__(self, model: Model) -> None:
         super().__init__()
@@ -35,7 +35,10 @@ class Exported(nn.Module):
         self.physfeat = model.features == "physfeat"
 
     def forward(self, states: Tensor, past: Tensor | None = None) -> Tensor:
-        """Map (nu, nu_dot) (N, 12), and the past of a model with a window, to tau_res (N, 6)."""
+        """Map (nu, nu_dot) (N, 12), and past velocities of a model with a window, to tau_res (N, 6).
+
+        Units are m/s, rad/s, m/s^2 and rad/s^2, and N and N m; axes are body FRD.
+        """
         inputs = physfeat(states) if self.physfeat else states
         if past is not None:
             inputs = torch.cat([inputs, past], dim=1)
@@ -58,8 +61,8 @@ def to_onnx(model: Model) -> bytes:
 
     Inputs: `states` (N, 12), nu and nu_dot [m/s, rad/s, m/s^2, rad/s^2], body FRD.  A model with a window
     also has `past` (N, 6 (window - 1)), the velocities of the previous control steps, newest first.
-    Output: `tau_res` (N, 6) [N, N m], on the left-hand side of the balance: the wrench on the vehicle is
-    -tau_res.  All are float32.  The metadata of the file repeat this.
+    Output: `tau_res` (N, 6) [N, N m], on the left-hand side of the equations of motion: the wrench on the
+    vehicle is -tau_res.  All are float32.  The metadata of the file repeat these definitions.
 
     Raises:
         DataError: If the tensors of the model do not fit its architecture.

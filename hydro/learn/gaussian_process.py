@@ -76,13 +76,13 @@ def fit(
     centre: Sequence[float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
-    """Fit the process and its mean.
+    """Fit the Gaussian process of every axis, and project its mean on a few rows.
 
     Args:
         nu: Velocities (N, 6) [m/s, rad/s].
         tau: Labels (N, 6) [N, N m].
         blocks: Block of each row, at least two different ones; rows of a block are consecutive.
-        points: Rows on which the mean is projected, at most N.
+        points: Number of rows on which the mean is projected, at most N.
         seed: Seed of the choice of rows.
         centre: Centre of gravity [m], FRD from CO; by default the centre is fitted.
         progress: Called with the number of finished steps and of all steps.
@@ -127,7 +127,7 @@ def _every_nth(draw: np.random.Generator, count: int, most: int) -> Rows:
 
 
 def _fit_centre_and_arms(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None) -> Hull:
-    """Find the arms, and the centre if it is not given, with the least cross-validation error.
+    """Find the arms that scale angular velocities, and the centre if not given, by cross-validation.
 
     The search moves along one coordinate at a time.  The second stage is modulated by moments about the
     centre, so the search for the centre uses both stages.
@@ -148,7 +148,12 @@ def _fit_centre_and_arms(nu: Array, tau: Array, fold: Rows, centre: Sequence[flo
 
 
 def _hull(nu: Array, place: Array) -> Hull:
-    """Return the hull of a centre and of the log arms about x, y, z, in units of usual motion."""
+    """Return the hull whose scale makes a usual motion have size 1.
+
+    Args:
+        nu: Velocities (N, 6) [m/s, rad/s].
+        place: Centre x y z [m], and the logarithms of the arms about x, y, z [log m], (6,).
+    """
     scale = np.concatenate([np.ones(3), np.exp(place[3:])])
     usual = float(np.quantile(Hull(place[:3], scale).motion(nu).size, UNIT_QUANTILE))
     return Hull(place[:3], scale / usual)
@@ -177,7 +182,14 @@ def _both_stages(
     The second stage is used for all forces or none, and for all moments or none, because they modulate each
     other.
 
-    Labels (N, 6) are in units of `unit` (6,).  `found` holds the logarithms of the variances of each axis.
+    Args:
+        motion: N motions.
+        images: Covariances between mirror images of the motions (8, N, N), from `images_of`.
+        labels: Wrenches about the centre (N, 6), in units of `unit`.
+        unit: Root mean square of each axis (6,) [N, N m].
+        fold: Fold of each row (N,).
+        found: Logarithms of the variances of each axis, in the order of GUESSES.
+        stages: Number of stages, 1 or 2.
     """
     parts = [parts_of(motion, motion, images, axis) for axis in range(AXES)]
     first = [
@@ -232,7 +244,14 @@ class CrossValidation(NamedTuple):
 
 
 def _process(parts: Sequence[Array], motion: Motion, logs: Array, modulation: Array | None = None) -> Process:
-    """Build the process for logarithms of variances, modulated by the columns (N, 3) if given."""
+    """Build the process of an axis.
+
+    Args:
+        parts: Covariance matrices (N, N) of `parts_of`.
+        motion: N motions.
+        logs: Logarithms of the variances, in the order of GUESSES.
+        modulation: Columns (N, 3) of `_modulation` for the second stage; None for the first.
+    """
     *parts, even, other = parts
     variances, noise = np.exp(logs), noise_of(motion, logs)
     whole = np.asarray(sum(v * part for v, part in zip(variances, parts, strict=False))) + np.diag(noise)
@@ -268,14 +287,22 @@ def _cross_validate(
 
 
 def _error(residual: Array, fold: Rows) -> float:
-    """Return the mean over axes of the log of the mean over folds of the r.m.s. residual (N, axes)."""
+    """Return the mean over axes of log(mean over folds of the root mean square residual).
+
+    Args:
+        residual: Residuals of each row and axis (N, axes).
+        fold: Fold of each row (N,).
+    """
     number = np.unique(fold, return_inverse=True)[1]
     squares = np.stack([np.bincount(number, column**2) for column in residual.T]) / np.bincount(number)
     return float(np.log(np.sqrt(squares + LEAST).mean(axis=1)).mean())
 
 
 def _modulation(drag: Array) -> Array:
-    """Return F_i |F_j| / |F| of drag F (N, 6), over the forces or over the moments, (N, 6, 3)."""
+    """Return F_i |F_j| / |F| (N, 6, 3) of the drag F (N, 6), separately for forces and for moments.
+
+    The index i runs over the six axes, j over the three forces or moments, like the norm |F|.
+    """
     halves = drag.reshape(-1, 2, 3)
     size = np.maximum(np.sqrt((halves**2).sum(axis=2)), TINY)
     made = halves[:, :, :, None] * np.abs(halves)[:, :, None, :] / size[:, :, None, None]
@@ -318,9 +345,15 @@ def _project_mean(
     unit: Array,
     modulated: Sequence[bool],
 ) -> dict[str, Array]:
-    """Project the mean of both stages on points; return tensors of the network.
+    """Project the mean of both stages on a few points; return tensors of the network.
 
-    Labels (N, 6) are in units of `unit` (6,).
+    Args:
+        motion: N motions.
+        labels: Wrenches about the centre (N, 6), in units of `unit`.
+        kept: The motions on which the mean is projected.
+        found: Logarithms of the variances of each axis, in the order of GUESSES.
+        unit: Root mean square of each axis (6,) [N, N m].
+        modulated: Whether each axis uses the modulation of the second stage.
     """
     linear = np.zeros((STAGES, AXES, AXES))
     library = np.zeros((STAGES, POWERS, PRODUCTS, AXES))
@@ -357,7 +390,14 @@ def _project_mean(
 
 
 def _solve_weights(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
-    """Return the weights of columns (N, K) with inverse prior covariance that fit noisy labels (N,)."""
+    """Return the weights (K,) of K columns that fit noisy labels, by regularised least squares.
+
+    Args:
+        columns: (N, K).
+        prior: Inverse prior covariance of the weights (K, K).
+        label: (N,).
+        noise: Variance of each label's error (N,).
+    """
     sure = columns.T / noise
     normal = sure @ columns + prior
     normal += JITTER * np.trace(normal) / len(normal) * np.eye(len(normal))
@@ -365,7 +405,14 @@ def _solve_weights(columns: Array, prior: Array, label: Array, noise: Array) -> 
 
 
 def _weights_of_terms(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
-    """Convert weights alpha (K,) of rows to weights of z (6,), products (3, 57) and points (K, 3, 3)."""
+    """Convert weights of K points to weights of z (6,), of products (3, 57) and of points (K, 3, 3).
+
+    Args:
+        kept: Motions at the points.
+        alpha: Weights of the points (K,).
+        variances: Variances of the axis, in the order of GUESSES.
+        axis: Axis of the wrench, 0 to 5.
+    """
     own, rest = mirrored(axis), variances[OTHERS_AT - 2 :]
     grown = kept.size ** np.arange(1, POWERS + 1)[:, None] * alpha
     linear = np.where(own[:AXES], variances[0], rest[0]) * (kept.z.T @ alpha)

@@ -39,8 +39,9 @@ def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
 def for_minutes(table: pl.DataFrame, minutes: float) -> pl.DataFrame:
     """Limit the training data to a number of minutes, to measure the value of more recording.
 
-    Whole blocks of the training part are taken in the order of a hash of their ids until they last that long;
-    the others become guard rows.  More minutes keep all blocks of fewer minutes.
+    Whole blocks of the training part are taken in the order of a hash of their ids until they reach that
+    duration; all other blocks become guard rows, which no step uses.  The blocks of fewer minutes are always
+    among those of more minutes.
 
     Raises:
         DataError: If the table has not been split or has no training row.
@@ -71,13 +72,17 @@ def states(rows: pl.DataFrame) -> Array:
 def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> tuple[pl.DataFrame, Array]:
     """Return the rows of one part of the split and the inputs of a network for them.
 
-    A window of past velocities may reach into rows of other parts, guard rows first.  It uses their
-    velocities, not their labels.  It does not cross gaps, starts of sessions or rows without a label.
+    The past velocities of a network with a window may come from rows of other parts, mostly guard rows, which
+    separate training and test.  Only their velocities are used, not their labels.  The window does not cross
+    gaps, starts of sessions or rows without a label.
 
     Args:
         table: labels; all rows of their sessions in order if the network has a window.
-        part: as for `of_part`.
+        part: `train`, `test` or `all`, as for `of_part`.
         architecture: description of the network.
+
+    Returns:
+        The N rows with a complete window, and the inputs (N, k).
 
     Raises:
         DataError: If the part is empty, a column is missing or not finite, or the sample time does not fit

@@ -79,7 +79,7 @@ class Epoch(NamedTuple):
         validation_rmse: single figure of the paper on the validation rows: the root mean square error over
             all rows and six axes [N and N m mixed].
         learning_rate: learning rate at the end of the epoch.
-        best: whether its weights are the best so far.
+        best: whether the weights after this epoch are the best so far.
     """
 
     number: int
@@ -224,7 +224,15 @@ def _run_epochs(
     plan: _Plan,
     progress: Callable[[Epoch], None] | None,
 ) -> dict[str, Any]:
-    """Run the epochs, load the best weights into the network, and return the summary."""
+    """Train for the planned epochs, load the best weights into the network, and return a summary.
+
+    Args:
+        network: Network with its scalers set.
+        fitted: Training rows.
+        watched: Validation rows, which choose the best weights.
+        plan: Schedule of the training.
+        progress: Called after every epoch.
+    """
     epochs, batch, _, seed, protocol = plan
     updates = epochs * math.ceil(len(fitted.inputs) / batch)
     optimiser, schedule = _optimiser(network, plan, updates)
@@ -262,7 +270,7 @@ def _optimiser(
 
 
 def annealed(done: float) -> float:
-    """Return the learning rate after a share of the updates, relative to its maximum."""
+    """Return the learning rate relative to its maximum, after a fraction `done` (0 to 1) of all updates."""
     if done < WARM_UP:
         return (done + 1e-3) / (WARM_UP + 1e-3)
     return 0.5 * (1.0 + math.cos(math.pi * (done - WARM_UP) / (1.0 - WARM_UP)))
@@ -298,7 +306,11 @@ def _run_epoch(
 
 @torch.no_grad()
 def _errors(network: Residual, watched: _Rows) -> tuple[float, float]:
-    """Return the mean squared standardised error, and the root mean square error in physical units."""
+    """Return the errors of a network on validation rows.
+
+    Returns:
+        Mean squared standardised error, and the root mean square error over all axes [N and N m mixed].
+    """
     network.eval()
     squares = torch.zeros(watched.targets.shape[1], dtype=torch.float64, device=watched.targets.device)
     for start in range(0, len(watched.inputs), ROWS_PER_PASS):
@@ -335,7 +347,12 @@ def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = N
 
 
 def _hide_accelerations(scalers: dict[str, NDArray[np.float64]], names: Sequence[str]) -> None:
-    """Make the accelerations among the inputs negligible, in training and in use."""
+    """Give the acceleration inputs so large a scale that they have no influence, in training and in use.
+
+    Args:
+        scalers: Means and scales of the inputs, changed in place.
+        names: Names of the inputs; those of accelerations end with `_dot`.
+    """
     hidden = [name.endswith("_dot") for name in names]
     scalers["input_mean"][hidden] = 0.0
     scalers["input_scale"][hidden] = HIDDEN_SCALE

@@ -68,7 +68,11 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def confusions(sources: Sources) -> list[dict[str, str]]:
-    """Return for each finding the effects that fit equally well, and the effects often confused with it."""
+    """Return, for each finding of a diagnosis, the effects with which it can be confused, in words.
+
+    Each row has the `effect`, the effects `tied` that fit equally well, the `usual` ones that are often
+    confused with it, and in `parted` the manoeuvre that separates them.
+    """
     rows: dict[str, dict[str, str]] = {}
     for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
         for row in one.frame.sort("rank").iter_rows(named=True):
@@ -103,7 +107,7 @@ def to_record(sources: Sources) -> list[dict[str, str]] | None:
 
 
 def _taken(sources: Sources, step: int) -> list[str]:
-    """Return the effects that a step added."""
+    """Return the effects that a step of the study added, from the ladder table; empty without a ladder."""
     if sources.ladder is None:
         return []
     rows = sources.ladder.frame.filter(step=step)
@@ -119,7 +123,7 @@ def _group_title(step: int, last: int, taken: list[str]) -> str:
 
 
 def _shares(shown: pl.DataFrame, step: int) -> str:
-    """Return the note on the shares of the cards of one diagnosis; empty if they need none."""
+    """Return the note that explains the shares on the cards of one diagnosis; empty if they need none."""
     if not has_shares(shown.to_dicts()):
         return ""
     if not step:
@@ -128,18 +132,21 @@ def _shares(shown: pl.DataFrame, step: int) -> str:
 
 
 def _unseen(rows: pl.DataFrame) -> str:
-    """Return the effects that the recording cannot show, in words."""
+    """Return the effects that the motion in the recording cannot show, in words."""
     return listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
 
 
 def _context(one: Named, dt: float) -> Context | None:
-    """Return the vehicle file and sample time of a diagnosis, for its sentences; None without the file."""
+    """Return the vehicle file and the sample time `dt` [s] of a diagnosis, for its sentences.
+
+    None if the table has no vehicle file.
+    """
     text = one.artefact.provenance.vehicle
     return Context(vehicles.parse(text), dt, changed=of_change(one)) if text else None
 
 
 def _told(row: dict[str, Any], about: Context | None) -> tuple[str, str, str]:
-    """Return the label, the title and the sentence of a finding."""
+    """Return the verdict, the title and the sentence of a finding, a row of a diagnosis table."""
     label, sentence = words.verdict(row, about is not None and about.changed)
     if about is None or row["verdict"] not in diagnosis.TITLES:
         return label, words.effect_name(row["effect"]), sentence
@@ -177,12 +184,12 @@ def _card(
 
 
 def _beyond_adding(advice: str) -> str:
-    """Return advice without its call to add the finding, which the head of the page has."""
+    """Return the advice of a finding without the call to add it, which the head of the page already has."""
     return "" if advice == ADD else advice.removeprefix(f"{ADD}; ")
 
 
 def _drawn(values: list[Value]) -> list[Value]:
-    """Return the values that a figure shows, in their order."""
+    """Return the values that a figure shows: all, or if they are many, the most significant ones."""
     if len(values) <= MOST_VALUES:
         return values
 

@@ -1,4 +1,8 @@
-"""Results with a recording from before a change: residuals of the hull-force model before and after."""
+"""Results with a recording from before a change: residuals of the hull-force model before and after.
+
+The hull-force model is fitted to the earlier recording and held fixed; it predicts the force that the vehicle
+file does not explain.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,7 @@ PARAMETER = "before"
 
 
 def parameters_of(told: Mapping[str, Any], hull: Hull) -> dict[str, Any]:
-    """Return the parameters of tables made with a recording from before a change.
+    """Return the parameters that a table made with a recording from before a change stores in its footer.
 
     Args:
         told: Name of the recording, and the network if there is one.
@@ -57,7 +61,7 @@ def section(sources: Sources) -> dict[str, Any] | None:
 
 
 def learnt(before: Mapping[str, Any]) -> str:
-    """Return a sentence on the fit of the hull-force model to the recording before.
+    """Return a sentence on how well the hull-force model fits the recording from before the change.
 
     Args:
         before: Entry `before` of a table's parameters: name of the recording, and squared errors with the
@@ -79,7 +83,7 @@ def learnt(before: Mapping[str, Any]) -> str:
 
 
 def told(parameters: Mapping[str, Any], chi2: tuple[float, ...]) -> str:
-    """Return sentences on the hull-force model and on the residual after the changes.
+    """Return sentences on the hull-force model, and on the residual after the change.
 
     Args:
         parameters: Parameters of the diagnosis.
@@ -146,8 +150,8 @@ def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
 def fall(ladder: pl.DataFrame) -> Iterator[str]:
     """Yield a sentence for each data set with the prediction error after every step of a study.
 
-    The unit is the error of the hull-force model on the recording before the change; 1 means that nothing
-    else has changed.  Without a hull-force model there are no sentences.
+    The unit is the error of the hull-force model on the recording from before the change; an error of 1 means
+    that nothing else has changed.  Without a hull-force model there are no sentences.
 
     Args:
         ladder: Ladder table: prediction errors after each step.
@@ -164,7 +168,7 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
 
 
 def title(comparison: pl.DataFrame) -> str:
-    """Return the title of the table of `errors`."""
+    """Return the title of the table that `errors` makes of a comparison."""
     seconds = comparison.filter(level=LEVEL).select("horizon").row(0)[0]
     return (
         f"Errors of predictions over {seconds:.2g} s: of the file alone, and with the hull-force model, "
@@ -173,7 +177,7 @@ def title(comparison: pl.DataFrame) -> str:
 
 
 def summary(comparison: pl.DataFrame) -> str:
-    """Return a sentence on the error after the change divided by the error before it, over all axes.
+    """Return a sentence on the error after the change divided by the error before the change, over all axes.
 
     Both are errors with the hull-force model.  The sentence also names the axis with the largest ratio.  It
     is empty if the comparison has no hull-force model.

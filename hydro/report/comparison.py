@@ -57,8 +57,8 @@ def judged(comparison: pl.DataFrame) -> pl.DataFrame:
 
     Returns:
         `axis`, `unit`, `horizon` [s] (null: whole sessions), `error`, `noise floor`, and, if they are known,
-        `before` (error of an earlier comparison) and the errors of `least squares` and `zero velocity`. Axes
-        are u v w p q r and all; without velocities they are x y z phi theta psi and pose.
+        `before` (error of an earlier comparison) and the errors of the predictors `least squares` and `zero
+        velocity`. Axes are u v w p q r and all; without velocities they are x y z phi theta psi and pose.
     """
     replayed = comparison.filter(level="replay", by="all")
     axes = (*VELOCITY, "all") if "all" in replayed["axis"] else (*POSE, "pose")
@@ -99,7 +99,7 @@ def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def worst(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield the regimes of motion with most of the error above the noise floor."""
+    """Yield a paragraph for each of the regimes of motion with most of the error above the noise floor."""
     if within_noise(comparison):
         return
     ranked = failures(comparison).head(WORST)
@@ -119,7 +119,7 @@ def is_even(share: float, time: float) -> bool:
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the unexplained wrench, one row per axis, with its interval and the noise floor."""
+    """Return the unexplained wrench of a comparison, one row per axis, with interval and noise floor."""
     whole = comparison.filter(level="force", by="all")
     return whole.select(
         pl.col("axis").replace_strict(MOTIONS).alias("force on"),
@@ -134,9 +134,10 @@ def forces(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return errors of predictions, one row per axis and one column per horizon.
+    """Return errors of predictions as text, one row per axis and one column per horizon.
 
-    Each cell has the errors before and after, `2.1 -> 0.4`, or the error with the noise floor, `2.1 (0.01)`.
+    A cell has the errors before and after the change of the file, `2.1 -> 0.4`, or the error with the noise
+    floor, `2.1 (0.01)`.
     """
     whole = comparison.filter(level="replay", by="all")
     now = pl.col("rmse").map_elements(_figure, pl.String)
@@ -153,12 +154,12 @@ def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the ranked regimes of motion of a comparison table, the largest share of the error first."""
+    """Return the worst regimes of motion of a comparison table, the largest share of the error first."""
     return _placed(comparison, pl.col("rank").is_not_null()).sort("rank")
 
 
 def former_failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the ranked regimes of the earlier comparison that are not ranked in this one."""
+    """Return the worst regimes of motion of the earlier comparison that are no longer among the worst."""
     return _placed(comparison, pl.col("rank").is_null() & (pl.col("by") == "place")).drop("rank")
 
 
@@ -170,7 +171,7 @@ def within_noise(comparison: pl.DataFrame) -> bool:
 
 
 def headline(comparison: pl.DataFrame) -> str:
-    """Return the error of predictions and its noise floor, and whether noise explains it, in a sentence."""
+    """Return a sentence on the prediction error and its noise floor, and whether noise explains the error."""
     if told := change.summary(comparison):
         return told
     shown, exact = judged(comparison), within_noise(comparison)
@@ -195,7 +196,7 @@ def worst_place(comparison: pl.DataFrame) -> str:
 
 
 def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:
-    """Return the chosen regimes, with the axis in their description."""
+    """Return the rows of regimes of motion that `chosen` selects, with the axis in their description."""
     rows = comparison.filter(level="force", by="all")["rows"].max()
     words = pl.concat_str(pl.col("axis").replace_strict(MOTIONS), pl.col("place"), separator=" ")
     return comparison.filter(chosen).select(
@@ -217,7 +218,7 @@ def _percent(share: pl.Expr) -> pl.Expr:
 
 
 def _figure(value: float) -> str:
-    """Return a number with two significant figures, so that four columns of pairs fit."""
+    """Return a number with two significant figures, so that pairs of numbers fit into four columns."""
     if value >= 10.0:
         return f"{value:.0f}"
     return f"{value:#.2g}" if value >= 1e-4 else f"{value:.1g}"

@@ -57,14 +57,14 @@ FLIP = "reverse thrusters in the vehicle file"
 
 @dataclass(frozen=True)
 class Context:
-    """Data of an answer in addition to the table of findings.
+    """Data for the text of a diagnosis, besides the table of findings.
 
     Attributes:
         vehicle: The vehicle file.
         dt: Sample time of the recording [s].
         headline: The status in one line.
         prediction: Prediction errors before and after the findings are added; None if not known.
-        changed: Whether findings are changes since a recording before.
+        changed: Whether findings are changes since an earlier recording.
         open: Whether `--next-run` can design manoeuvres for another recording.
         call: The command; None if the answer has no next command.
         learned: Sentences on the hull-force model of a recording before a change; empty without one.
@@ -93,7 +93,7 @@ class Context:
 
     @property
     def refused(self) -> bool:
-        """Whether `hydro add` refuses the confirmed findings, because they do not lower the error."""
+        """Whether `hydro add` refuses the confirmed findings: they do not lower the prediction error."""
         return self.prediction is not None and self.prediction.refuted
 
 
@@ -173,12 +173,12 @@ def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None
 
 
 def _has_block(row: Mapping[str, Any]) -> bool:
-    """Return whether a finding has a block; the headline has faults of the log."""
+    """Return whether the text shows a finding as a block of its own; the headline shows faults of the log."""
     return row["verdict"] not in (*SILENT, "log_fault")
 
 
 def errors(known: Prediction) -> Iterator[Text]:
-    """Yield the errors of predictions, one row per axis: before, with the findings added, and noise floor."""
+    """Yield the prediction errors as a table, one row per axis: as given, with the findings, noise floor."""
     after, floor = known.added != known.given, known.floor is not None
     names = ["before", "after"] if after else ["error"]
     rows = [(axis, UNITS[axis], each) for axis, each in known.axes.items()]
@@ -197,7 +197,7 @@ def errors(known: Prediction) -> Iterator[Text]:
 
 
 def _above(known: Prediction) -> str:
-    """Return the remaining error in noise floors, as a clause; empty without a noise floor."""
+    """Return a clause on the remaining error as a multiple of the noise floor; empty without the latter."""
     if not known.floor:
         return ""
     times = known.added / known.floor
@@ -205,7 +205,7 @@ def _above(known: Prediction) -> str:
 
 
 def _columns(after: bool, floor: bool) -> list[int]:
-    """Return the indices of the shown errors among given, added and floor."""
+    """Return the indices of the columns to show out of 0 (as given), 1 (with findings), 2 (noise floor)."""
     return [0, *([1] if after else []), *([2] if floor else [])]
 
 
@@ -223,7 +223,7 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
     Args:
         row: Row of the diagnosis table.
         about: Other data of the answer.
-        number: Its number; 0 if it is the only one.
+        number: Number of the finding in the list; 0 if it is the only one.
     """
     place = f"{number}. " if number else ""
     sure = sureness(row)
@@ -236,7 +236,7 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
 
 
 def title(row: Mapping[str, Any], about: Context) -> str:
-    """Return the title of a finding."""
+    """Return the title of a finding, such as its verdict and effect, from a row of the diagnosis table."""
     names = TITLES | (CHANGED if about.changed else {})
     effect = words.effect_name(row["effect"])
     members = listed([words.effect_name(name) for name in row["members"]], "or")
@@ -247,7 +247,7 @@ def title(row: Mapping[str, Any], about: Context) -> str:
 
 
 def said(row: Mapping[str, Any], about: Context) -> str:
-    """Return the sentence on the values of a finding; empty without values."""
+    """Return the sentence on the fitted values of a finding; empty without values."""
     if not row["parameters"] or row["effect"] not in CATALOGUE:
         return ""
     values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))
@@ -255,7 +255,7 @@ def said(row: Mapping[str, Any], about: Context) -> str:
 
 
 def sureness(row: Mapping[str, Any]) -> str:
-    """Return the confidence in a finding as text, or else its p-value; empty without values or a test."""
+    """Return the confidence in a finding as text, or else its p-value; empty without a value or a test."""
     if not row["parameters"] or row["verdict"] == "cannot_tell_apart":
         return ""
     if row["confidence"] is not None:
@@ -266,7 +266,7 @@ def sureness(row: Mapping[str, Any]) -> str:
 
 
 def facts(row: Mapping[str, Any]) -> str:
-    """Return the share of the error above the noise and the rivals of a finding, in a sentence."""
+    """Return a sentence on a finding: its share of the error above the noise, and equally good effects."""
     share = row["share_of_error_explained"]
     if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
         return ""
@@ -296,12 +296,12 @@ def _share(row: Mapping[str, Any]) -> str:
 
 
 def has_shares(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether a finding has a share, so that shares need a note."""
+    """Return whether any finding of the table states a share of the error, which then needs a note."""
     return any(facts(row) for row in rows)
 
 
 def has_unconfirmed(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether a finding is unconfirmed, so that the word needs a note."""
+    """Return whether any finding of the table is unconfirmed, which then needs a note."""
     return any(row["verdict"] == "suspect" for row in rows)
 
 
@@ -356,10 +356,10 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
 
 
 def fits(chi2: Sequence[float]) -> str:
-    """Return the reduced chi-squares of a diagnosis in a sentence.
+    """Return a sentence on the reduced chi-squares of a diagnosis.
 
     Args:
-        chi2: Of the file as given, with its effects re-estimated, and with the findings added.
+        chi2: Reduced chi-square of the file as given, with its effects re-estimated, and with the findings.
     """
     given, own, found = chi2
     return (

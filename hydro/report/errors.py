@@ -40,17 +40,17 @@ OF_NETWORKS = {
 
 
 def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
-    """Return the section on one metrics table.
+    """Return the section of the page on one metrics table.
 
     Args:
         one: The table.
-        number: Its number on the page.
+        number: Number of the table on the page.
         charts: Collection to which its figures are added.
 
     Returns:
-        `title`, `lede`, `charts` (names), `legend` (label, colour), `table`, and `more`, which are folded
-        tables. A table has `about`, `columns` (name, whether of numbers) and `rows` of cells (figure, small
-        print).
+        `title`, `lede` (introduction), `charts` (names), `legend` (label, colour), `table`, and `more`, which
+        are folded tables. A table has `about`, `columns` (name, whether of numbers) and `rows` of cells
+        (figure, small print).
     """
     record = one.artefact.provenance
     part = record.parameters.get("part") if record.stage == "study" else None
@@ -120,7 +120,7 @@ def _by_axis(frame: pl.DataFrame, group: str, number: int, charts: Charts) -> di
 
 
 def _cell(row: dict[str, Any] | None) -> tuple[str, str]:
-    """Return a number and its interval as small print."""
+    """Return the text of a number, and its interval as small print, from a row of a metrics table."""
     if row is None:
         return words.figure(None), ""
     ends = [words.figure(row[end], 2) for end in ("low", "high") if row[end] is not None]
@@ -128,7 +128,7 @@ def _cell(row: dict[str, Any] | None) -> tuple[str, str]:
 
 
 def _table(about: str, frame: pl.DataFrame) -> dict[str, Any]:
-    """Return a data frame as a table of the page."""
+    """Return a data frame as a table of the page, with the caption `about`."""
     columns = [(name.replace("_", ", "), dtype.is_numeric()) for name, dtype in frame.schema.items()]
     rows = [
         [(words.figure(value) if dtype.is_numeric() else str(value), "") for value, dtype in cells]

@@ -192,7 +192,13 @@ def _draw_heat(panel: Axes, table: pl.DataFrame, axes: list[str], unit: str) -> 
 
 
 def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series, pl.Series]:
-    """Return the distances from a value to the ends `low` and `high` of its interval; 0 without one."""
+    """Return the lengths of error bars from a value down to `low` and up to `high`; 0 without an interval.
+
+    Args:
+        rows: Table with the value and the ends of its interval.
+        of: Column of the value.
+        prefix: Prefix of the columns `low` and `high`.
+    """
     middle = pl.col(of)
     down = (middle - pl.col(f"{prefix}low").fill_null(middle)).clip(0.0)
     up = (pl.col(f"{prefix}high").fill_null(middle) - middle).clip(0.0)

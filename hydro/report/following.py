@@ -22,7 +22,7 @@ CONTINUED = 2
 
 @dataclass(frozen=True)
 class Call:
-    """Arguments of a command, as far as the next command needs them.
+    """Arguments of the command that was run, as far as the next command needs them.
 
     Attributes:
         vehicle: Vehicle file.
@@ -43,7 +43,7 @@ class Call:
         return bool(self.measured) and STREAM not in self.measured
 
     def command(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str]:
-        """Return the words of a command on the same inputs.
+        """Return the words of another command on the same inputs.
 
         Args:
             name: Name of the command.
@@ -59,7 +59,7 @@ class Call:
         return [*words, *more]
 
     def adding(self, *effects: str, into: str = "") -> list[str] | None:
-        """Return the words of `hydro add`, for all confirmed findings or for some effects.
+        """Return the words of `hydro add`, for all confirmed findings or for effects by name.
 
         Args:
             effects: Effects to add; empty for all confirmed findings.
@@ -77,7 +77,7 @@ class Call:
         return [*self.command("diagnose"), PIPE, "hydro", "add", str(self.vehicle), *named, *target]
 
     def flipping(self, thrusters: Sequence[int]) -> list[str]:
-        """Return the words of `hydro vehicle flip` for some thrusters, counted from 0."""
+        """Return the words of `hydro vehicle flip` for thrusters given by index, counted from 0."""
         numbers = ",".join(str(one + 1) for one in thrusters)
         target = ["-o", next_file(self.vehicle)]
         return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]

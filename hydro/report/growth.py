@@ -15,7 +15,7 @@ GRID = float(POWERS[1] - POWERS[0])
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return sentences and rows of the section; None without a growth table."""
+    """Return sentences and rows of the section on growth of force; None without a growth table."""
     if sources.growth is None:
         return None
     rows = sources.growth.frame.to_dicts()
@@ -29,13 +29,13 @@ def section(sources: Sources) -> dict[str, Any] | None:
 
 
 def _interval(row: dict[str, Any]) -> str:
-    """Return the 95 % interval of a power, at least as wide as the grid of powers that were tried."""
+    """Return the 95 % interval of a fitted power as text, at least as wide as the steps of the search."""
     wider = 0.5 * GRID if row["low"] == row["high"] else 0.0
     return f"{words.figure(row['low'] - wider)} to {words.figure(row['high'] + wider)}"
 
 
 def _line(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a term as a row of a table."""
+    """Return a row of the growth table, one force term, as text for the page."""
     i, against = WRENCH.index(row["axis"]), row["against"]
     own = VELOCITY[i]
     law = f"|{against}|^n" if against == own else f"|{against}|^n {own}"

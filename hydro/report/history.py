@@ -1,4 +1,4 @@
-"""Page of a history: the changes in sentences, a time line of each parameter, and all numbers."""
+"""Page of a history of dives: the changes in sentences, a time line of each parameter, and all numbers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def render(history: History, table: Artefact, title: str, failed: Sequence[str] 
 
     Args:
         history: The history.
-        table: Its table, whose hash the page states.
+        table: History table, whose hash the page states.
         title: Name of the vehicle.
         failed: Reason for each dive without an estimate.
     """
@@ -51,7 +51,13 @@ def render(history: History, table: Artefact, title: str, failed: Sequence[str] 
 
 
 def time_line(history: History, row: int, level: Sequence[float]) -> Figure:
-    """Draw the estimates of one parameter over the dives, with 95 % intervals and the fitted level."""
+    """Draw the estimates of one parameter over the dives, with 95 % intervals and the fitted level.
+
+    Args:
+        history: The history.
+        row: Index of the parameter.
+        level: Fitted level at each dive.
+    """
     import plotly.graph_objects as go
 
     parameter = history.parameters[row]
@@ -93,7 +99,7 @@ def axis_title(unit: str) -> str:
 
 
 def _lines(history: History) -> list[dict[str, Any]]:
-    """Return the heading of each time line."""
+    """Return heading, unit and sentences on changes for each parameter's time line."""
     told = list(zip(history.found, history.sentences, strict=True))
     return [
         {

@@ -16,7 +16,7 @@ INLINE = ("parameters", "standard_errors")
 
 
 def json_text(**said: Any) -> str:
-    """Return one JSON object; tables become lists of their rows, and numbers that are not finite null."""
+    """Return the arguments as one JSON object; tables become lists of rows, non-finite numbers null."""
     return json.dumps({name: _plain(value) for name, value in said.items()}, allow_nan=False, indent=1)
 
 
@@ -34,6 +34,6 @@ def _plain(value: Any) -> Any:
 
 
 def _row(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row of a table, with the values of an effect as an object."""
+    """Return a row of a table, with the fitted values of an effect as an object."""
     apart = {name: toml_text.value(row[name]) if row[name] else {} for name in INLINE if name in row}
     return {name: _plain(value) for name, value in (row | apart).items()}

@@ -1,4 +1,4 @@
-"""Ladder of a study as text and tables: the error of each step, and the effects that it added."""
+"""Ladder of a study as text and tables: the prediction error of each step, and the effects that it added."""
 
 from __future__ import annotations
 
@@ -65,7 +65,11 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
 
 
 def measured(rows: pl.DataFrame) -> tuple[str, ...]:
-    """Return the axes that a table shows: those of velocity, or of the pose if no velocity was measured."""
+    """Return the axes to show: velocities and `all`, or pose if no velocity was measured.
+
+    Args:
+        rows: Rows of a ladder or comparison table.
+    """
     there = set(rows["axis"].unique())
     if "all" in there:
         return tuple(axis for axis in (*VELOCITY, "all") if axis in there)
@@ -73,7 +77,7 @@ def measured(rows: pl.DataFrame) -> tuple[str, ...]:
 
 
 def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
-    """Yield each data set of a ladder, its label, and its errors step by step.
+    """Yield the name of each data set of a ladder, its label, and its errors step by step.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.
@@ -106,7 +110,14 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _others(value: Any, error: Any, shown: Sequence[tuple[int, ...]], scale: tuple[Any, ...]) -> str:
-    """Return a remark on the components that are not shown: near 0, or not determined by the data."""
+    """Return a remark on components of a parameter that are not shown: near 0, or not determined.
+
+    Args:
+        value: Array of values.
+        error: Array of standard errors.
+        shown: Indices of the components that are shown.
+        scale: Typical sizes of the parameter.
+    """
     others = [i for i in np.ndindex(*value.shape) if i not in shown]
     sizes = [abs(value[i]) for i in shown] + [one for one in scale if isinstance(one, int | float)]
     size = max(sizes, default=np.inf)
@@ -125,7 +136,7 @@ def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
 
 
 def _name_of(terms: Sequence[str]) -> Callable[[tuple[int, ...]], str]:
-    """Return the function that labels a number of a list: by its term, or by its position."""
+    """Return a function from the index of a component to its label: its term, or its number from 1."""
     return (lambda index: f"{terms[index[0]]} ") if terms else _numbered
 
 

@@ -1,4 +1,4 @@
-"""Unexplained force against velocity: a panel for each axis, and sentences on significant bins."""
+"""Unexplained force against velocity: a panel for each axis, and sentences on significant velocities."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def panel(rows: pl.DataFrame, *, curve: bool) -> go.Figure:
-    """Draw the mean unexplained force in each bin, before and after, and the force of the file as lines.
+    """Draw the mean unexplained force in each bin of velocity, before and after the study.
 
     Args:
         rows: Rows of a leftover table of one axis and velocity.
-        curve: Whether to draw the force of the file.
+        curve: Whether to draw the force of the vehicle file as a line.
     """
     drawn, first = go.Figure(), rows.row(0, named=True)
     unit, speed = first["unit"], first["velocity_unit"]
@@ -127,14 +127,18 @@ def _reach(rows: pl.DataFrame, *, curve: bool) -> float:
 
 
 def _plainest(bins: pl.DataFrame) -> Row | None:
-    """Return the bin of one panel with the most significant force; None if no bin has an interval."""
+    """Return the bin of velocity with the most significant force; None if no bin has an interval.
+
+    Args:
+        bins: Bins of one panel, rows of a leftover table.
+    """
     half = pl.col("high") - pl.col("force")
     sure = bins.filter(half > 0.0).sort(pl.col("force").abs() / half, descending=True)
     return None if sure.is_empty() else sure.row(0, named=True)
 
 
 def _told(most: list[Row]) -> Iterator[str]:
-    """Yield sentences on significant bins."""
+    """Yield a sentence on each of the first bins, the most significant ones."""
     for row in most[:TOLD]:
         unit, at = row["unit"], f"{TITLES[row['against']]} {words.figure(row['velocity'], 2)}"
         told = f"{row['axis']} at {at} {row['velocity_unit']}: the force of the file is "
@@ -148,7 +152,12 @@ def _told(most: list[Row]) -> Iterator[str]:
 
 
 def _line(row: Row, bins: pl.DataFrame | None) -> Row:
-    """Return a bin as a row of a table, with the unexplained force at that velocity after the last step."""
+    """Return a bin as a row of a table, with the unexplained force at its velocity after the last step.
+
+    Args:
+        row: The bin.
+        bins: All bins, with the number of their step; None if there is only one step.
+    """
     after = None if bins is None else _after(row, bins)
     return {
         "axis": row["axis"],
@@ -165,7 +174,12 @@ def _line(row: Row, bins: pl.DataFrame | None) -> Row:
 
 
 def _after(row: Row, bins: pl.DataFrame) -> Row | None:
-    """Return the bin with the nearest velocity after the last step; None if there is only one step."""
+    """Return the bin of the last step with the nearest velocity; None if there is only one step.
+
+    Args:
+        row: Bin of an earlier step.
+        bins: All bins.
+    """
     later = bins.filter(
         pl.col("step") == bins["step"].max(),
         pl.col("step") != row["step"],

@@ -1,4 +1,4 @@
-"""Next steps after a diagnosis: the one to take, then its alternatives."""
+"""Next steps after a diagnosis: the recommended one, then its alternatives."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
 
 
 def is_of_thrusters(row: Mapping[str, Any]) -> bool:
-    """Return whether a fault of the log is in the directions or the order of the thrusters."""
+    """Return whether a fault of the log concerns the directions or the order of the thrusters."""
     return row["verdict"] == "log_fault" and row["confidence"] is not None
 
 
 def in_python(step: NextStep) -> str:
-    """Return a step as a Python expression with `vehicle`, `raw` and the diagnosis `found`; else empty."""
+    """Return a step as a Python expression of `vehicle`, `raw` and the diagnosis `found`; empty if none."""
     if step.action == ADD:
         names = f", {list(step.effects)}" if step.effects else ""
         return f"hydro.add(vehicle, found{names})"
@@ -79,7 +79,7 @@ def in_python(step: NextStep) -> str:
 
 
 def _of_finding(row: Mapping[str, Any], prediction: Prediction | None) -> Iterator[NextStep]:
-    """Yield the step for one finding; confirmed ones are added together by another step."""
+    """Yield the step that one finding alone suggests; confirmed findings are added by a common step."""
     if row["verdict"] == "suspect":
         name, error = row["effect"], row["error_added"]
         if prediction is None or _unknown(error) or error < prediction.given:

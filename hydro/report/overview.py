@@ -52,7 +52,7 @@ def overview(raw: pl.DataFrame) -> pl.DataFrame:
 
 
 def _thinned(laid: pl.DataFrame, every: int) -> pl.DataFrame:
-    """Average the samples over bins of rows; commands are those of the first row."""
+    """Average the samples over bins of `every` rows; commands are those of the first row of a bin."""
     if every == 1:
         return laid
     measured = [
@@ -69,7 +69,7 @@ def _thinned(laid: pl.DataFrame, every: int) -> pl.DataFrame:
 
 
 def draw(rows: pl.DataFrame, title: str) -> Figure:
-    """Draw a recording: the track on the left if it is known, and other quantities over time.
+    """Draw a recording: the track on the left if it is known, and all other quantities over time.
 
     Args:
         rows: Result of `overview`.
@@ -106,7 +106,7 @@ def _has(rows: pl.DataFrame, columns: tuple[str, ...] | list[str]) -> bool:
 
 
 def _several(rows: pl.DataFrame) -> bool:
-    """Return whether there are several sessions."""
+    """Return whether the rows belong to more than one session."""
     return rows["session"].n_unique() > 1
 
 

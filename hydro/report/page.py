@@ -100,7 +100,7 @@ def _model(sources: Sources) -> Section:
 
 
 def _simple(sources: Sources) -> Section:
-    """Return the comparison with simple predictors, on held-out data if there are any."""
+    """Return the section that compares the model with simple predictors, if possible on held-out data."""
     dataset = "fit"
     if sources.ladder is not None:
         ladder = sources.ladder.frame
@@ -124,7 +124,7 @@ def _simple(sources: Sources) -> Section:
 
 
 def _places(sources: Sources, charts: Charts) -> Section:
-    """Return the ranked regimes of the given and of the chosen model, and the errors by kind of condition."""
+    """Return the section on the worst regimes of motion, of the given and of the chosen model."""
     if not sources.comparisons:
         return None
     first = sources.comparisons[0].frame
@@ -152,7 +152,7 @@ def _last_comparison(sources: Sources) -> int:
 
 
 def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield the regimes in the order of their rank, with their shares as widths of bars."""
+    """Yield the worst regimes of motion in order, with their shares of the error as widths of bars."""
     rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
     everything = comparison.filter(level="force", by="all").select(pl.col("rows").max()).item()
     for row in rows.iter_rows(named=True):
@@ -171,7 +171,7 @@ def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def _ladder(sources: Sources, charts: Charts) -> Section:
-    """Return the errors step by step: a large figure of all axes together, and a small one of each."""
+    """Return the section on the errors step by step: a large figure of all axes, and a small one per axis."""
     if sources.ladder is None:
         return None
     frame = sources.ladder.frame
@@ -203,7 +203,7 @@ def _ladder(sources: Sources, charts: Charts) -> Section:
 
 
 def _rungs(frame: pl.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the table: every step and data set, with its errors at the main horizon."""
+    """Yield the rows of the ladder: every step and data set, with its errors at the main horizon."""
     rows = standing.at_horizon(frame)
     for (step, dataset), one in rows.group_by(["step", "dataset"], maintain_order=True):
         errors = dict(one.select("axis", "rmse").iter_rows())
@@ -217,7 +217,7 @@ def _rungs(frame: pl.DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def _joint(sources: Sources) -> Iterator[dict[str, Any]]:
-    """Yield the values in the resulting vehicle file, from the fit of all effects together."""
+    """Yield the values in the resulting vehicle file, as fitted with all effects together."""
     for table in vehicles.parse(text).effect if (text := _resulting(sources)) else ():
         if "standard_error" not in table:
             continue

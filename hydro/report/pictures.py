@@ -129,7 +129,7 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
 
 
 def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
-    """Draw one axis of a ladder."""
+    """Draw the errors of one axis after each step into a panel."""
     for name, label, one in by_dataset(rows):
         (colour, _, dash), spread = DATASET_STYLES[name], figures.error_bars(one, "rmse")
         panel.errorbar(one["step"], one["rmse"], yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
@@ -140,7 +140,13 @@ def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
 
 
 def _listed(paint: Callable[[Axes], None], count: int, title: str) -> Figure:
-    """Return a figure of one panel with a row for each item, the first on top."""
+    """Return a figure of one panel with a row for each of `count` items, the first on top.
+
+    Args:
+        paint: Function that draws into the panel.
+        count: Number of items.
+        title: Title of the figure.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

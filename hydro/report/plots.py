@@ -112,7 +112,9 @@ def parameters(values: Sequence[Value]) -> go.Figure:
 
 
 def conditions(rows: pl.DataFrame) -> go.Figure:
-    """Draw the error in each condition of one kind, such as bands of speed, also the earlier one if known.
+    """Draw the error in each condition of one kind, such as bands of speed.
+
+    If the comparison has the errors of an earlier file, they are drawn too.
 
     Args:
         rows: Rows of a comparison of one level, axis and kind of condition.
@@ -151,15 +153,15 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
 def overlay(replay: pl.DataFrame, session: str, axis: str, bands: pl.DataFrame | None = None) -> go.Figure:
     """Draw the measured and simulated velocity of one session and axis.
 
-    A simulated curve is interrupted where its error exceeds the whole range of the measured motion.  It is
-    omitted if its error exceeds the standard deviation of the motion while that of another does not.  Such
-    curves have no information and would hide others.
+    A simulated curve is interrupted where its error exceeds the whole range of the measured motion.  A curve
+    whose error exceeds the standard deviation of the motion is omitted, unless all curves do.  Such curves
+    have no information and would hide others.
 
     Args:
         replay: Replay table.
         session: Name of the session.
         axis: One of u v w p q r.
-        bands: Bands table of the last model; None without one.
+        bands: Bands table: 95 % intervals of the last model's predictions; None without one.
     """
     one = replay.filter(pl.col("session") == session).select(
         "variant", pl.col("t") - pl.col("t").min(), value=pl.col(axis).cast(pl.Float64)
@@ -216,7 +218,7 @@ def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go
 def depth(
     replay: pl.DataFrame, session: str, restart: float | None = None, bands: pl.DataFrame | None = None
 ) -> go.Figure:
-    """Draw the depth of one session, downward; for the arguments see `path` and `overlay`."""
+    """Draw the depth of one session, downward; the arguments are those of `path` and `overlay`."""
     drawn = _tracks(replay, session, ("t", "z"), restart)
     if bands is not None:
         _band(drawn, bands.filter(session=session), "z")
@@ -263,7 +265,13 @@ def commands(replay: pl.DataFrame, session: str, names: Sequence[str]) -> go.Fig
 
 
 def _band(drawn: go.Figure, rows: pl.DataFrame, name: str) -> None:
-    """Draw the 95 % band of one column of one session, behind the curves."""
+    """Draw the 95 % band of one column of one session, behind the curves.
+
+    Args:
+        drawn: Figure.
+        rows: Rows of the bands table of one session.
+        name: Name of the column.
+    """
     shown = rows.gather_every(max(1, -(-rows.height // POINTS_ON_SCREEN)))
     since = (shown["t"] - shown["t"].min()).cast(pl.Float32)
     for side, fill in (("low", None), ("high", "tonexty")):
@@ -279,7 +287,14 @@ def _band(drawn: go.Figure, rows: pl.DataFrame, name: str) -> None:
 
 
 def _tracks(replay: pl.DataFrame, session: str, columns: tuple[str, str], restart: float | None) -> go.Figure:
-    """Draw one column over another, with a line of at most POINTS_ON_SCREEN samples for each variant."""
+    """Draw one column over another, with a line of at most POINTS_ON_SCREEN samples for each variant.
+
+    Args:
+        replay: Replay table.
+        session: Name of the session.
+        columns: Column of the horizontal and of the vertical axis.
+        restart: Period after which the simulation restarts from the measured state [s].
+    """
     across, up = columns
     one = replay.filter(pl.col("session") == session).with_columns(pl.col("t") - pl.col("t").min())
     variants = one["variant"].unique(maintain_order=True).to_list()
@@ -304,7 +319,7 @@ def _tracks(replay: pl.DataFrame, session: str, columns: tuple[str, str], restar
 
 
 def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
-    """Return the variants whose error exceeds the spread of the measured motion, if not all do."""
+    """Return the variants whose error exceeds `spread`; none if all variants do."""
     error = (pl.col("value") - pl.col("measured")).pow(2).mean().sqrt()
     errors = simulated.group_by("variant", maintain_order=True).agg(error=error)
     far = errors.filter(pl.col("error") > spread)["variant"].to_list()
@@ -312,7 +327,7 @@ def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
 
 
 def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return label and colour of every variant of a replay, or of the given and later models of a study."""
+    """Return label and colour of every variant of a replay, or of the models of a study's steps."""
     others = [name for name in variants if name != MEASURED]
     found = {MEASURED: ("measured", NOISE)} if MEASURED in variants else {}
     if others and all(name.startswith("step-") for name in others):
@@ -350,7 +365,13 @@ def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
 
 
 def _interval(rows: pl.DataFrame, of: str, prefix: str = "") -> dict[str, object] | None:
-    """Return error bars from the columns `low` and `high`; None without them."""
+    """Return plotly's error bars from the columns `low` and `high`; None without these columns.
+
+    Args:
+        rows: Table with the value and the ends of its interval.
+        of: Column of the value.
+        prefix: Prefix of the columns `low` and `high`.
+    """
     low = f"{prefix}low"
     if low not in rows.columns or rows[low].null_count() == rows.height:
         return None

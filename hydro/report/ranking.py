@@ -36,8 +36,8 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
     Both errors use the same resampled seeds, because they belong to the same trained networks.
 
     Args:
-        first: First error of every model, one number per seed, shapes (S_k,).
-        second: Second error of the same networks.
+        first: First error of every model, one number for each of its S seeds, shapes (S,).
+        second: Second error of the same networks, in the same order.
         seed: Seed of the bootstrap.
 
     Raises:
@@ -61,7 +61,7 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
 
 
 def no_better(errors: ArrayLike, best: ArrayLike) -> float:
-    """Return the p-value of a one-sided exact rank-sum test: errors are not larger than another model's.
+    """Return the p-value of a one-sided exact rank-sum test that a model's errors are not larger.
 
     Args:
         errors: Errors of the model, one number per network, shape (S,).
@@ -71,7 +71,7 @@ def no_better(errors: ArrayLike, best: ArrayLike) -> float:
 
 
 def _tau(first: Array, second: Array) -> Array:
-    """Return Kendall's tau-b of every row of two tables (B, n); NaN for a row of equal numbers."""
+    """Return Kendall's tau-b of every row of two tables (B, n), as (B,); NaN for a row of equal numbers."""
     signs = [_signs(table) for table in (first, second)]
     both, *own = ((a * b).sum(axis=(1, 2)) for a, b in (signs, *zip(signs, signs, strict=True)))
     with np.errstate(invalid="ignore"):
@@ -80,6 +80,6 @@ def _tau(first: Array, second: Array) -> Array:
 
 
 def _signs(values: Array) -> Array:
-    """Return the sign of the difference of every two numbers of a row, shape (B, n, n)."""
+    """Return the sign of the difference of every two numbers of a row (B, n), shape (B, n, n)."""
     larger = values[:, :, None] > values[:, None, :]
     return larger.astype(np.float64) - larger.transpose(0, 2, 1)

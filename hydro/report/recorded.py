@@ -16,7 +16,7 @@ from hydro.report.sources import Sources
 def section(sources: Sources) -> dict[str, Any] | None:
     """Return the sessions of all recordings, and the sensor noise of the recording that was fitted.
 
-    None if the sessions are not known.
+    The result is None if the report has no table of sessions.
     """
     listed, noise = _listed(sources), list(_noise(sources))
     if listed.is_empty() and not noise:
@@ -49,14 +49,14 @@ def sample_time(sources: Sources) -> float:
 
 
 def _of_recording(sources: Sources) -> pl.DataFrame:
-    """Return the rows of the first comparison that describe its recording."""
+    """Return the rows of the first comparison that describe the recording itself."""
     if not sources.comparisons:
         return pl.DataFrame(schema={"by": pl.String})
     return sources.comparisons[0].frame.filter(level="recording")
 
 
 def _listed(sources: Sources) -> pl.DataFrame:
-    """Return the sessions with `dataset`, `rows` and `sample_time` [s]."""
+    """Return the sessions of all recordings: `dataset`, `rows` and `sample_time` [s] of each."""
     if sources.sessions is not None:
         return sources.sessions.frame
     rows = _of_recording(sources).filter(by="session")

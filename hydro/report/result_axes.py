@@ -251,7 +251,7 @@ def _finding(row: dict[str, object], changed: bool) -> str:
 
 
 def _say(panel: Axes, sentence: str) -> None:
-    """Write a sentence into a panel that has nothing to draw."""
+    """Write a sentence into a panel in which there is nothing to draw."""
     panel.set_yticks([])
     panel.text(0.5, 0.5, sentence, transform=panel.transAxes, ha="center", va="center")
 

@@ -21,8 +21,8 @@ class Text:
     Attributes:
         text: Text; empty for an empty line.
         indent: Number of spaces before each line.
-        bold: Whether it is printed bold.
-        whole: Whether it keeps its line breaks, as rows of a table do.
+        bold: Whether the text is bold.
+        whole: Whether the text keeps its line breaks, as rows of a table do.
     """
 
     text: str = ""
@@ -87,7 +87,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[Text
 
 @dataclass(frozen=True)
 class Block:
-    """Part of an answer that may be omitted.
+    """Part of an answer that may be omitted if the terminal is too small.
 
     Attributes:
         body: Paragraphs.
@@ -105,7 +105,7 @@ def fitted(
 ) -> list[Text]:
     """Return the lines of an answer: as many blocks as fit, and a note on omitted ones.
 
-    If they do not fit, the last blocks are omitted.
+    If the blocks do not fit, the last ones are omitted, but never the first.
 
     Args:
         head: First paragraphs.

@@ -20,7 +20,8 @@ def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
         errors: Metrics of several networks, with a column `run` that names the network of its model.
 
     Returns:
-        A metrics table; for a model with one network the rows and intervals of that network.
+        A metrics table whose interval is the smallest and largest value over networks; for a model with one
+        network, the rows and intervals of that network.
     """
     about = ["model", "variant", "dataset", "axis", "metric", "unit"]
     runs = pl.len() > 1
@@ -67,7 +68,7 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
-    """Return the table with the length of the training data in the models' names: `mlp, 3 min`.
+    """Return the table with the length of the training data appended to the models' names: `mlp, 3 min`.
 
     Args:
         errors: Metrics with a column `minutes`.
@@ -158,6 +159,6 @@ def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def _networks(errors: pl.DataFrame, axis: str) -> pl.DataFrame:
-    """Return the root mean square errors of every network on an axis."""
+    """Return `model`, `run` and the root mean square error of every network on an axis."""
     chosen = errors.filter(pl.col("metric") == "rmse", pl.col("axis") == axis)
     return chosen.select("model", "run", "value")

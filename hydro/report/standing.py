@@ -60,12 +60,15 @@ class Standing:
 
     @property
     def at_floor(self) -> bool:
-        """Whether the error is at most `words.AT_FLOOR` times the noise floor."""
+        """Whether the error is at most `words.AT_FLOOR` times the noise floor, so that it counts as noise."""
         return self.after is not None and self.after <= words.AT_FLOOR * self.noise
 
 
 def chosen_step(sources: Sources) -> int | None:
-    """Return the step to use; without a ladder the last comparison or diagnosis; None without either."""
+    """Return the number of the step to use; without a ladder, that of the last comparison or diagnosis.
+
+    None if the report has no table.
+    """
     if sources.ladder is not None:
         return best_step(sources.ladder.frame)
     return max(len(sources.comparisons), len(sources.diagnoses)) - 1 if sources.everything else None
@@ -79,7 +82,7 @@ def at_horizon(rows: pl.DataFrame) -> pl.DataFrame:
 
 
 def errors(sources: Sources) -> pl.DataFrame:
-    """Return errors of predictions before and after, from the ladder, or else from the comparisons.
+    """Return errors of predictions before and after the findings are added, from ladder or comparisons.
 
     Returns:
         `dataset`, `axis`, `horizon`, `before`, `after` (null if nothing was added), `noise_floor`, `unit`; no
@@ -124,7 +127,7 @@ def standings(sources: Sources) -> list[Standing]:
 
 
 def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
-    """Yield the errors of velocity and pose at every horizon, before and after, as text."""
+    """Yield the errors of velocity and pose at every horizon, before and after the findings, as text."""
     both = errors(sources)
     for axis, label in (("all", "velocity"), ("pose", "position")):
         rows = both.filter(pl.col("axis") == axis).sort("dataset", "horizon", nulls_last=True)
@@ -147,7 +150,10 @@ def answer(sources: Sources) -> str:
 
 
 def headline(sources: Sources) -> str:
-    """Return a sentence on the errors before and after; without a comparison, on the first finding."""
+    """Return a sentence on the errors before and after the findings are added.
+
+    Without a comparison, the sentence is on the first finding.
+    """
     found = standings(sources)
     if not found:
         return _first_finding(sources) or _what_it_is(sources)
@@ -170,7 +176,7 @@ def headline(sources: Sources) -> str:
 
 
 def next_step(sources: Sources) -> str:
-    """Return the next step in a sentence: the file of a study to use, or that of the last diagnosis."""
+    """Return the next step in a sentence: to use the file of a study, or that of the last diagnosis."""
     if sources.ladder is not None:
         best = best_step(sources.ladder.frame)
         return (
@@ -217,7 +223,7 @@ def _fall(one: Standing) -> str:
 
 
 def _first_finding(sources: Sources) -> str:
-    """Return the verdict of the first finding of the last diagnosis; faults of its log come last."""
+    """Return the verdict of the first finding of the last diagnosis in words; faults of the log come last."""
     if not sources.diagnoses or sources.diagnoses[-1].frame.is_empty():
         return ""
     rows = sources.diagnoses[-1].frame.sort(pl.col("verdict") == "log_fault", "rank")
@@ -225,12 +231,12 @@ def _first_finding(sources: Sources) -> str:
 
 
 def _worst_place(sources: Sources) -> str:
-    """Return a sentence on the regime with most of the unexplained error."""
+    """Return a sentence on the regime of motion with most of the unexplained error."""
     return comparison.worst_place(sources.comparisons[-1].frame) if sources.comparisons else ""
 
 
 def _what_it_is(sources: Sources) -> str:
-    """Return the headline of a page without a comparison and without a diagnosis."""
+    """Return the headline of a page without comparison and diagnosis: the kind of tables that it shows."""
     best = [told for one in sources.metrics if _of_study(one) and (told := _best(one.frame))]
     if best:
         return f"Of these networks {listed(best)}."

@@ -34,7 +34,7 @@ class Outcome:
         steps: Steps of the study.
         chosen: The step to use.
         headline: Overall result in one line.
-        reason: Reason why it ended.
+        reason: Reason why the study ended.
         folder: Folder of its files.
         corrections: Sentence for each correction of the file, with its values and standard errors.
     """
@@ -63,7 +63,7 @@ class Outcome:
 
     @property
     def beyond(self) -> list[str]:
-        """Return fitted values that are not plausible, a sentence each."""
+        """Return a sentence for each fitted value that is not physically plausible."""
         return implausible(self.chosen.vehicle, [table["name"] for table in self.chosen.tables])
 
 
@@ -98,7 +98,7 @@ def answer(study: Outcome, width: int) -> list[Text]:
 
 
 def _corrections(study: Outcome) -> Iterator[Block]:
-    """Yield a block for each correction, with its standard errors; none if the headline has all of it."""
+    """Yield a block for each correction with its standard errors; none if the headline states them all."""
     if all(one in study.headline for one in study.corrections):
         return
     for place, told in enumerate(study.corrections):
@@ -147,7 +147,7 @@ def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
 
     Args:
         step: The step.
-        confirmed: Whether a test confirmed each added effect.
+        confirmed: Whether each added effect is confirmed, by the effect's name.
     """
     names = [
         words.effect_name(name) + ("" if confirmed[name] else f" ({UNCONFIRMED})") for name in step.added
@@ -156,7 +156,10 @@ def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
 
 
 def deciding(step: Step) -> str:
-    """Return the error that decides between the steps, in words."""
+    """Return the error of a step by which the steps are compared, in words.
+
+    It is the error on held-out data, else on data left out of the fits, else on the recording.
+    """
     rows = step.ladder
     if not (held := rows.filter(dataset="holdout")).is_empty():
         place, rows = WHERE["holdout"], held

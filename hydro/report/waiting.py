@@ -1,4 +1,4 @@
-"""A progress bar that moves between reports, with an estimate of the remaining time."""
+"""Progress bar that moves between two reports of progress, with an estimate of the remaining time."""
 
 from __future__ import annotations
 

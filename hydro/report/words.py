@@ -67,8 +67,8 @@ class Value:
     Attributes:
         name: Parameter, with the axis or number of its component: `diagonal X`.
         value: The number.
-        error: Its standard error; None without one.
-        unit: Its unit.
+        error: Standard error of the number; None without one.
+        unit: Unit of the number.
     """
 
     name: str
@@ -100,7 +100,12 @@ def meaning(effect: str) -> str:
 
 
 def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
-    """Return label and sentence of a finding, on a missing effect or on a change."""
+    """Return label and sentence of a finding, a row of a diagnosis table.
+
+    Args:
+        row: The finding.
+        of_change: Whether the finding is a change since an earlier recording, not a missing effect.
+    """
     label, sentence = (VERDICTS | (OF_CHANGE if of_change else {}))[row["verdict"]]
     members = listed([effect_name(name) for name in row["members"]], "or")
     effect, columns = effect_name(row["effect"]), listed(row["members"])
@@ -130,7 +135,13 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
 
 
 def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
-    """Return the numbers of an effect's table with their standard errors, one by one."""
+    """Return the numbers of an effect's table with their standard errors, one by one.
+
+    Args:
+        effect: Name of the effect.
+        given: Values by parameter.
+        sure: Standard errors by parameter.
+    """
     records = {one.name: one for one in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
     texts = CATALOGUE[effect].written(given) if effect in CATALOGUE else {}
     found = []
@@ -149,7 +160,12 @@ def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Val
 
 
 def terms_of(record: Parameter | None, texts: Mapping[str, Sequence[str]]) -> Sequence[str]:
-    """Return the written terms to which the numbers of a parameter belong; empty for other parameters."""
+    """Return the terms of a formula to which the numbers of a parameter belong; empty without a formula.
+
+    Args:
+        record: The parameter.
+        texts: Written terms of the effect, by the name of the parameter that has them.
+    """
     length = record.shape[0] if record is not None and record.shape else None
     return texts.get(length, ()) if isinstance(length, str) else ()
 
@@ -217,7 +233,7 @@ def percent(share: float | None) -> str:
 
 
 def between(low: float, high: float) -> str:
-    """Return an interval of shares (0 to 1) in percent, `63 to 71 %`; one number if both ends print alike."""
+    """Return an interval of shares (0 to 1) in percent, `63 to 71 %`; one number if both ends look alike."""
     first, last = percent(low), percent(high)
     return first if first == last else f"{first.removesuffix(' %')} to {last}"
 

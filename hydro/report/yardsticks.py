@@ -1,4 +1,4 @@
-"""Comparison of a model with simple predictors: errors of the same predictions, and which ones are better."""
+"""Comparison of a model with simple predictors on the same predictions, and which predictors are better."""
 
 from __future__ import annotations
 
@@ -39,7 +39,13 @@ def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
-    """Return errors of the model after a step, and of the simple predictors, as `of_comparison` does."""
+    """Return errors of the model after a step, and of the simple predictors, as `of_comparison` does.
+
+    Args:
+        ladder: Ladder table.
+        step: Number of the step.
+        dataset: `fit` or `holdout`.
+    """
     there = [name for name in PREDICTORS if column(name) in ladder.columns]
     rows = ladder.filter(step=step, dataset=dataset)
     each = [
@@ -57,7 +63,7 @@ def judged_on(ladder: pl.DataFrame) -> str:
 def verdict(errors: pl.DataFrame) -> str:
     """Return the predictors that are better than the model: `loses to constant velocity on p and r`.
 
-    The text is empty if none is better.
+    The text is empty if no predictor is better.
 
     Args:
         errors: Errors in the form of `of_comparison`.
@@ -71,7 +77,10 @@ def verdict(errors: pl.DataFrame) -> str:
 
 
 def sentence(errors: pl.DataFrame) -> str:
-    """Return a sentence on the predictors that are better than the model; empty without errors."""
+    """Return a sentence on the predictors that are better than the model, or that none is.
+
+    It is empty without errors.
+    """
     told = verdict(errors)
     if not told:
         tried = [name for name in PREDICTORS if name in errors["predictor"]]
@@ -96,7 +105,9 @@ def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> 
 
 
 def unlearnt(errors: pl.DataFrame, vehicle: Vehicle, training: Recording, held_out: Recording) -> list[str]:
-    """Return a sentence for each axis on which a simple predictor is better under commands not in training.
+    """Return a sentence for each axis where a simple predictor is better and commands differ from training.
+
+    The sentence states the share of small commands in both recordings, which show a thruster's dead band.
 
     Args:
         errors: Errors on the held-out recording, in the form of `of_comparison`.
@@ -118,7 +129,7 @@ def unlearnt(errors: pl.DataFrame, vehicle: Vehicle, training: Recording, held_o
 
 
 def table(errors: pl.DataFrame) -> pl.DataFrame:
-    """Return a table with one row per axis, one column per predictor, and the errors of all horizons."""
+    """Return errors as text, one row per axis and one column per predictor; a cell has all horizons."""
     horizons = errors["horizon"].unique().sort().to_list()
     rows = []
     for axis in [axis for axis in (*VELOCITY, "all") if axis in errors["axis"]]:
@@ -134,7 +145,7 @@ def table(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(errors: pl.DataFrame) -> str:
-    """Return the horizons of the cells of `table` in words: `1 / 5 / 20 s ahead`."""
+    """Return the horizons in the cells of `table` in words: `1 / 5 / 20 s ahead`."""
     return " / ".join(f"{one:g}" for one in errors["horizon"].unique().sort()) + " s ahead"
 
 

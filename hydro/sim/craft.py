@@ -31,10 +31,10 @@ Put = Callable[[NDArray[Any]], Any]
 
 
 class Crafts(NamedTuple):
-    """Programs of N vehicles.
+    """Compiled programs of N simulated vehicles, of which P are distinct.
 
     Attributes:
-        programs: Programs of P vehicles, (P, L); shorter ones are padded with zeros.
+        programs: Programs of the P distinct vehicles, (P, L); shorter ones are padded with zeros to length L.
         tables: Thruster tables of the P programs, (P, n, columns), for n thrusters.
         kind: Index into `programs` for each of the N vehicles, (N,).
         facets: Empty array (8, 0): no hull geometry is used, only the forces of the vehicle file.
@@ -50,7 +50,7 @@ class Crafts(NamedTuple):
 
 
 class Control(NamedTuple):
-    """Residual network and its states for N vehicles; empty arrays without a network.
+    """Residual network and its states for N vehicles; arrays of zeros without a network.
 
     Attributes:
         block: Parameters; this and the next three are those of `sim.residual.control.Tables`.
@@ -70,11 +70,12 @@ class Control(NamedTuple):
 
 
 class Craft(NamedTuple):
-    """Vehicle in water.
+    """Vehicle in water, compiled for simulation without MuJoCo.
 
     Attributes:
-        program: Its program, with the mass matrix of the water model.
-        inertia: Part of the inertia that must not exert C(nu) nu, (36,) row by row.
+        program: Program of the vehicle, with the mass matrix of the water model.
+        inertia: Inertia (36,), a 6x6 matrix row by row, whose Coriolis and centripetal forces C(nu) nu must
+            not act, because the residual network contains them.
     """
 
     program: Array
@@ -82,10 +83,10 @@ class Craft(NamedTuple):
 
     @classmethod
     def of(cls, vehicle: Vehicle, felt: Water) -> Craft:
-        """Return a vehicle with the given water forces.
+        """Return a vehicle with the water forces `felt`.
 
         Raises:
-            UsageError: The water has forces that only MuJoCo can compute.
+            UsageError: `felt` has forces that only MuJoCo can compute.
         """
         if felt.held or felt.ellipsoid:
             raise UsageError(
@@ -107,7 +108,7 @@ class Craft(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """Key that is equal for identical vehicles."""
+        """Bytes that are equal for two vehicles with the same program and inertia."""
         return self.program.tobytes() + self.inertia.tobytes()
 
 
@@ -140,7 +141,13 @@ def first_of(
 
 
 def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.array) -> Crafts:
-    """Return the programs of some vehicles, with the row of each of N vehicles in them, as arrays."""
+    """Return the programs of distinct vehicles as arrays.
+
+    Args:
+        crafts: Distinct vehicles.
+        kind: Index into `crafts` for each of the N simulated vehicles, (N,).
+        put: Function that makes an array on the processor or a GPU.
+    """
     rows = np.zeros((len(crafts), max(len(craft.program) for craft in crafts)))
     for row, craft in zip(rows, crafts, strict=True):
         row[: len(craft.program)] = craft.program
@@ -152,7 +159,7 @@ def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.ar
 def assigned(
     crafts: Sequence[Craft], kind: NDArray[np.int32], changes: dict[int, Craft]
 ) -> tuple[list[Craft], NDArray[np.int32]]:
-    """Replace some of N simulated vehicles.
+    """Replace simulated vehicles by new ones.
 
     Args:
         crafts: Distinct vehicles in use.
@@ -185,10 +192,10 @@ def control_of(felt: Water, count: int, put: Put = np.array) -> Control:
 
 
 def _require_period(felt: Water, period: float) -> None:
-    """Check that the control step of a residual network is a multiple of that of the vehicles.
+    """Check that the control step of a residual network is a multiple of `period` [s], that of the vehicles.
 
     Raises:
-        UsageError: It is not.
+        UsageError: The control step is not a multiple.
     """
     if felt.control is None:
         return

@@ -38,9 +38,9 @@ class Flown:
     """Flight to be shown.
 
     Attributes:
-        pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (K, 7).
+        pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, at K times (K, 7).
         targets: Targets of the vehicle, shown as a red sphere, (K, 3), NED [m].
-        pillars: Axes of the pillars, (P, 2), NED [m].
+        pillars: North and east of the axes of the P pillars, (P, 2) [m].
         period: Time between poses [s].
         ending: Outcome, written below the title when the flight has ended.
     """
@@ -122,7 +122,7 @@ def _camera(panel: Panel, size: tuple[float, float, float], radius: float) -> Ca
 
 
 def _stride(period: float) -> int:
-    """Return the number of poses per picture."""
+    """Return the number of poses per picture, for poses `period` [s] apart."""
     return max(1, round(1.0 / (RATE * period)))
 
 
@@ -185,15 +185,15 @@ class Camera:
         self.cut()
 
     def cut(self) -> None:
-        """Begin another flight: the camera of its first picture looks where the bow points."""
+        """Begin another flight: the first picture after this call looks where the bow points."""
         self._follows = False
 
     def picture(self, pose: Array, pillars: Array, target: Array) -> NDArray[np.uint8]:
-        """Return the picture of the current scene, (height, width, 3).
+        """Return the picture of the vehicle, the pillars and the target, (height, width, 3), RGB.
 
         Args:
             pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (7,).
-            pillars: Axes of the pillars, (P, 2), NED [m], at most as many as in the room.
+            pillars: North and east of the axes of the pillars, (P, 2) [m], at most as many as in the room.
             target: Target of the vehicle, (3,), NED [m].
         """
         data, view = self._data, self._view

@@ -18,7 +18,7 @@ from hydro.sim.plant import Readings, Snapshot
 
 
 class FleetPlant(ABC):
-    """Vehicles that start, fly and are restored alike; see `sim.plant.Plant` for the arrays.
+    """Base class of N vehicles with common start, control step and snapshots; see `sim.plant.Plant`.
 
     A subclass sets the programs of its vehicles, and flies them in `_fly`.
     """
@@ -46,7 +46,7 @@ class FleetPlant(ABC):
         )
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start some vehicles at given states; see `Plant`."""
+        """Start the vehicles of a mask (N,) at a pose and velocity; see `Plant`."""
         self.diverged[mask] = False
         for _, array in self._states():
             array[mask] = 0.0

@@ -27,10 +27,10 @@ class Fleet(NamedTuple):
     """States of N vehicles between control steps.
 
     Attributes:
-        y: States of motion, (N, 13 + internal states).
-        lags: Lag states of the thrusters, (N, n).
+        y: States of motion, (N, 13 + internal states): pose (7,), velocity (6,), internal states of effects.
+        lags: Lag states of the n thrusters, (N, n).
         commands: Commands of the last K control steps, (N, K, n); the last one starts now.
-        time: Clocks, (N,) [s].
+        time: Time of each vehicle, (N,) [s].
     """
 
     y: Array
@@ -70,10 +70,15 @@ def remembered(table: Array, period: float) -> int:
 
 
 def require_alike(name: str, flat: Array, first: Array) -> None:
-    """Check that a program can be simulated together with the first one.
+    """Check that a vehicle can be simulated together with the first vehicle of a plant.
+
+    Args:
+        name: Name of the vehicle in the message.
+        flat: Program of the vehicle.
+        first: Program of the first vehicle.
 
     Raises:
-        DataError: It has other thrusters or internal states.
+        DataError: The numbers of thrusters or internal states differ.
     """
     if flat[THRUSTER_COUNT] != first[THRUSTER_COUNT] or flat[STATE_COUNT] != first[STATE_COUNT]:
         raise DataError(
@@ -88,8 +93,8 @@ def begin(
 ) -> None:
     """Start the internal states of vehicle `k` at their steady values, and write its readings.
 
-    The arguments are those of `fly`, but the thruster table (n, columns) and the buffer of lag states (3, n)
-    are separate.
+    The arguments are those of `fly`; here the thruster table (n, columns) and the buffer of lag states (3, n)
+    are separate arguments.
     """
     copy_kernel(fleet.y[k], motion.y)
     copy_kernel(fleet.lags[k], rotors[2])
@@ -113,13 +118,13 @@ def fly(
 
     Args:
         k: Index of the vehicle.
-        motion: Its program and hull, and buffers for its motion.
-        thrusters: Its thruster table, and buffers for its thrusters.
-        clock: Buffer for the times of the commands, (K,).
+        motion: Program and hull of the vehicle, and buffers for its motion.
+        thrusters: Thruster table of the vehicle, and buffers for its thrusters.
+        clock: Buffer for the times of the last K commands, (K,).
         fleet: States of the vehicles; row `k` is written.
         pace: Time steps.
-        readings: Row `k` is written; if the state or its rate exceeds `MOST`, it is marked as diverged and
-            stays.
+        readings: Row `k` is written; if the state or its rate exceeds `MOST`, the vehicle is marked as
+            diverged and its row stays.
     """
     now, last = fleet.time[k], clock.size - 1
     for i in range(clock.size):
@@ -156,7 +161,15 @@ def _read(k: int, motion: Motion, table: Array, rotors: Array, gravity: float, r
 
 @kernel
 def _write_specific_force(gravity: float, down: Array, nu: Array, v_dot: Array, out: Array) -> None:
-    """Write the specific force v_dot + omega x v - R^T g at CO, FRD; `down` (3,) is in body axes."""
+    """Write the specific force v_dot + omega x v - g R^T e_z at CO, FRD, into `out` (3,) [m/s^2].
+
+    Args:
+        gravity: g [m/s^2].
+        down: R^T e_z, the world's down direction in body axes (3,).
+        nu: Velocity v, omega (6,) [m/s, rad/s].
+        v_dot: Time derivative of v in body axes [m/s^2].
+        out: Specific force.
+    """
     u, v, w, p, q, r = nu[0], nu[1], nu[2], nu[3], nu[4], nu[5]
     out[0] = v_dot[0] + q * w - r * v - gravity * down[0]
     out[1] = v_dot[1] + r * u - p * w - gravity * down[1]

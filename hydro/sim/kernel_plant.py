@@ -66,10 +66,10 @@ class KernelPlant(FleetPlant):
         self._list, self._crafts = [first], crafts_of([first], np.zeros(count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace some vehicles; see `Plant`.
+        """Replace vehicles by index; see `Plant`.
 
         Raises:
-            DataError: One cannot be simulated together with the first.
+            DataError: A vehicle cannot be simulated together with the first.
         """
         changes = {}
         for number, vehicle in vehicles.items():
@@ -112,7 +112,7 @@ def fly_kernel(
         mask: Vehicles that move.
         crafts: Programs of all vehicles.
         control: Residual network and its states.
-        room: Sizes of the network's workspace and of its scratch; (0, 0) without a network.
+        room: Lengths of the network's workspace and of its further buffer; (0, 0) without a network.
         fleet: States of all vehicles; the newest commands are those of this step.
         pace: Time steps; with 0 steps, the internal states start at their steady values instead.
         readings: Written; see `sim.flight.fly`.

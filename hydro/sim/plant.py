@@ -24,7 +24,7 @@ Snapshot = dict[str, NDArray[np.generic]]
 
 
 class Readings(NamedTuple):
-    """Readings of N vehicles: the arrays of a `Plant`."""
+    """Readings of N vehicles: the arrays `pose` to `diverged` of a `Plant`."""
 
     pose: Array
     velocity: Array
@@ -44,10 +44,10 @@ class Coordinates(NamedTuple):
     """Motion of N vehicles in MuJoCo's coordinates.
 
     Attributes:
-        qpos: (N, 7).
-        qvel: (N, 6).
-        qacc: (N, 6), at the start of the last physics step.
-        warning: Counters of warnings, (N, warnings, 2).
+        qpos: Position and quaternion in the z-up world (N, 7); see `sim.bridge.states`.
+        qvel: Velocities (N, 6).
+        qacc: Accelerations at the start of the last physics step (N, 6).
+        warning: MuJoCo's counters of warnings, (N, warnings, 2).
     """
 
     qpos: Array
@@ -77,13 +77,24 @@ class Plant(Protocol):
     diverged: Mask
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace some vehicles, by index, at their next reset by others with as many thrusters."""
+        """Replace vehicles, by index, at their next reset; each new vehicle has as many thrusters."""
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start some vehicles (N,) at a pose (N, 7) and velocity (N, 6), thrusters at rest, clock at 0."""
+        """Start the vehicles of a mask (N,) with thrusters at rest and clock at 0.
+
+        Args:
+            mask: Vehicles that start, (N,).
+            pose: Poses as in `pose` (N, 7).
+            velocity: Velocities as in `velocity` (N, 6).
+        """
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step with held commands (N, n); vehicles outside `flying` (N,) rest."""
+        """Simulate one control step.
+
+        Args:
+            commands: Commands in [-1, 1], held during the step (N, n).
+            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+        """
 
     def snapshot(self) -> Snapshot:
         """Return all states."""
@@ -137,15 +148,15 @@ class StudentPlant:
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace some vehicles; see `Plant`.
+        """Replace vehicles by index; see `Plant`.
 
         Raises:
-            DataError: One cannot be simulated together with the first.
+            DataError: A vehicle cannot be simulated together with the first.
         """
         self._student.change({k: (vehicle, self._water(vehicle)) for k, vehicle in vehicles.items()})
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start some vehicles at given states; see `Plant`."""
+        """Start the vehicles of a mask (N,) at a pose and velocity; see `Plant`."""
         self._student.restart(mask, pose, velocity)
         self.diverged[mask] = False
         self._read(mask)
@@ -179,11 +190,11 @@ class StudentPlant:
 
 @kernel
 def upright(state: Array, pose: Array) -> None:
-    """Copy a position and a quaternion, with the sign of the quaternion for which w >= 0.
+    """Copy a position and a quaternion; of the two equal attitudes q and -q, the one with w >= 0 is written.
 
     Args:
         state: Position [m] and quaternion w x y z, (7,).
-        pose: The copy, (7,); q and -q are the same attitude.
+        pose: The copy, (7,), written.
     """
     sign = 1.0 if state[3] >= 0.0 else -1.0
     for i in range(7):
@@ -192,9 +203,9 @@ def upright(state: Array, pose: Array) -> None:
 
 @jit
 def read_kernel(mask: Mask, motion: Coordinates, gravity: float, readings: Readings) -> None:
-    """Convert the motion of some vehicles from MuJoCo's coordinates to NED and FRD (`sim.bridge.states`).
+    """Convert the motion of vehicles from MuJoCo's coordinates to NED and FRD (`sim.bridge.states`).
 
-    A row with a warning of MuJoCo, or that is not finite, is marked as diverged and keeps its values.
+    A vehicle with a warning of MuJoCo, or whose state is not finite, is marked as diverged and keeps its row.
 
     Args:
         mask: Rows to read, (N,).

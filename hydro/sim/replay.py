@@ -1,4 +1,4 @@
-"""Replay of recorded commands in MuJoCo, open loop, and the errors of each variant."""
+"""Replay of recorded commands in MuJoCo, open loop, and the errors of each model variant."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Variant:
     Attributes:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
-        network: Residual model.
+        network: Residual model; None without one.
         water: Water forces without a residual model: `none`, added mass in the mass matrix (`inertia`),
             MuJoCo's `ellipsoid` fluid model, or all `effects` of the vehicle file.
     """
@@ -74,9 +74,10 @@ EFFECTS = Variant("effects", water="effects")
 
 
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
-    """Return the baselines, one variant per model under the paper's name if it has one, and `effects`.
+    """Return the model variants of a replay: baselines, one per residual model, and all effects.
 
-    A model whose labels excluded all effects runs with them, as `effects+` and its name.
+    A model has the paper's name, if it has one.  A model whose labels excluded all effects runs with them, as
+    `effects+` and its name.
 
     Args:
         models: Trained models.
@@ -116,7 +117,7 @@ class Setup:
     """Settings of a replay.
 
     Attributes:
-        conditioning: Conditioning of a network's wrench (paper III-B); none by default.
+        conditioning: Filter and limits of a network's wrench (paper III-B); none by default.
         design: Filter for the online acceleration; by default one that trusts every sample.
         control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
         lead: Time by which a network is evaluated ahead, as a share of the control step, see
@@ -201,14 +202,14 @@ def replay(
 
 @dataclass(frozen=True)
 class _Recorded:
-    """Recording for a replay.
+    """Recording of N rows and S gap-free segments, prepared for a replay.
 
     Attributes:
         measured: Pose and velocity as logged, (N, 12).
         begun: Velocity corrected for the errors of the DVL, (N, 6).
-        commands: Effective commands (`recording.supply`), (N, n).
+        commands: Effective commands of the n thrusters (`recording.supply`), (N, n).
         clock: Times [s], (N,).
-        bounds: Segments, (S, 2).
+        bounds: First row, and row after the last, of each segment, (S, 2).
         resumed: Segments that follow a gap, (S,).
         log: Parameters of the DVL's errors.
     """
@@ -235,7 +236,14 @@ class _Recorded:
 def _logged_motion(
     record: _Recorded, student: Student, steps: int, report: Callable[[int, int], None] | None
 ) -> Array:
-    """Return the motion of a replay as the sensors would log it, (N, 12), NaN after a divergence."""
+    """Return the motion of a replay as the sensors would log it, (N, 12), NaN after a divergence.
+
+    Args:
+        record: The recording.
+        student: MuJoCo models, one per segment.
+        steps: Physics steps per row.
+        report: Called with the rows done of the longest segment, and its total.
+    """
     measured, begun, bounds = record.measured, record.begun, record.bounds
     first = bounds[:, 0]
     settled = np.where(record.resumed[:, None], record.commands[first], np.nan)
@@ -253,9 +261,16 @@ def _logged_motion(
 def _through_dvl(
     through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Rows
 ) -> Array:
-    """Apply or correct the errors of a DVL in velocities (N, 6), segment by segment.
+    """Apply the errors of a DVL to velocities (N, 6), or correct them, segment by segment.
 
-    Velocities after the first that is not finite stay.
+    Velocities after the first that is not finite stay as they are.
+
+    Args:
+        through: Function of parameters, times and velocities that applies or corrects the errors.
+        log: Parameters of the DVL's errors.
+        t: Times (N,) [s].
+        nu: Velocities (N, 6) [m/s, rad/s].
+        bounds: First row, and row after the last, of each segment (S, 2).
     """
     out = nu.copy()
     for start, stop in bounds if log.any() else ():
@@ -265,13 +280,19 @@ def _through_dvl(
 
 
 def _before_start(log: Array, t: Array, bounds: Rows) -> NDArray[np.bool_]:
-    """Return the rows (N,) in which a late DVL measures the time before the flight."""
+    """Return the rows (N,) whose delayed DVL reading is older than the start of the segment."""
     begun = np.repeat(t[bounds[:, 0]], np.diff(bounds, axis=1)[:, 0])
     return np.asarray(t < begun + log[sensor.DELAY] - 1e-9)
 
 
 def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], Control]) -> Water:
-    """Return the water forces of a variant; `controlled` makes the control of a network."""
+    """Return the water forces of a variant.
+
+    Args:
+        variant: The model variant.
+        vehicle: Vehicle file.
+        controlled: Function that makes the control of a residual network.
+    """
     if variant.network is not None:
         network, whole = controlled(Network.of(variant.network)), _needs_effects(variant.network)
         added = () if whole else beside(vehicle, variant.network.labelled)
@@ -356,7 +377,17 @@ def _by_piece(
     valid: NDArray[np.bool_],
     piece: float,
 ) -> list[pl.DataFrame]:
-    """Return the errors of every piece without a divergence."""
+    """Return the errors of every piece of `piece` [s] of the sessions, except pieces with a divergence.
+
+    Args:
+        variant: The model variant.
+        dataset: Name of the recording.
+        raw: Raw table.
+        measured: Pose and velocity as logged (N, 12).
+        motion: Pose and velocity of the replay (N, 12).
+        valid: Rows (N,) before any divergence.
+        piece: Length of a piece [s].
+    """
     since = raw.select(pl.col("t") - pl.col("t").min().over("session")).to_series().to_numpy()
     number = np.floor(since / piece + 1e-6).astype(np.int64)
     found = []
@@ -395,7 +426,7 @@ def _conditioning_metrics(
 
 
 def _rows(variant: Variant, dataset: str, rows: Sequence[tuple[str, str, float, str]]) -> pl.DataFrame:
-    """Return rows of the metrics table from axis, metric, value and unit, without intervals."""
+    """Return rows of the metrics table, given axis, metric, value and unit of each, without intervals."""
     subject = Subject(variant.model, dataset, variant.name)
     lines = ((axis, metric, value, np.nan, np.nan, unit) for axis, metric, value, unit in rows)
     return rows_of(subject, lines)

@@ -1,7 +1,7 @@
 """Tank around a vehicle, for pictures and ray casts: floor, walls, surface and movable pillars.
 
-Nothing in it has contacts: an episode ends where a hull would collide (`rl.environment.geometry`).  So
-vehicles are simulated in the bare model, which is faster, and shown in this one.
+Nothing in the scene has contacts: an episode ends where a hull would collide (`rl.environment.geometry`).
+Vehicles are simulated in a model without the tank, which is faster, and shown in this one.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def tank(
 
 
 def _enclose(spec: mujoco.MjSpec, half: Array) -> None:
-    """Add walls, a sandy floor and the surface around water of half a length, width and depth."""
+    """Add walls, a sandy floor and the surface around water; `half` (3,) [m] is half of its size."""
     middle, box = HALF_TURN * half, mujoco.mjtGeom.mjGEOM_BOX
     for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
         center, extent = middle.copy(), half.copy()
@@ -103,7 +103,14 @@ def _add(
 
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, pillars: Array, target: Array | None = None) -> None:
-    """Move the pillars to x y (P, 2), NED, out of sight if NaN, and the sphere to a target (3,), NED."""
+    """Move the pillars, and the sphere that marks the target.
+
+    Args:
+        model: Model from `tank`.
+        data: Data of the model, written.
+        pillars: x y of the pillars' axes (P, 2), NED [m]; NaN moves a pillar out of sight.
+        target: Position of the sphere (3,), NED [m]; None leaves the sphere where it is.
+    """
     for number, (x, y) in enumerate(pillars):
         moved = data.mocap_pos[model.body(f"{PILLAR}{number}").mocapid[0]]
         moved[:2] = (x, -y) if np.isfinite(x) else (_AWAY, 0.0)

@@ -43,7 +43,7 @@ def load(path: str | Path) -> Pair:
         path: File written by `text`; scenery and sensors may have been added.
 
     Raises:
-        DataError: MuJoCo cannot read it, or it has no vehicle, or one of another version of hydro.
+        DataError: MuJoCo cannot read the file, or it has no vehicle, or one of another version of hydro.
     """
     if not Path(path).is_file():
         raise DataError(f"{path}: no such file: check the path")
@@ -104,7 +104,7 @@ def _ready(model: mujoco.MjModel) -> Pair:
 
 
 def _found(root: ET.Element, tag: str) -> ET.Element:
-    """Return an element of MuJoCo's XML."""
+    """Return the first element with a tag in MuJoCo's XML."""
     found = root.find(tag)
     assert found is not None, tag
     return found

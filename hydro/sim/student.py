@@ -40,8 +40,12 @@ class Physics:
     def steps(self, period: float, what: str) -> int:
         """Return the number of physics steps in a period [s].
 
+        Args:
+            period: The period [s].
+            what: Name of the period in the message.
+
         Raises:
-            UsageError: It is not a whole number of at least one.
+            UsageError: The period is not a whole number of at least one physics step.
         """
         count = round(period / self.timestep)
         if count < 1 or abs(count * self.timestep - period) > 1e-6 * period:
@@ -124,13 +128,13 @@ class Student:
                     self._settle(vehicle, int(thruster), commands[thruster])
 
     def change(self, vehicles: Mapping[int, tuple[Vehicle, Water]]) -> None:
-        """Replace the vehicles of some simulations, by index.
+        """Replace the vehicles of simulations, by index.
 
         Args:
-            vehicles: Vehicle and water of each, with the thrusters and internal states of the first.
+            vehicles: New vehicle and its water forces, with the thrusters and internal states of the first.
 
         Raises:
-            DataError: One cannot be simulated, or is too different.
+            DataError: A vehicle cannot be simulated, or is too different.
         """
         for number, (vehicle, water) in vehicles.items():
             spec = mjcf.scene(
@@ -147,7 +151,7 @@ class Student:
             raise DataError(f"these vehicles cannot be simulated together: {error}") from error
 
     def restart(self, mask: NDArray[np.bool_], pose: Array, nu: Array) -> None:
-        """Start some vehicles at given states, at time 0, with thrusters at rest, and compute their forces.
+        """Start the vehicles of a mask at time 0, with thrusters at rest, and compute their forces.
 
         Args:
             mask: Vehicles that start, (count,).
@@ -161,12 +165,17 @@ class Student:
             self.batch.forward(mask)
 
     def march(self, steps: int, ids: NDArray[np.int64] | None = None) -> None:
-        """Simulate some physics steps with the controls in the batch, for all vehicles or `ids`."""
+        """Simulate `steps` physics steps with the controls stored in the batch.
+
+        Args:
+            steps: Number of physics steps.
+            ids: Indices of vehicles to simulate; all by default.
+        """
         with _silent_warnings():
             self.batch.step(ids, nstep=steps)
 
     def _settle(self, vehicle: int, thruster: int, command: float) -> None:
-        """Set one thruster to the settled state of a command."""
+        """Set a thruster of a vehicle, both by index, to its steady state under a constant command."""
         if self.model.actuator_actnum[thruster]:
             lag = self.model.actuator_actadr[thruster] + self.model.actuator_actnum[thruster] - 1
             self.batch.act[vehicle, lag] = settled_state(self._table[thruster], command)
@@ -185,7 +194,7 @@ class Student:
         return np.asarray(self.batch.warning[:, :, 1].sum(axis=1) > 0)
 
     def fly(self, commands: ArrayLike, steps: int, ids: NDArray[np.int64] | None = None) -> Array:
-        """Simulate the vehicles under commands, each held for some physics steps.
+        """Simulate the vehicles under commands, each held for `steps` physics steps.
 
         Args:
             commands: Commands in [-1, 1], (vehicles, rows, n).
@@ -246,6 +255,6 @@ def _silent_warnings() -> Iterator[None]:
 
 
 def control_states(model: mujoco.MjModel, name: str) -> int | None:
-    """Return the start of a network's states in the activations; None without a network."""
+    """Return the index of a network's first state in MuJoCo's activations; None without a network."""
     field = model.numeric(PREFIX + name).data
     return int(field[AT_CONTROL_STATES]) if field[AT_CONTROL] else None

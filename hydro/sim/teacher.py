@@ -58,7 +58,7 @@ Report = Callable[[int], None]
 
 
 class Subject(Protocol):
-    """Vehicle that can be recorded, in any simulator; attributes as of `Teacher`."""
+    """Vehicle that can be recorded, in any simulator; its attributes are those of `Teacher`."""
 
     @property
     def vehicle(self) -> Vehicle:
@@ -75,7 +75,7 @@ class Subject(Protocol):
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion of one session and its commands; arguments as of the function `fly`."""
+        """Return the true motion of one session, and its commands; see the function `fly`."""
 
 
 @dataclass(frozen=True)
@@ -93,14 +93,14 @@ class Programme:
 
 @dataclass(frozen=True)
 class Teacher:
-    """Vehicle ready to be recorded.
+    """Vehicle ready to be recorded in the embedded simulator.
 
     Attributes:
         vehicle: Simulated vehicle: the file without the replaced effects, with the ellipsoid's added mass and
             the hidden effects.
         program: The simulated vehicle, compiled.
         hull: Panels of the hull.
-        facets: (8, F), for the panel kernel.
+        facets: Geometry of the F panels (8, F), for the panel kernel.
         mixing: Allocation of demands to commands; it uses the file and the hull, but no hidden effects.
         log: Parameters of the DVL's errors, from the sensor effects.
         ignored: Names of the file's effects that panels and ellipsoid replace.
@@ -122,7 +122,7 @@ class Teacher:
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion of one session and its commands; arguments as of the function `fly`."""
+        """Return the true motion of one session, and its commands; see the function `fly`."""
         return fly(self, demand, depth=depth, heading=heading, hold_heading=hold_heading, sea=sea)
 
 
@@ -237,7 +237,7 @@ def fly(
 
     Args:
         subject: Vehicle from `teacher`.
-        demand: Shares of each axis's authority, one row per 1/50 s, (N, 6).
+        demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
         depth: Depth of the start and of the hold [m].
         heading: Heading of the start, and of the hold [rad].
         hold_heading: Hold the heading in addition to depth, roll and pitch.
@@ -245,7 +245,8 @@ def fly(
         sea: Seeds of the waves, if there are waves in the file or hidden.
 
     Returns:
-        Motion (N, 12) x … psi, u … r, and effective commands (N, n), see `recording.supply`.
+        Motion (N, 12), x to psi [m, rad] and u to r [m/s, rad/s], and effective commands (N, n), see
+        `recording.supply`.
 
     Raises:
         DataError: The motion diverges.
@@ -296,9 +297,9 @@ def _logged_session(
 
 @jit
 def _simulate(flat: Array, facets: Array, first: Array, course: Course, pilot: Pilot, out: Array) -> int:
-    """Simulate one session from `first` (13,); return the number of finite rows of `out` (N, 13).
+    """Simulate one session from a pose and velocity `first` (13,); return the number of finite rows of `out`.
 
-    The pilot writes the commands of the course row by row.
+    The pilot writes the commands of the course row by row; `out` (N, 13) gets pose and velocity.
     """
     motion, thrusters = afloat(flat, facets), at_rest(flat)
     motion.y[:BODY], motion.s[TIME] = first, course.t[0]
@@ -314,7 +315,11 @@ def _ellipsoid_added_mass(vehicle: Vehicle) -> Array:
 
 
 def _require_size(hull: Panels, vehicle: Vehicle) -> None:
-    """Check that a mesh has the hull's size; otherwise it is probably in other units or axes."""
+    """Check that a mesh has about the size of the vehicle's hull.
+
+    Raises:
+        DataError: The sizes differ, probably because the mesh has other units or axes.
+    """
     stated = np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
     if np.abs(hull.extent - stated).max() > 0.05 * stated.max():
         found, wanted = (" x ".join(f"{value:.3g}" for value in sizes) for sizes in (hull.extent, stated))

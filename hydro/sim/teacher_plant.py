@@ -53,10 +53,10 @@ class TeacherPlant(FleetPlant):
         self._own: dict[int, tuple[Array, Array]] = {}
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace some vehicles; see `sim.plant.Plant`.
+        """Replace vehicles by index; see `sim.plant.Plant`.
 
         Raises:
-            DataError: The embedded simulator refuses one, or it has other thrusters or internal states.
+            DataError: The embedded simulator refuses a vehicle, or it has other thrusters or internal states.
         """
         for number, vehicle in vehicles.items():
             subject = teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
@@ -65,7 +65,7 @@ class TeacherPlant(FleetPlant):
             self._own[number] = flat, subject.facets
 
     def _fly(self, mask: Mask, pace: Pace) -> None:
-        """Simulate some vehicles for a control step, or start them, and update their arrays."""
+        """Simulate the vehicles of a mask (N,) for a control step, or with 0 steps start them."""
         alike, alone = mask.copy(), np.zeros_like(mask)
         for number, craft in self._own.items():
             alike[number] = False

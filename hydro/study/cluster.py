@@ -89,10 +89,10 @@ class Cluster:
         self._ray.shutdown()
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield results in the order of the arguments, see `study.engine.Engine.each`.
+        """Yield results in the order of the arguments; see `study.engine.Engine.each`.
 
         Raises:
-            HydroError: A task failed; this is the error of the first one.
+            HydroError: A task failed; the error of the first such task.
             DataError: A node does not see this folder, or nodes were lost too often.
         """
         for one in self._begun(task, arguments):
@@ -198,7 +198,7 @@ def _run(home: str, task: Callable[..., Result], arguments: tuple[Any, ...]) -> 
 
 
 def _prepared(warm: Callable[[], object] | None) -> str:
-    """Prepare a node, and return its versions."""
+    """Run `warm` on a node, such as to compile kernels, and return the versions that the node has."""
     if warm is not None:
         warm()
     return _versions()
@@ -223,10 +223,10 @@ def _imported() -> Any:
 
 
 def _require_answer(address: str) -> None:
-    """Refuse an address without a Ray cluster, because Ray itself would wait for one without a time limit.
+    """Refuse an address without a Ray cluster, because Ray itself would wait without a time limit.
 
     Raises:
-        UsageError: It is not an address, or the server there is not Ray.
+        UsageError: The text is not an address, or the server there is not Ray.
     """
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:

@@ -30,7 +30,7 @@ class Diagnosed:
         session: Name of the session.
         findings: Diagnosis table; None if the session could not be diagnosed.
         headline: Headline of the diagnosis.
-        error: Reason why it could not be diagnosed.
+        error: Reason why the session could not be diagnosed; empty otherwise.
     """
 
     session: str
@@ -64,7 +64,15 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected
 def _written(
     part: Part, target: Path, start: Vehicle, text: str, corrected: bool
 ) -> tuple[pl.DataFrame, str]:
-    """Diagnose a session, write the findings, and return them with their headline."""
+    """Diagnose a session, write the findings to `target`, and return them with their headline.
+
+    Args:
+        part: The session.
+        target: File of the findings.
+        start: The vehicle, with its known values marked.
+        text: Text of its file.
+        corrected: Continue with the thrusters as the audit states them.
+    """
     source = table.read_part(part)
     known = vehicle.without_errors_from(start, source.provenance.content)
     log = preprocess(known, source.frame)
@@ -86,7 +94,7 @@ def _written(
 
 
 def warm(part: Part, start: Vehicle) -> None:
-    """Compile the kernels of the first part of a diagnosis, with the first rows of a session."""
+    """Compile the kernels of a diagnosis by diagnosing the first rows of a session."""
     rows = partitions.scan(part.path)
     with contextlib.suppress(DataError):  # the diagnosis of the whole session reports such an error
         dt = sample_time(rows.select("session", "t").head(FEW).collect())

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def save_recorded(study: Study, vehicles: Mapping[int, Vehicle], log: Preprocessed) -> None:
-    """Write replays, unexplained forces and growth of some steps, and the list of sessions.
+    """Write replays, unexplained forces and growth of the chosen steps, and the list of sessions.
 
     Args:
         study: The study.
         vehicles: Vehicles of the steps that are drawn, by their numbers; the last is the one to use.
-        log: Recording that was fitted to.
+        log: Recording that was fitted.
     """
     import polars as pl
 
@@ -49,7 +49,7 @@ def save_recorded(study: Study, vehicles: Mapping[int, Vehicle], log: Preprocess
 
 
 def save_bands(study: Study, step: Step) -> str:
-    """Write the bands of a step's predictions, unless no value was fitted.
+    """Write the intervals (bands) of a step's predictions, unless no value was fitted.
 
     Returns:
         The reason why there are none; empty if they were written or not needed.

@@ -15,7 +15,7 @@ class Places:
     """Paths of the files of a guided study.
 
     Attributes:
-        folder: Its folder.
+        folder: Folder of the study.
         map: The map of the log; None where the recording is a raw table.
         vehicle: The vehicle file.
         recording: The raw table.
@@ -93,7 +93,7 @@ def reported(places: Places) -> Step:
 
 
 def script(steps: Sequence[Step], folder: Path, again: Sequence[str]) -> str:
-    """Return a shell script that runs these steps.
+    """Return a shell script that runs the given steps.
 
     Args:
         steps: The steps, in order.

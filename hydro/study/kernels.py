@@ -28,7 +28,7 @@ SECONDS = 40.0
 
 
 def compile_diagnosis(seconds: float = SECONDS) -> None:
-    """Check, compare, diagnose and simulate so much of a bundled recording."""
+    """Compile the kernels of checks, comparison, diagnosis and simulation, with `seconds` of a recording."""
     known, head = _recorded(seconds)
     log = preprocess(known, head)
     compare(known, log.raw, record=log.observed)
@@ -37,7 +37,7 @@ def compile_diagnosis(seconds: float = SECONDS) -> None:
 
 
 def compile_network(seconds: float = SECONDS) -> None:
-    """Label a bundled recording, by its samples too, train a network and simulate it in MuJoCo.
+    """Compile the kernels of labels, training and MuJoCo simulation, with `seconds` of a bundled recording.
 
     Without torch no network is trained, and the vehicle is simulated without one.
     """
@@ -64,14 +64,14 @@ def compile_kernels(seconds: float = SECONDS) -> float:
 
 
 def _recorded(seconds: float) -> tuple[Vehicle, pl.DataFrame]:
-    """Return a bundled vehicle file and the beginning of its recording."""
+    """Return a bundled vehicle file and the first `seconds` of its recording (raw table)."""
     data = bundled("hidden")
     frame = table.read(data / "measured.parquet").frame
     return vehicle.read(data / "vehicle.toml")[0], frame.filter(frame["t"] < seconds)
 
 
 def _quiet() -> None:
-    """Show no notice of compilations."""
+    """Switch off the notices of compilations."""
     warnings.simplefilter("ignore", HydroNotice)
 
 

@@ -38,7 +38,7 @@ class Labelling:
     Attributes:
         vehicle: Text of the vehicle file.
         acceleration: Method of the smoother.
-        subtract: Effects that are subtracted from tau_res.
+        subtract: Effects that the label excludes: `inertia`, its added mass, or all `effects`.
         noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; None to estimate it.
         limits: Maximum standard deviations of a labelled row, for recordings with nulls.
         design: Filter that all sessions share; None to design it from the recording.
@@ -68,7 +68,11 @@ class Labelled:
 
 
 def label(source: Artefact, how: Labelling) -> tuple[Artefact, tuple[str, ...]]:
-    """Return the labels of a recording, and notes on it, one line each.
+    """Return the labels of a recording, and notes on the recording, one line each.
+
+    Args:
+        source: Raw table.
+        how: Settings of the labels.
 
     Raises:
         DataError: As for `core.distillation.labels.labels`.
@@ -171,7 +175,7 @@ def warm(part: Part, how: Labelling) -> None:
 
 
 def _written(part: Part, target: Path, how: Labelling) -> tuple[str, ...]:
-    """Write the labels of a session and return notes; all tables are released on return."""
+    """Write the labels of a session to `target` and return notes; all tables are released on return."""
     source = table.read_part(part)
     try:
         voltage = unknown_voltage(vehicle.parse(how.vehicle), source.frame)

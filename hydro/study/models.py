@@ -127,7 +127,10 @@ def _steps(study: Study) -> list[list[Step]]:
 
 
 def _rounds(study: Study) -> list[list[Run]]:
-    """Return the networks seed by seed, all data first, so that an interrupted study has every model."""
+    """Return the networks in rounds, one per seed: first with all data, then with limited minutes.
+
+    So an interrupted study has a network of every model.
+    """
     whole = [[Run(name, seed) for name in study.models] for seed in range(study.seeds)]
     parts = [
         [Run(name, seed, share) for share in study.minutes for name in study.models]
@@ -145,7 +148,10 @@ def _reads(data: Recordings, *files: Path) -> tuple[Path, ...]:
 
 
 def disturb(study: Study, runner: Runner, noise: Noise) -> None:
-    """Write the training recording with noise, unless it is done; no command does this."""
+    """Write the training recording with noise added, unless that is done already.
+
+    No command adds noise, so this function takes the place of a step.
+    """
     import numpy as np
     import polars as pl
 
@@ -191,12 +197,12 @@ def _preparation(study: Study) -> list[Step]:
 
 
 def _learnt_from(data: Recordings, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """Return the recording that is labelled, and the options that state its noise."""
+    """Return the recording that is labelled, with or without noise, and the options that state its noise."""
     return (data.raw, ()) if data.noise == "none" else (folder / "noisy.parquet", ("--noise", data.noise))
 
 
 def _tested(data: Recordings, folder: Path) -> tuple[Path, str]:
-    """Return the table for evaluation, and the part of it that is used."""
+    """Return the table for evaluation, and the part of the table that is used: `test` or `all`."""
     return (folder / "split.parquet", "test") if data.test is None else (folder / "test.parquet", "all")
 
 

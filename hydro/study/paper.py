@@ -32,7 +32,7 @@ class Replay(NamedTuple):
     """Settings for the replay of networks.
 
     Attributes:
-        conditioning: Kind of conditioning of the network's wrench.
+        conditioning: Filter and limits of the network's wrench, by name.
         lead: Time by which the network is evaluated ahead, in control steps.
     """
 
@@ -51,11 +51,11 @@ REPLAYS = (Replay("paper-old", 0.0), Replay("paper-new", 0.0), Replay("off", 0.0
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study.
+    """Settings of a study of the paper.
 
     Attributes:
         folder: Folder of the study.
-        raw: Recording to train networks on and to identify damping from.
+        raw: Recording from which networks learn and damping is identified.
         replay: Recording of the replayed sequence.
         vehicle: Vehicle file of all conditions except the two with effects.
         given: Vehicle file with effects that were chosen without data, for `R_effects`.
@@ -90,7 +90,7 @@ class Study:
     choices: tuple[str, ...] = ("wrench.lead=0",)
 
     def network(self, model: str, protocol: str) -> Path:
-        """Return the file of a network."""
+        """Return the path of the network of an architecture, trained by a protocol."""
         return self.folder / "models" / f"{model}-{protocol}.parquet"
 
     @property
@@ -99,11 +99,11 @@ class Study:
         return self.folder / "identified.toml"
 
     def offline(self, protocol: str) -> Path:
-        """Return the table of prediction errors of the networks of a protocol, Table II."""
+        """Return the path of the prediction errors of the networks of a protocol (Table II of the paper)."""
         return self.folder / f"offline-{protocol}.parquet"
 
     def replayed(self, protocol: str, way: Replay) -> Path:
-        """Return the table of replay errors of the networks of a protocol, Table III."""
+        """Return the path of the replay errors of the networks of a protocol (Table III of the paper)."""
         return self.folder / f"replay-{protocol}-{way.name}.parquet"
 
     @property
@@ -177,7 +177,7 @@ def _labels(study: Study) -> list[Step]:
 
 
 def _networks(study: Study) -> tuple[list[Step], list[Step]]:
-    """Return the steps that train the networks of the trainings, and those of all others."""
+    """Return the steps that train networks: those that policies are trained with, and all others."""
     from hydro.rl.environment.conditions import MODELS
 
     needed = {MODELS[name] for name in study.conditions if name in MODELS}
@@ -250,6 +250,6 @@ def quick(study: Study) -> Study:
 
 
 def finished(study: Study, of: Sequence[Run]) -> list[Run]:
-    """Return the trainings whose tests are all complete."""
+    """Return those of the given trainings whose tests are all complete."""
     tests = policies.tests(study.policies)
     return [run for run in of if all(run.tested(*test).is_file() for test in tests)]

@@ -27,7 +27,7 @@ LASTING = 2
 
 
 def trainings(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
-    """Return a row for every training of a study, also for those that were not run.
+    """Return a row for every training of a study, including those that were not run.
 
     Args:
         study: The study.
@@ -48,7 +48,7 @@ def trainings(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
 
 
 def _ledger(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the record of the steps that are done; empty if there is none."""
+    """Return the record of the steps that are done, by command line; empty if there is none."""
     path = folder / LEDGER
     return json.loads(path.read_bytes()) if path.is_file() else {}
 
@@ -99,7 +99,12 @@ def divergence(curves: pl.DataFrame, evaluations: pl.DataFrame) -> str:
 
 
 def flights(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
-    """Return the tests of trainings, by default all of the study, that were tested in every simulator."""
+    """Return the test flights of the trainings that were tested in every simulator.
+
+    Args:
+        study: The study.
+        of: Trainings; by default all of the study.
+    """
     import polars as pl
 
     from hydro.io import table
@@ -151,7 +156,12 @@ def differences(tests: pl.DataFrame, first: str = "R_PhysFeat") -> pl.DataFrame:
 
 
 def _newcombe(one: dict[str, Any], other: dict[str, Any]) -> tuple[float, float, float]:
-    """Return the difference of two shares with its 95 % interval: low, difference, high."""
+    """Return the low end, the value and the high end of the difference of two shares (95 % interval).
+
+    Args:
+        one: Row with the numbers `arrived` and `episodes` of one condition.
+        other: Row of the other condition, whose share is subtracted.
+    """
     from hydro.rl.training.evaluate import interval
 
     (p, low_p, high_p), (q, low_q, high_q) = (
@@ -163,7 +173,7 @@ def _newcombe(one: dict[str, Any], other: dict[str, Any]) -> tuple[float, float,
 
 
 def networks(study: Study) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Return the errors of the networks as far as they were computed: of the wrench, and of the replay.
+    """Return the errors of the networks computed so far: of the predicted wrench, and of the replay.
 
     Returns:
         Tables of `report.tables.prediction_errors` and `replay_errors` with a column `protocol`; the second

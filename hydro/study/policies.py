@@ -23,7 +23,15 @@ SIMULATORS = ("kernels", "student", "teacher")
 
 @dataclass(frozen=True)
 class Run:
-    """One training of a study, in the MuJoCo model of a vehicle file, with or without a residual model."""
+    """One training of a study.
+
+    Attributes:
+        condition: Physics condition of the training.
+        seed: Seed of the training.
+        folder: Folder of the training.
+        vehicle: Vehicle file.
+        model: Residual model; None without one.
+    """
 
     condition: str
     seed: int
@@ -33,11 +41,11 @@ class Run:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Tables of the training."""
+        """Paths of the tables of the training."""
         return tuple(self.folder / f"{name}.parquet" for name in ("run", "curves", "evaluations", "policy"))
 
     def tested(self, simulator: str, stage: int) -> Path:
-        """Return the table of its test flights in a simulator, for the task of a stage."""
+        """Return the path of the table of test flights in a simulator, with the task of a stage."""
         return self.folder / f"{simulator}-{stage}.parquet"
 
 
@@ -80,7 +88,7 @@ class Study:
 
     @property
     def reading(self) -> tuple[str, ...]:
-        """Options of every step with which it reads files."""
+        """Command-line options with which every step reads files."""
         from hydro.io.readers.expansion import OPTION
 
         return () if self.max_expanded is None else (OPTION, f"{self.max_expanded:g}")
@@ -104,7 +112,7 @@ class Study:
 
 
 def _kind(path: Path) -> str:
-    """Return the architecture of the residual model in a file."""
+    """Return the name of the architecture of the residual model in a file."""
     from hydro.io import table
     from hydro.io.model import from_artefact
 
@@ -150,7 +158,14 @@ def steps(study: Study, of: Sequence[Run]) -> list[Step]:
 
 
 def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
-    """Yield the steps that train and test one run."""
+    """Yield the steps that train and test one run.
+
+    Args:
+        study: The study.
+        run: The training.
+        first: Whether it is the first run of the study; its tests in the reference simulator include the
+            hand-written pilot.
+    """
     given = () if run.model is None else ("--model", str(run.model))
     which = ("--condition", run.condition, *given, "--seed", str(run.seed))
     options = ["--stages", str(study.stages), "--steps", str(study.steps), "--recipe", study.recipe]
@@ -174,7 +189,7 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
 
 
 def tests(study: Study) -> list[tuple[str, int]]:
-    """Return the simulators and stages in which every policy is tested."""
+    """Return the tests of every policy, as pairs of simulator and stage."""
     return [(simulator, stage) for simulator in SIMULATORS for stage in range(1, study.stages + 1)]
 
 

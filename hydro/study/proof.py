@@ -75,18 +75,24 @@ class Study:
         return self.folder / "oracle.parquet"
 
     def piloted(self, vehicle: str) -> Path:
-        """Return the table of the scripted pilot's flights of a vehicle."""
+        """Return the path of the table of the hand-written pilot's flights with a vehicle."""
         return self.folder / f"pilot-{vehicle}.parquet"
 
     @property
     def runs(self) -> list[Run]:
-        """Trainings, seed by seed: a stopped study has some in each file."""
+        """Trainings, seed by seed, so that an interrupted study has trainings of both files."""
         return [Run(self.folder, file, seed) for seed in range(self.seeds) for file in (BEFORE, AFTER)]
 
 
 @dataclass(frozen=True)
 class Run:
-    """Training in the file before or after the finding, with a seed."""
+    """Training in the vehicle file before or after the finding, with a seed.
+
+    Attributes:
+        study: Folder of the study.
+        file: BEFORE or AFTER the finding.
+        seed: Seed of the training.
+    """
 
     study: Path
     file: str
@@ -99,16 +105,16 @@ class Run:
 
     @property
     def tests(self) -> tuple[str, ...]:
-        """Vehicles that its policy flies; that of the file as given also flies the unchanged one."""
+        """Vehicles that the policy flies; a policy of the file as given also flies the unchanged vehicle."""
         return (CHANGED, UNCHANGED) if self.file == BEFORE else (CHANGED,)
 
     def tested(self, vehicle: str) -> Path:
-        """Return the table of the flights of a vehicle."""
+        """Return the path of the table of the policy's flights with a vehicle."""
         return self.folder / f"{vehicle}.parquet"
 
 
 def finding(study: Study) -> list[Step]:
-    """Return the steps that explain the log and compare the true vehicle with the held-out recording."""
+    """Return the steps that explain the log, and compare the true vehicle with the held-out recording."""
     beside = () if study.before is None else ("--before", str(study.before))
     wanted = [word for name in study.wanted for word in ("--add", name)]
     line = ("explain", str(study.vehicle), str(study.log), *beside, "--holdout", str(study.holdout), *wanted)
@@ -125,7 +131,7 @@ def chosen(study: Study) -> Path:
     """Return the vehicle file that `explain` recommends.
 
     Raises:
-        DataError: It added nothing.
+        DataError: `explain` added nothing.
     """
     from hydro.io import table
 
@@ -151,12 +157,12 @@ def trainings(study: Study, after: Path) -> list[Step]:
 
 
 def _flight(study: Study, actor: Path, read: Path, flown: str, tested: Path) -> Step:
-    """Return the step in which a policy or, of a vehicle file, the pilot flies in the reference simulator.
+    """Return the step in which a policy or the hand-written pilot flies in the reference simulator.
 
     Args:
         study: The study.
-        actor: Folder of a training, or a vehicle file.
-        read: File that the flight depends on.
+        actor: Folder of a training, or a vehicle file, which the pilot flies.
+        read: File on which the flight depends.
         flown: The changed or the unchanged vehicle.
         tested: Table to write.
     """

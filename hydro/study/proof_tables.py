@@ -52,7 +52,7 @@ def errors(study: Study) -> pl.DataFrame:
 
 
 def _error(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an error with its interval."""
+    """Return an error and the ends of its interval from a row of a comparison or ladder."""
     return {"error": row["rmse"], "low": row["low"], "high": row["high"]}
 
 
@@ -145,12 +145,12 @@ def flights(study: Study) -> pl.DataFrame:
 
 
 def pooled(flights: pl.DataFrame) -> pl.DataFrame:
-    """Return the arrivals over all seeds, with Wilson's interval and the smallest and largest seed.
+    """Return the arrivals over all seeds, with Wilson's interval and the smallest and largest rate of a seed.
 
-    The interval counts episodes as independent, so it does not hold the scatter between trainings.
+    The interval counts episodes as independent, so it does not include the scatter between trainings.
 
     Args:
-        flights: See `flights`.
+        flights: Table of `flights`.
 
     Returns:
         `flown_by`, `file`, `vehicle`, `seeds`, `episodes`, `success`, `success_low`, `success_high`, `least`,

@@ -28,8 +28,8 @@ class Step:
         line: Words of the command line, without `hydro`.
         reads: Input files.
         writes: Output files.
-        kind: Kind of step, for estimates of time: the command and what else matters, such as a model.  Steps
-            of one kind take about the same time.
+        kind: Command and options that determine the run time, for estimates of time.  Steps of one kind take
+            about the same time.
         holds: Folders into which only one running step may write.
     """
 
@@ -41,7 +41,7 @@ class Step:
 
     @property
     def name(self) -> str:
-        """Command line as one would type it."""
+        """Command line as the user would type it."""
         return shlex.join(self.line)
 
 
@@ -126,7 +126,7 @@ class Runner:
                     self.record(step, future.result(), workers)
 
     def _timed(self, step: Step) -> float:
-        """Run a step and return the time it took [s]; note its processor time."""
+        """Run a step and return the time that it took [s]; record its processor time."""
         self._message(f"hydro {step.name}")
         started, spent = time.perf_counter(), _processor_time()
         for path in step.writes:
@@ -136,7 +136,7 @@ class Runner:
         return time.perf_counter() - started
 
     def done(self, step: Step) -> bool:
-        """Return whether a step has been run on these inputs and its outputs are unchanged."""
+        """Return whether a step was run on its present inputs and its outputs are unchanged."""
         known = self._ledger.get(step.name)
         if known is None or not all(path.is_file() for path in (*step.reads, *step.writes)):
             return False
@@ -225,7 +225,7 @@ def captured(step: Step) -> tuple[int, str, str]:
     """Run a step in its own process; return its exit code, stdout and stderr.
 
     On Linux, the step is killed when the calling process ends.  A surviving step would write to its folder
-    while another process repeats the step.
+    while another process repeats the same step.
     """
     line = [sys.executable, "-c", _BOUND, *step.line]
     done = subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
@@ -233,7 +233,15 @@ def captured(step: Step) -> tuple[int, str, str]:
 
 
 def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> list[Step]:
-    """Return the steps that can start: their inputs are complete, and no running step holds their folders."""
+    """Return the steps that can start now.
+
+    Their inputs are complete, and no running step writes into the folders that they hold.
+
+    Args:
+        waiting: Steps that have not started, in order.
+        running: Steps that are running.
+        workers: Number of steps that may run at the same time.
+    """
     busy = list(running)
     to_come = {path for step in (*waiting, *busy) for path in step.writes}
     held = {folder for step in busy for folder in step.holds}

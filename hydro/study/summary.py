@@ -34,17 +34,17 @@ class Run:
 
     @property
     def label(self) -> str:
-        """Label that distinguishes the run from others of the same model: seed, and minutes if limited."""
+        """Label of the run among those of the same model: seed, and minutes of data if limited."""
         return f"seed {self.seed}" + ("" if self.minutes is None else f", {self.minutes:g} min")
 
 
 def conditioned(kind: str) -> Path:
-    """Return the path of the replay errors under one kind of conditioning, in the folder of a study."""
+    """Return the path of the replay errors under one conditioning, relative to the folder of a study."""
     return Path("replayed") / f"conditioning-{kind}.parquet"
 
 
 def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict[str, pl.DataFrame]:
-    """Write metrics tables of these networks into the folder of a study, and return them by name.
+    """Write metrics tables of the given networks into the folder of a study, and return them by name.
 
     `evaluation`, `errors` and `minutes` have means over seeds, with the smallest and the largest value.
     `conditioning` has errors of the first seed, and `ranking` Kendall's tau of the two errors.

@@ -35,7 +35,7 @@ class Dive:
     """One dive of a history.
 
     Attributes:
-        name: Its name.
+        name: Name of the dive.
         source: Raw table, part of a data set, or log.
         map: Map of a log; None for tables.
         definitions: Folder with `.msg` files, or None.
@@ -61,7 +61,7 @@ class Dive:
             return recordings.imported([file], self.map, _quiet, vehicle_file=self.vehicle)
 
     def digest(self) -> str:
-        """Return the SHA-256 of its files.
+        """Return the SHA-256 of the dive's files.
 
         Raises:
             DataError: A file cannot be read.
@@ -84,9 +84,9 @@ class Estimated:
 
     Attributes:
         dive: Name of the dive.
-        estimate: Its parameters; None if it could not be estimated.
+        estimate: Estimated parameters; None if the dive could not be estimated.
         parameters: Names of the parameters.
-        error: Reason why it could not be estimated.
+        error: Reason why the dive could not be estimated; empty otherwise.
     """
 
     dive: str
@@ -126,7 +126,7 @@ def _rest(dive: Dive) -> tuple[Path, Path | None, Path | None, Path | None]:
 
 
 def _quiet(line: str) -> None:
-    """Drop a line of the report of an import."""
+    """Ignore a line of an import's report."""
 
 
 def keys(dives: Sequence[Dive], baseline: Iterable[str], text: str) -> dict[str, str]:
@@ -187,7 +187,7 @@ def estimates(
 
 
 def place(folder: Path, dive: str) -> Path:
-    """Return the file with the estimates of one dive."""
+    """Return the path of the file with the estimates of one dive."""
     return partitions.place(folder / FOLDER, dive)
 
 
@@ -222,7 +222,7 @@ def estimate_dive(dive: Dive, baseline: Baseline, text: str, folder: Path, key: 
 
 
 def _frame(dive: str, parameters: Sequence[Parameter], found: Estimate) -> pl.DataFrame:
-    """Return the estimates of one dive as a table; the history has the values relative to its baseline."""
+    """Return the estimates of one dive as a history table, not yet relative to the baseline."""
     names = [one.name for one in parameters if one.reported]
     kept = np.array([one.reported for one in parameters])
     values = found.values[kept]
@@ -241,7 +241,13 @@ def _frame(dive: str, parameters: Sequence[Parameter], found: Estimate) -> pl.Da
 
 
 def _kept(file: Path, key: str, dive: str) -> Estimated | None:
-    """Return the estimates of an earlier run with this key; None without them."""
+    """Return the estimates of an earlier run, if their file has this key; otherwise None.
+
+    Args:
+        file: File of the estimates.
+        key: Hash of everything that determines the estimates.
+        dive: Name of the dive.
+    """
     if not file.is_file():
         return None
     try:

@@ -75,7 +75,7 @@ class Baseline:
         start: Vehicle from which the fits start.  It differs from the file where the file's predictions
             diverge.
         warnings: Problems of the baseline fit, one sentence each.
-        file: Other vehicle whose values are the prior knowledge; None if `vehicle` is.
+        file: Vehicle whose values are the prior knowledge, if that is another one; None if it is `vehicle`.
         sea: Waves that the recording shows and the file lacks; the shots allow for them.
         calmed: Share of the error beyond the noise that the waves explain.
     """
@@ -95,7 +95,7 @@ class Baseline:
 
     @property
     def filed(self) -> Vehicle:
-        """Vehicle with the starting values of its fits."""
+        """Vehicle with the starting values of the fits: the file, unless its predictions diverge."""
         return self.start or self.vehicle
 
     @property
@@ -104,10 +104,10 @@ class Baseline:
         return self.file or self.vehicle
 
     def thinned(self) -> Baseline:
-        """Return the baseline over SHOTS shots where its residual is far above the noise.
+        """Return the baseline over SHOTS shots where its residual is above FAR_FROM_NOISE.
 
         Return it unchanged if the residual is smaller or if there are fewer than twice as many shots.  A
-        search over a part of the shots is repeated over all of them if it comes near the noise.
+        search over a part of the shots is repeated over all of them if it ends below FAR_FROM_NOISE.
         """
         if len(self.refitted.costs) < 2 * SHOTS or not self.refitted.normal.chi2 > FAR_FROM_NOISE:
             return self
@@ -115,50 +115,61 @@ class Baseline:
         return replace(self, problem=self.problem.some(SHOTS), given=given, refitted=refitted)
 
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
-        """Return a vehicle whose existing effects have the file's values."""
+        """Return a vehicle with the values of its existing effects replaced by those of `filed`."""
         own = [table for table in self.filed.effect if table["name"] in self.effects]
         others = [table for table in vehicle.effect if table["name"] not in self.effects]
         return msgspec.structs.replace(vehicle, effect=(*own, *others))
 
     def at_file(self) -> Model:
-        """Return the model with the existing effects free, at the file's values."""
+        """Return the model with the existing effects free, at the values of `filed`, without a fit."""
         return fit_model(self.filed, self.effects, self.problem, self.log.track, 0)
 
     def explained(self, model: Model) -> float:
-        """Return the share of the baseline fit's excess error that a model explains."""
+        """Return the share of the baseline fit's error beyond the noise that a model explains."""
         return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
 
     def material(self, gain: float, before: Model) -> bool:
         """Return whether a reduction of a model's squared residual is large enough to be a finding.
 
-        Where other effects explain most of the error, a small share of the first error may be a large share
-        of the present error.  It suffices if it is also clear of the noise.
+        It must be visible (`visible`).  It must also be a share MATERIAL of the error of the baseline fit, or
+        a share FURTHER of the error of the present model.  Where other effects explain most of the error, a
+        small share of the first is a large share of the second.
+
+        Args:
+            gain: Reduction of the squared residual, in units of the noise variance.
+            before: Present model.
         """
         much = gain >= FURTHER * before.excess
         return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
 
     def visible(self, gain: float) -> bool:
-        """Return whether a reduction of the squared residual would be visible in a replay."""
+        """Return whether a reduction of the squared residual would be visible in a replay (VISIBLE)."""
         return gain >= VISIBLE * self.refitted.normal.residuals
 
     def belongs(self, effect: str, gain: float, before: Model) -> bool:
-        """Return whether an effect is a finding: it is material, or visible and shown by kinematics."""
+        """Return whether an effect is a finding: it is material, or visible and shown by kinematics.
+
+        Args:
+            effect: Name of the effect.
+            gain: Reduction of the squared residual by the effect, in units of the noise variance.
+            before: Model without the effect.
+        """
         return self.material(gain, before) or (self.sure(effect) and self.visible(gain))
 
     def sure(self, effect: str) -> bool:
-        """Return whether kinematics alone shows this error of the velocity sensor."""
+        """Return whether an effect is an error of the velocity sensor that kinematics alone shows."""
         test = self.sensors.get(effect)
         return test is not None and shown_by_kinematics(test)
 
 
 @dataclass(frozen=True)
 class Found:
-    """Effect that joined the model.
+    """Effect that joined the model in a round of a search.
 
     Attributes:
         effect: Name of the effect.
         p_value: Probability that the largest gain of all effects is as large by chance.
-        rivals: Fitted models with this effect, or with another in its place, by effect.
+        rivals: Fitted models of the round, by effect: with this effect, or with another in its place.
     """
 
     effect: str
@@ -173,11 +184,11 @@ class Found:
 
 @dataclass(frozen=True)
 class Grown:
-    """Model during a search.
+    """State of a search: the model and the effects that joined it.
 
     Attributes:
         model: Vehicle with all effects found.
-        found: Effects that joined it.
+        found: Effects that joined the model, in this order.
     """
 
     model: Model
@@ -194,8 +205,8 @@ class Outcome(Grown):
     """Result of a search.
 
     Attributes:
-        last: Screening of the last round, in which nothing joined.
-        without: Model without each effect found, with all others refitted.
+        last: Screening of the last round, in which no effect joined.
+        without: Model without each effect found, with all others refitted, by effect.
         fit: Values and standard errors of all effects, fitted together; None before that fit, or without
             effects.
         warnings: Problems of the search, one sentence each.
@@ -210,8 +221,9 @@ class Outcome(Grown):
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
     """Return the vehicle from which fits start, and shots on which its predictions stay bounded.
 
-    It is the file, unless its predictions diverge even over the shortest shots.  Then linear damping from an
-    equation-error fit, which integrates nothing, replaces the file's linear damping, or else all its damping.
+    The vehicle is that of the file, unless its predictions diverge even over the shortest shots.  Then linear
+    damping from an equation-error fit, which integrates nothing, replaces the file's linear damping.  If that
+    diverges too, it replaces all damping of the file.
 
     Raises:
         DataError: The recording is too short, or the predictions of every start diverge.
@@ -264,7 +276,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
 
 
 def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
-    """Return the shots in which a vehicle's predictions stay bounded; None where too many diverge."""
+    """Return the shots in which a vehicle's predictions stay bounded; None if too many diverge."""
     problem = OutputError.of(shots, vehicle)
     prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
     stable = multiple_shooting.bounded(prepared, problem.shots)
@@ -272,7 +284,14 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
-    """Refit the file's effects from a start, with each channel weighted by its noise, white or coloured."""
+    """Refit the file's effects, with each channel weighted by its noise, white or coloured.
+
+    Args:
+        vehicle: Vehicle file.
+        log: Preprocessed recording.
+        problem: Shots, starting at the measured states.
+        start: Vehicle from which the fit starts, see `stable_start`.
+    """
     effects, warnings = own_effects(start), []
     refitted, problem, reached = weighed_fit(start, effects, problem, log)
     if start is not vehicle:
@@ -315,6 +334,13 @@ def weighed_fit(
     vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = STEP_SHARE
 ) -> tuple[Model, OutputError, bool]:
     """Fit effects with each channel weighted by its noise, white or coloured.
+
+    Args:
+        vehicle: Vehicle.
+        effects: Names or starting tables of the effects.
+        problem: Shots, starting at the measured states.
+        log: Preprocessed recording.
+        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
 
     Returns:
         The model, or the vehicle with its starting values where the fit diverges; the weighted shots; and

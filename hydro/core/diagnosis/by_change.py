@@ -3,7 +3,7 @@
 The hull-force error of the file is learnt from the earlier recording and held fixed in the later one
 (`core.residual`), so that only the change remains.  The file's effects keep their values; a
 change of them is a candidate like any other.  The unit of all residuals is the floor: the residual of the
-hull model on held-out stretches of the earlier recording.  Nothing below it is visible.
+hull model on held-out stretches of the earlier recording.  A smaller effect is not visible.
 """
 
 from __future__ import annotations
@@ -71,14 +71,15 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class ByChange:
-    """Regime in which the discrepancy is learnt from a recording before the change.
+    """Regime of a diagnosis with an earlier recording, from which the hull-force error is learnt.
 
-    Sensor errors that kinematics shows come first, then changes of the forces.
+    Sensor errors that kinematics shows come first, then changes of the forces.  For regimes see
+    `diagnosis.pipeline`.
 
     Attributes:
         file: Vehicle file.
-        compared: Recording after the change, in floors of the hull model.
-        first: File with the sensor errors, compared with it.
+        compared: Recording after the change, with residuals in floors of the hull model.
+        first: Vehicle file with the new sensor errors, compared with that recording.
         given: Mean squared residual of the file alone, in floors.
         errors: Tests of velocity sensor errors that are new.
         further: Whether the vehicle has changes already, so that the next one must be larger.
@@ -106,10 +107,10 @@ class ByChange:
 
         Args:
             vehicle: Vehicle file.
-            log: Recording.
+            log: Recording after the change.
             hull: Hull-force model learnt from the earlier recording.
-            further: Whether the vehicle has changes already.
-            told: See the attribute.
+            further: As the attribute.
+            told: As the attribute.
         """
         compared, first = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
         errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
@@ -121,7 +122,7 @@ class ByChange:
 
     @property
     def log(self) -> Preprocessed:
-        """Recording."""
+        """Recording after the change."""
         return self.compared.log
 
     def select(self, progress: Progress) -> Changes:
@@ -134,14 +135,18 @@ class ByChange:
         return replace(found[0], refused=found[1])
 
     def is_open(self, changes: Changes) -> bool:
-        """Return whether more than the floor of the hull model remains to be explained."""
+        """Return whether another change is searched for.
+
+        The first one always is, unless the vehicle has changes already.  A further one is if more than the
+        floor of the hull model remains, and there are fewer than MOST_FINDINGS changes.
+        """
         if self.further or changes.found:
             left = self.compared.chi2(self._last(changes))
             return len(changes.found) < MOST_FINDINGS and left > 1.0
         return True
 
     def best(self, changes: Changes, progress: Progress) -> Change | None:
-        """Fit candidates, and return the one with the least penalised held-out cost."""
+        """Fit candidates, and return the one with the least penalised held-out cost; None without a fit."""
         count, last = len(changes.found), self._last(changes)
         here = part(progress, 0.3 + 0.1 * count, 0.4 + 0.1 * count)
         here(f"{count} changes found, looking for more", 0.0)
@@ -150,15 +155,18 @@ class ByChange:
         return Change.of(self.compared, last, contend(self.compared, last, names, here, first_fits))
 
     def belongs(self, changes: Changes, change: Change) -> bool:
-        """Return whether the change is large enough to be named."""
+        """Return whether a change is large enough to be named (`Change.seen`)."""
         return change.seen(further=self.further or bool(changes.found))
 
     def added(self, changes: Changes, change: Change) -> Changes:
-        """Return the changes with one more."""
+        """Return the changes with a new one; the first is dropped if the new one fits better alone."""
         return Changes(tuple(reconsidered(self.compared, self.first, [*changes.found, change])))
 
     def findings(self, changes: Changes) -> list[Finding]:
-        """Return sensor errors and changes; or that nothing has changed, or was there before."""
+        """Return sensor errors and changes as findings, or the finding that nothing has changed.
+
+        If the earlier recording shows the same effects, they are no changes, and one finding says so.
+        """
         compared, first = self.compared, self.first
         given, left = compared.chi2(first), compared.chi2(self._last(changes))
         found = self._sensor_findings()
@@ -177,7 +185,7 @@ class ByChange:
         return found or [Finding("nothing_missing", advice=words)]
 
     def known_before(self, changes: Changes) -> bool:
-        """Return whether the vehicle had the first changes already in the earlier recording."""
+        """Return whether the changes describe the earlier recording too, so that they are no changes."""
         if self.further or not changes.found:
             return False
         changed = self._last(changes).vehicle
@@ -200,25 +208,26 @@ class ByChange:
         return [sensor_finding(one, share, dt, self.file) for one in self.errors]
 
     def _tell(self, fits: Mapping[str, Contender]) -> None:
-        """Tell the best candidate of the first fits."""
+        """Report the best candidate of the first fits to `told`."""
         best = Change.of(self.compared, self.first, fits)
         if self.told is not None and best is not None:
             share = min(max(best.score, 0.0), 1.0)
             self.told(Provisional(best.best.effect, best.confidence(self.given), share))
 
     def _last(self, changes: Changes) -> Model:
-        """Return the model with all changes."""
+        """Return the model with all changes, or without changes the first model."""
         return changes.found[-1].best.model if changes.found else self.first
 
 
 def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bool:
     """Return whether changes describe the earlier recording better than the hull-force model does.
 
-    The vehicle did not have them then, so they must fit that recording worse than the model.  Otherwise the
-    file is so far from the vehicle that the model could not be learnt, and no change can be named.
+    The vehicle did not have the changes then, so they must fit that recording worse than the hull-force
+    model. Otherwise the file is so far from the vehicle that this model could not be learnt, and no change
+    can be named.
 
     Args:
-        compared: Recordings.
+        compared: Recording after the change, with the hull-force model.
         file: Vehicle file.
         changed: File with all changes.
     """
@@ -230,7 +239,7 @@ def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bo
 
 
 def _needed_before(changes: Sequence[Change]) -> Finding:
-    """Return the finding that the earlier recording needs the same effects, so that they are no change."""
+    """Return the finding that the earlier recording shows the same effects, so that they are no changes."""
     effects = tuple(change.best.effect for change in changes)
     words = (
         f"the earlier recording needs {listed([name.replace('_', ' ') for name in effects])} as well: the "
@@ -246,9 +255,9 @@ class Change:
     """One step of the search for changes.
 
     Attributes:
-        best: Chosen effect.
+        best: Best candidate.
         rivals: All fitted candidates, by effect.
-        whole: Held-out squared residual of each shot without a further change, (S,).
+        whole: Held-out squared residual of each of S shots without a further change, (S,).
         floor: Squared residual of all shots at the floor of the hull model.
     """
 
@@ -259,7 +268,13 @@ class Change:
 
     @classmethod
     def of(cls, compared: Compared, last: Model, rivals: Mapping[str, Contender]) -> Change | None:
-        """Return the change with the best of the rivals; None if there are no rivals."""
+        """Return the step with the best of the fitted candidates; None without candidates.
+
+        Args:
+            compared: Recording after the change.
+            last: Vehicle with the changes so far.
+            rivals: Fitted candidates, by effect.
+        """
         whole = compared.left_out(last.normal.of([]))
         if not rivals:
             return None
@@ -271,7 +286,7 @@ class Change:
         return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
 
     def penalised(self, rival: Contender) -> float:
-        """Return a rival's held-out cost with its penalty, by which rivals are ranked."""
+        """Return a rival's held-out cost plus its penalty, by which rivals are ranked."""
         return rival.left + self.penalty(rival)
 
     @property
@@ -281,14 +296,14 @@ class Change:
 
     @property
     def leads(self) -> tuple[float, float]:
-        """Leads of the best over the next candidate and over no change, in penalised cost and floors."""
+        """Leads in penalised cost of the best over the next candidate and over no change, in floors."""
         best, none = self.penalised(self.best), float(self.whole.sum())
         others = [self.penalised(one) for one in self.rivals.values() if one.effect != self.best.effect]
         return (min(others, default=np.inf) - best) / self.floor, (none - best) / self.floor
 
     @property
     def relative_gain(self) -> float:
-        """Removed residual, as a share of the greater of the residual and the floor."""
+        """Removed squared residual, as a share of the greater of the present one and the floor."""
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
 
@@ -307,20 +322,32 @@ class Change:
         return self.wins()[self.best.effect] * lead_confidence(*self.leads, by_chance)
 
     def seen(self, further: bool) -> bool:
-        """Return whether the change is large enough to be named, as the first or a further one."""
+        """Return whether the change is large enough to be named.
+
+        Args:
+            further: Whether the vehicle has changes already; then the change must be larger.
+        """
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
-        """Return the 95 % interval of the score."""
+        """Return the 95 % interval of `score`, by resampled shots.
+
+        Args:
+            seed: Seed of the resamples.
+        """
         both = np.column_stack([self.whole - self.best.costs, self.whole])
         drawn = weights(len(both), RESAMPLES, seed) @ both
         low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [0.025, 0.975])
         return float(min(low, self.score)), float(max(high, self.score))
 
     def wins(self, seed: int = 0) -> dict[str, float]:
-        """Return the share of the resamples in which each rival is the best, in descending order."""
+        """Return the share of the resamples in which each rival is the best, in descending order.
+
+        Args:
+            seed: Seed of the resamples.
+        """
         names = list(self.rivals)
         penalties = np.array([self.penalty(self.rivals[name]) for name in names])
         costs = np.stack([self.rivals[name].costs for name in names], axis=1) + penalties / len(self.whole)
@@ -347,6 +374,11 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
     """Return the changes, or the second alone where it fits better without the first.
 
     A candidate with a threshold may appear only after a poorer candidate has moved the start of its fit.
+
+    Args:
+        compared: Recording after the change.
+        first: Vehicle without the changes.
+        changes: Changes, in the order of the search; other numbers than two are returned as they are.
     """
     if len(changes) != 2:
         return changes
@@ -362,7 +394,13 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
 
 
 def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Candidate]:
-    """Yield every candidate change, and at each step the model without a change."""
+    """Yield every fitted candidate, and at each step the model without a further change.
+
+    Args:
+        compared: Recording after the change.
+        first: Vehicle without the changes.
+        those: Result of the search.
+    """
     last = first
     for step, change in enumerate([*those.found, *([those.refused] if those.refused else [])]):
         taken = step < len(those.found)
@@ -376,7 +414,17 @@ def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Ca
 def _candidate(
     compared: Compared, step: int, name: str, chosen: bool, change: Change, rival: Contender, first: Model
 ) -> Candidate:
-    """Return one candidate change; an empty name stands for the model without one."""
+    """Return the scores of one fitted candidate of a step.
+
+    Args:
+        compared: Recording after the change.
+        step: Number of the step.
+        name: Effect; empty for the model without a further change.
+        chosen: Whether the diagnosis took it.
+        change: Step of the search.
+        rival: Fitted candidate.
+        first: Vehicle without the changes.
+    """
     return candidate_of(
         "change",
         step,
@@ -400,12 +448,12 @@ def _finding(
     """Return a change as a finding.
 
     Args:
-        change: Change.
+        change: Step of the search whose best candidate is the change.
         file: Vehicle file.
         fit: Values of all changes.
         dt: Time between rows [s].
-        given: Residual of the file as given, in floors.
-        left: Residual with all changes, in floors.
+        given: Mean squared residual of the file as given, in floors.
+        left: Mean squared residual with all changes, in floors.
         most: Greatest confidence, less than 1 if the hull-force model does not describe the vehicle.
     """
     name, wins = change.best.effect, change.wins()
@@ -472,16 +520,17 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
 def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequence[Entry]) -> Fit:
     """Return the joint posterior of all changes, with the error of the hull model integrated out.
 
-    All entries of the changed effects are free, also those that the search held at the file's values: a held
-    entry that has changed a little would bias the others.  Only those that the search needs get new values.
-    The fit stays where it is if the linear step does not lower the error, and damping and added mass stay
-    passive.  The distance of such values from the posterior mean counts as a further error.
+    All components of the changed effects are free, also those that the search held at the file's values.  A
+    held component that has changed a little would bias the others.  Only `entries` get new values.
+
+    These move to the posterior mean if that lowers the error, and otherwise stay as fitted.  Damping and
+    added mass stay passive.  The distance of the values from the posterior mean adds to their covariance.
 
     Args:
-        compared: Recordings.
+        compared: Recording after the change.
         file: Vehicle file.
         vehicle: Vehicle with its changes, as fitted.
-        entries: Entries that the search needs.
+        entries: Components that the search needs.
     """
     names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
     unknown = free(vehicle, names, reach=compared.log.track)

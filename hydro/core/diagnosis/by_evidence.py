@@ -1,4 +1,4 @@
-"""Diagnosis where no model reaches the noise: the change that transfers best, with its confidence.
+"""Diagnosis where no model reaches the noise: one change is named, with its confidence.
 
 No formula of the catalogue describes a hull exactly, and a flexible formula can absorb the hull's error.  So
 one change at a time is named, by the error that it removes from held-out data (`diagnosis.transfer`).  The
@@ -70,13 +70,14 @@ from hydro.core.residual.allowance import Allowance
 
 @dataclass(frozen=True)
 class Named:
-    """Change that transfers best.
+    """Result of naming one change where no model reaches the noise.
 
     Attributes:
         findings: The named effect and those nearly as good; empty if none is named.
-        model: Vehicle with it and the existing effects, fitted within their priors.
-        fit: Values and standard errors; None without a fit.
-        refitted: Existing effects alone, likewise; the file unchanged where they are held.
+        model: Vehicle with the named effect and the existing effects, fitted within their priors.
+        fit: Values and standard errors of `model`; None without a fit.
+        refitted: Vehicle with the existing effects alone, fitted within their priors; the file unchanged
+            where they are held.
         rivals: Every effect of the survey, the best first.
         sensor_errors: Errors of the velocity sensor that kinematics shows.
     """
@@ -91,11 +92,13 @@ class Named:
 
 @dataclass(frozen=True)
 class ByEvidence:
-    """Regime in which no model reaches the noise: hull forces of a library are the discrepancy.
+    """Regime of a diagnosis where no model reaches the noise, with a library of hull forces.
+
+    The library stands for the force that no effect describes, see `diagnosis.pipeline`.
 
     Attributes:
         baseline: Vehicle file and shots.
-        outcome: Outcome of the search by likelihood.
+        outcome: Outcome of the search by likelihood, which did not reach the noise.
     """
 
     baseline: Baseline
@@ -115,7 +118,11 @@ class ByEvidence:
         return replace(by_transfer(there, part(progress, 0.4, 0.9)), sensor_errors=tuple(errors))
 
     def findings(self, named: Named) -> list[Finding]:
-        """Return sensor errors, contradicted values, the name, and the error that remains."""
+        """Return all findings, in the order of the diagnosis.
+
+        The order is: sensor errors, known values of the file that the recording contradicts, the named effect
+        with those nearly as good, and the error that remains.
+        """
         baseline = self.baseline
         last = replace(self.outcome, model=named.model, found=(), fit=named.fit)
         found = [*named.sensor_errors, *contradicted(baseline, self.outcome), *named.findings]
@@ -127,7 +134,7 @@ class ByEvidence:
         return [with_implausible(finding, baseline.vehicle) for finding in found]
 
     def result(self, named: Named, findings: Sequence[Finding]) -> Result:
-        """Return the fit of the named change; without a right model no experiment is planned."""
+        """Return the fit of the named change; no experiment is planned, because no model is right."""
         models, fit = (self.baseline.given, named.refitted, named.model), named.fit
         given, refitted, found = (model.normal.chi2 for model in models)
         vehicle = fit.vehicle if fit else named.model.vehicle
@@ -167,8 +174,12 @@ def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change with the most evidence, or with the largest share of held-out error removed.
 
-    If physics excludes its values, it stands for another effect.  Then the next best with plausible values is
-    named, if its score is within NEARLY_EQUAL of the first.
+    Values that physics excludes show that an effect stands for another.  Then the next best with plausible
+    values is named, if its score is at least NEARLY_EQUAL of the first one's.
+
+    Args:
+        baseline: Vehicle file and shots.
+        progress: Called with a short text and the share of the work done.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -210,15 +221,16 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
 
 
 def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
-    """Rank the survey by evidence with the hull force free, unless that evidence is too small.
+    """Rank a survey by evidence with the hull force free, unless the largest is below LEAST_EVIDENCE.
 
-    A file without drag leaves it to the hull force, so its survey is not ranked by evidence.
+    The survey of a file without drag stays ranked by transfer, because the hull force would take over the
+    drag.
 
     Args:
-        surveyed: Survey.
+        surveyed: Survey of all effects.
         baseline: Vehicle file and shots.
         refitted: Existing effects, fitted to all shots within their priors.
-        known: These priors.
+        known: Priors of the existing effects.
     """
     if not has_drag(baseline.vehicle):
         return surveyed
@@ -244,14 +256,24 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
 
 
 def _is_present(fit: Fit, effect: str) -> bool:
-    """Return whether an effect is still present once its values are those of a passive hull."""
+    """Return whether any fitted value of an effect exceeds SMALL_STEP in its natural scale.
+
+    Args:
+        fit: Values of a physically possible vehicle, in which an effect may vanish.
+        effect: Name of the effect.
+    """
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
     return bool((sizes > SMALL_STEP).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
-    """Return the model with its residuals in units of the noise again."""
+    """Return a model with its residuals in units of the noise of other shots.
+
+    Args:
+        model: Model.
+        fine: Shots with that noise.
+    """
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
     if not names:
@@ -260,7 +282,7 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
 
 
 def _moved(rival: Rival, baseline: Baseline) -> bool:
-    """Return whether the fit moves an existing effect farther than its prior allows."""
+    """Return whether a fit moves an existing effect FAR_FROM_PRIOR standard deviations from the file."""
     unknown = rival.model.unknown
     own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
     entries = [unknown.entries[i] for i in own]
@@ -268,9 +290,14 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
 
 
 def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Model:
-    """Fit the effect with the existing effects to all shots, from the values of the survey.
+    """Fit an effect with the existing effects to all shots, from the values of the survey.
 
     Values that were fitted with the hull force free stay: a plain fit would absorb the hull's error.
+
+    Args:
+        rival: Effect of the survey.
+        baseline: Vehicle file and shots.
+        known: Priors of the existing effects.
     """
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
@@ -283,7 +310,14 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
-    """Return the model without the effect, or with the file's values of it."""
+    """Return the model without an effect of the survey, or with the file's values of it.
+
+    Args:
+        rival: Effect of the survey.
+        baseline: Vehicle file and shots.
+        refitted: Existing effects, fitted within their priors.
+        known: Priors of the existing effects.
+    """
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
@@ -299,7 +333,17 @@ def _finding(
     fit: Fit,
     dt: float,
 ) -> Finding:
-    """Return the named effect, with its share of the error beyond the noise of the model without it."""
+    """Return the finding of the named effect, with its share of the error beyond the noise.
+
+    Args:
+        rival: Named effect.
+        surveyed: Survey of all effects.
+        others: Other effects that may be named.
+        model: Model with the effect.
+        without: Model without it, whose error the share is of.
+        fit: Values and standard errors.
+        dt: Sample time of the recording [s].
+    """
     values = fit.table(rival.effect)[0]
     if surveyed.by_evidence:
         sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
@@ -324,10 +368,17 @@ def _finding(
 def _nearly_as_good(
     rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
 ) -> Iterator[Finding]:
-    """Yield candidates with at least half the score of the named effect as unconfirmed findings.
+    """Yield effects with at least half the score of the named effect as unconfirmed findings.
 
-    They share the remaining probability by their scores, with one part for any other effect.  None has more
-    confidence than the named effect.
+    These divide the remaining probability in proportion to their scores; one more part stands for any other
+    effect.  None has more confidence than the named effect.
+
+    Args:
+        rival: Named effect.
+        surveyed: Survey of all effects.
+        others: Other effects that may be named.
+        finding: Finding of the named effect.
+        dt: Sample time of the recording [s].
     """
     worth = surveyed.worth
     near = [one for one in others if worth(one) >= max(SIMILAR * worth(rival), MATERIAL)]
@@ -345,7 +396,15 @@ def _nearly_as_good(
 
 
 def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
-    """Return an effect as an unconfirmed finding, with its values and its share of the error without it."""
+    """Return an effect as an unconfirmed finding, with its values and its share of the error.
+
+    Args:
+        rival: Effect of the survey.
+        model: Model with the effect.
+        without: Model without it, whose error beyond the noise the share is of.
+        fit: Values and standard errors.
+        words: Advice.
+    """
     pieces = max(block_length(model.normal.score), 1)
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     values, errors = fit.table(rival.effect)
@@ -364,7 +423,13 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
 
 
 def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:
-    """Return the evidence for the name, in words."""
+    """Return the evidence for a named effect, in words.
+
+    Args:
+        rival: Named effect.
+        model: Model with the effect.
+        near: Effects that are nearly as good.
+    """
     evidence = f", and its log evidence with any hull force allowed is {rival.evidence:.0f}"
     words = (
         f"; it removes {rival.score:.0%} of the error of held-out sessions and regimes"

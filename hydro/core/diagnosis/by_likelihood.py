@@ -57,11 +57,11 @@ DIVERGED_TOGETHER = "the final joint fit diverged: values are of the fit before 
 
 @dataclass(frozen=True)
 class ByLikelihood:
-    """Regime in which the best model reaches the noise, so that no discrepancy is needed.
+    """Regime of a diagnosis where the best model reaches the noise (`diagnosis.pipeline`).
 
     Attributes:
         search: Search, with its baseline.
-        outcome: Its outcome.
+        outcome: Outcome of the search.
     """
 
     search: Search
@@ -127,7 +127,8 @@ def selected(
     Args:
         baseline: Vehicle file and shots.
         progress: Called with a short text and the share of the work done.
-        in_vain: Whether an earlier search stayed far from the noise: then none is made there again.
+        in_vain: Whether an earlier search stayed far from the noise.  Above FAR_FROM_NOISE the effects are
+            then screened, and none is added.
         provisional: Called with the best candidate after the first fits.
     """
     some = baseline.thinned()
@@ -145,11 +146,19 @@ def selected(
 def searched(
     baseline: Baseline, progress: Progress, provisional: Told | None = None
 ) -> tuple[Search, Outcome]:
-    """Search from the refitted values, then from the file's if no model fits, and return search and outcome.
+    """Search for missing effects from the refitted values, then from the file's values if no model fits.
 
     Without the missing effect, refitted values may run away and no step leads back from them.  So where the
     first effect that joins leaves a residual above FAR_FROM_NOISE, the file's values are tried before a
     second joins.  The second search is returned only if it fits.
+
+    Args:
+        baseline: Vehicle file and shots.
+        progress: Called with a short text and the share of the work done.
+        provisional: Called with the best candidate after the first fits.
+
+    Returns:
+        The better search and its outcome.
     """
     first = Search(baseline, told=provisional)
     again = replace(first, from_file=True)
@@ -165,15 +174,15 @@ def searched(
 
 
 def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Search, Outcome]:
-    """Return the search, or a simpler one that changes effects singly, where refitted values are absurd.
+    """Return a search, or one that changes effects singly, where refitted values are absurd.
 
     All existing effects of the file are refitted before a search.  Together they can absorb an effect that
     the file lacks.  Then a second search holds them at the file's values, and refits one of them only if that
-    explains most.  By the penalty for parameters, the simpler explanation is returned.
+    explains most.  The search with the lower penalised cost is returned.
 
     Args:
         search: Search that found nothing.
-        outcome: Its outcome.
+        outcome: Outcome of that search.
         progress: Called with a short text and the share of the work done.
     """
     baseline, refitted = search.baseline, search.baseline.refitted
@@ -189,7 +198,7 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
-    """Fit everything found and the existing effects together to convergence, shrunk to the prior."""
+    """Fit everything found and the existing effects together, with values shrunk to the file's."""
     model, warnings = outcome.model, baseline.warnings
     try:
         model = continue_fit(model, ITERATIONS, share=0.0)
@@ -200,7 +209,15 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
 
 
 def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
-    """Return a joint fit shrunk to the file's values, and its values with standard errors."""
+    """Return a model with its values shrunk to the file's, and the fit with standard errors.
+
+    Args:
+        model: Joint fit.
+        file: Vehicle file whose values are prior knowledge.
+
+    Returns:
+        Model and fit; the fit is None if no component is free.
+    """
     if not model.unknown.entries:
         return model, None
     model = replace(model, values=shrunk_to_prior(model.unknown, model.values, model.normal, file))
@@ -239,7 +256,13 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
 
 
 def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
-    """Return the finding of one effect that joined the model."""
+    """Return the finding of one effect that joined the model.
+
+    Args:
+        found: Effect and its rivals.
+        baseline: Vehicle file and shots.
+        outcome: Result of the search, with its joint fit.
+    """
     log, model, effect = baseline.log, outcome.model, found.effect
     without = outcome.without[effect]
     pieces = max(block_length(model.normal.score), 1)
@@ -300,7 +323,7 @@ def _nothing(baseline: Baseline, outcome: Outcome) -> Finding:
 
 
 def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Yield the damping that was added because the file's predictions diverge without it."""
+    """Yield a finding for the damping without which the file's predictions diverge, if it was added."""
     for name in baseline.effects:
         if not baseline.vehicle.effects(name):
             values, errors = _joint(outcome).table(name)
@@ -311,10 +334,10 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield existing effects whose values in the file cost much and differ significantly from the fit.
 
-    The limit is a share of the squared error of the final model.  A share of a poor file's large error would
-    hide changes that bias the added effects.  Where nothing joined, the limit is a share of the
-    file's excess error, which is small next to the noise in a good file.  Absurd values are reported whatever
-    they cost: a free refit may have absorbed a missing effect with them.
+    The cost must exceed a share MATERIAL of the squared error of the final model.  A share of a poor file's
+    large error would hide changes that bias the added effects.  If no effect joined the model, a smaller cost
+    suffices: a share MATERIAL of the file's error beyond the noise, if it is visible.  Absurd values are
+    reported whatever they cost, because a free refit may have absorbed a missing effect with them.
     """
     model = outcome.model
     much = MATERIAL * model.normal.cost

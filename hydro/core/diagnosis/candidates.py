@@ -27,26 +27,28 @@ blocks a resampled frequency changes by less than its scatter."""
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one step of the search.
+    """One effect at one step of a search, with the numbers that decide about it.
 
     Attributes:
-        engine: Search that fitted it: `likelihood` for files that reach the noise, `change` with an earlier
-            recording, `transfer` for files that do not reach the noise.
+        engine: Search that fitted the effect: `likelihood` for files that reach the noise, `change` with an
+            earlier recording, `transfer` for files that do not reach the noise.
         step: Number of the step, from 0.
         effect: Name; empty for the model without any candidate.
-        chosen: Whether the diagnosis took it.
+        chosen: Whether the diagnosis took the effect.
         entries: Number of fitted values, including those of the file's free effects.
         shots: Number of shots behind the costs.
-        costs: Squared residual in each block of consecutive shots, at most BLOCKS; empty where the engine
+        costs: Squared residual in each block of consecutive shots, at most BLOCKS; empty for an engine that
             does not rank by it.
         chi2: Mean squared residual in units of the noise, or of the floor of the hull model for `change`.
         residuals: Number of residuals, or the floor of the hull model in the unit of `costs` for `change`.
-        left_out: Share of the held-out error that the effect removes; NaN where the engine has none.
-        evidence: Log evidence beyond that of the file; NaN where the engine has none.
-        lead: Log evidence that counts for the lead over the next candidate; NaN likewise.
+        left_out: Share of the held-out error that the effect removes; NaN if the engine does not compute it.
+        evidence: Log evidence beyond that of the file; NaN if the engine does not compute it.
+        lead: Evidence less the part that does not count in a comparison with the next candidate, see
+            `transfer.Rival.lead`; NaN if the engine does not compute it.
         own: Whether the file has the effect already.
-        absorbs: Share that such an effect absorbs of a hull that no formula describes.
-        plausible: Whether its values lie within their plausible range.
+        absorbs: Share of the held-out error that the effect removes from a hull that no formula describes, if
+            nothing else is missing.
+        plausible: Whether the values lie within their plausible range.
         values: Fitted values of the effect's table.
     """
 
@@ -69,7 +71,15 @@ class Candidate:
 
 
 def in_blocks(costs: Array, size: int = 1) -> Array:
-    """Sum the costs of shots (S,) over at most BLOCKS blocks whose length is a multiple of `size`, (B,)."""
+    """Sum the costs of S shots over blocks of consecutive shots.
+
+    Args:
+        costs: Squared residual of each shot, (S,).
+        size: Number of which the length of a block is a multiple.
+
+    Returns:
+        Sum of each of B blocks, (B,), at most BLOCKS.
+    """
     least = -(-len(costs) // BLOCKS)
     whole = max(-(-least // size), 1) * size
     return block_sums(costs[:, None], whole)[:, 0]
@@ -81,11 +91,11 @@ def candidate_of(
     """Return a candidate with the values of a fitted vehicle.
 
     Args:
-        engine: Search that fitted it.
+        engine: Search that fitted the effect.
         step: Number of the step.
         effect: Name; empty for the model without any candidate.
         vehicle: Fitted vehicle.
-        chosen: Whether the diagnosis took it.
+        chosen: Whether the diagnosis took the effect.
         entries: Number of fitted values.
         numbers: Further attributes of the candidate.
     """

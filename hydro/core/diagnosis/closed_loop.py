@@ -48,7 +48,15 @@ IMITATES = (
 
 
 def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> list[Finding]:
-    """Lower the confidence of findings that may be disturbances, and add a warning, under feedback."""
+    """Lower the confidence of findings that may be disturbances, and add a warning.
+
+    Findings of a recording without feedback are returned as they are.
+
+    Args:
+        baseline: Vehicle file and recording.
+        outcome: Result of the search.
+        findings: Findings.
+    """
     seen = feedback(baseline.vehicle, baseline.log.record)
     if not seen.closed:
         return list(findings)
@@ -57,7 +65,14 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
 
 
 def _judged(finding: Finding, own: dict[str, float]) -> Finding:
-    """Lower a finding's confidence by the share that steady disturbances explain; withdraw a re-estimate."""
+    """Lower a finding's confidence by the share that steady disturbances explain.
+
+    New values of an existing effect are withdrawn instead.
+
+    Args:
+        finding: Finding.
+        own: Share of each effect that remains with steady wrenches free, see `own_shares`.
+    """
     share = own.get(finding.effect, 1.0)
     if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= NEARLY_EQUAL:
         return finding
@@ -82,9 +97,14 @@ def _warning(seen: Feedback) -> Finding:
 def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
     """Return the share of each fitted effect, by name, that remains with steady wrenches free.
 
-    An effect is measured by its step from the file's values, or from 0.  With one wrench per stretch free,
-    the linearised problem gives a new step.  The share is its projection on the first step, weighted by the
-    information that remains.  Disturbances and sensor errors are skipped.
+    An effect is measured by its step from the file's values, or from 0.  With one wrench per stretch of
+    STEADY_SECONDS free, the linearised problem gives a new step.  The share is the projection of the new step
+    on the first, weighted by the information that remains.  It is 0 if the new step is not DISTINCT from 0.
+    Disturbances and sensor errors are skipped.
+
+    Args:
+        baseline: Vehicle file and recording.
+        model: Fitted model.
     """
     entries = model.unknown.entries
     if not entries:
@@ -109,7 +129,15 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
 
 
 def _with_wrenches(model: Model) -> Array:
-    """Return products of six steady wrenches and the model's columns, by stretch, (B, 7 + P, 7 + P)."""
+    """Return the normal equations with six steady wrenches free in each stretch of the recording.
+
+    Args:
+        model: Fitted model with P components.
+
+    Returns:
+        Products of the columns of the wrenches, of the components and of the residual, for each of B
+        stretches, (B, 7 + P, 7 + P).
+    """
     problem = cast(OutputError, model.problem)
     changed, steps = moved(model.unknown, model.values)
     pulls = list(steadily_disturbed(model.vehicle))

@@ -50,7 +50,7 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
         seed: Seed of the weights.
 
     Returns:
-        The best and all that are tied with it, the most frequent winner first.
+        Shares of `best` and of all effects that win at least a share NEGLIGIBLE, in descending order.
     """
     costs = np.stack([model.penalised for model in rivals.values()], axis=1)
     part = dict(zip(rivals, _wins(costs, rivals[best].normal, seed), strict=True))
@@ -82,10 +82,10 @@ def change_frequency(normal: Normal, entries: Sequence[int], change: Array, seed
 
 
 def _wins(costs: Array, best: Normal, seed: int) -> Array:
-    """Return the share of the resamples in which each of several models costs least, (M,).
+    """Return the share of the resamples in which each of M models costs least, (M,).
 
     Args:
-        costs: Penalised squared residual of each shot and model, (S, M).
+        costs: Penalised squared residual of each of S shots and each model, (S, M).
         best: Model whose residuals set the block length.
         seed: Seed of the weights.
     """
@@ -95,12 +95,12 @@ def _wins(costs: Array, best: Normal, seed: int) -> Array:
 
 
 def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> tuple[float, float, float]:
-    """Return the share of an error that is explained, with its 95 % interval.
+    """Return the share of an error that is explained, with the ends of its 95 % interval.
 
     Args:
-        gain: Squared residual explained in each shot, (S,).
+        gain: Squared residual explained in each of S shots, (S,).
         excess: Squared residual beyond the noise in each shot, (S,).
-        pieces: Number of shots in a block.
+        pieces: Number of shots in a block, which is resampled as a whole.
         seed: Seed of the weights.
     """
     blocks = block_sums(np.column_stack([gain, excess]), max(pieces, 1))
@@ -113,12 +113,13 @@ def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> t
 
 @dataclass(frozen=True)
 class Fitted:
-    """Fitted model with its prior.
+    """Fitted model of P components with its prior.
 
     Attributes:
-        normal: Linearised problem about its values, in units of the components' scales.
+        normal: Problem linearised about the fitted values, in units of the components' scales.
         amounts: Distance of each component from its prior mean, in scales, (P,).
-        information: Prior information on each component, (P,); by default a weak prior of PRIOR scales.
+        information: Prior information on each component, (P,), the inverse square of the standard deviation
+            in scales; by default that of a standard deviation of PRIOR scales.
     """
 
     normal: Normal
@@ -127,7 +128,9 @@ class Fitted:
 
 
 def folds(session: ArrayLike) -> Rows:
-    """Return the fold of each shot, the number of its session or stretch, (S,).
+    """Return the number of the fold that each of S shots is held out with, (S,).
+
+    A fold is a session.  With fewer than LEAST_SESSIONS sessions it is one of at most FOLDS stretches.
 
     Args:
         session: Number of each shot's session, (S,), in the order of the recording.
@@ -146,9 +149,10 @@ def folds(session: ArrayLike) -> Rows:
 
 
 def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
-    """Return the squared residual of each shot after a Gauss-Newton step to the fit of all other folds, (S,).
+    """Return the squared residual of each of S shots, predicted by the fit to all other folds, (S,).
 
-    Components that only the held-out fold determines return to their prior mean.
+    One Gauss-Newton step from the fitted values stands for that fit.  Components that only the held-out fold
+    determines return to their prior mean.
 
     Args:
         fitted: Fitted model.
@@ -179,7 +183,7 @@ def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> tuple[fl
 
     Args:
         first: Model without the rival, its existing effects fitted.
-        rival: Model with it, over the same shots.
+        rival: Model with the rival, over the same shots.
         session: Number of each shot's session, (S,).
     """
     fold = folds(session)
@@ -196,8 +200,8 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
 
     Args:
         effect: Name of the effect.
-        without: Model without it.
-        model: Model with it.
+        without: Model without the effect.
+        model: Model with the effect.
         session: Number of each shot's session, (S,).
     """
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
@@ -214,14 +218,15 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
 
 
 def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
-    """Split the share that overlapping findings explain together among them.
+    """Divide the share that overlapping findings explain together among these findings.
 
-    Each of them adds little to the others, and the sum of these additions is far less than the share
-    together.
+    Each adds little to the others, and the sum of these additions is far less than the share together.  Each
+    then gets a part of `together` in proportion to its addition.  Findings that do not overlap are returned
+    as they are.
 
     Args:
         findings: Findings, with the share that each adds to the others.
-        together: Share that all of them explain.
+        together: Share that all of them explain together.
     """
     added = sum(finding.share for finding in findings)
     if added >= NEARLY_EQUAL * together or added <= 0.0:
@@ -242,6 +247,10 @@ def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) ->
 
     Where a pilot or a controller reacts to a disturbance such as waves, disturbance and reaction are
     correlated, and estimates of inertia or damping are biased.
+
+    Args:
+        finding: Finding.
+        remaining: Findings of error that no effect explains.
     """
     rest = sum(one.share for one in remaining)
     if rest < SIMILAR * finding.share:
@@ -272,7 +281,7 @@ def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Find
 
 
 def stated(finding: Finding) -> Finding:
-    """Return the finding as unconfirmed if its confidence is below SURE.
+    """Return a confirmed finding as unconfirmed if its confidence is below SURE.
 
     Of effects that the recording cannot separate, the confidence of the whole group counts.
     """
@@ -295,7 +304,7 @@ def by_likelihood_confidence(frequency: float, left: float) -> float:
 def lead_confidence(over_next: float, over_none: float, by_chance: float) -> float:
     """Return the probability that the lead of the best candidate is not due to chance.
 
-    Of two candidates either may lead by chance, so the difference has a Laplace distribution: without a lead
+    Two candidates may each lead by chance, so the difference has a Laplace distribution.  Without a lead,
     each is right with a probability of one half.  A lead over no effect has an exponential distribution:
     without a lead, nothing is missing.
 
@@ -312,12 +321,12 @@ def lead_confidence(over_next: float, over_none: float, by_chance: float) -> flo
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """Return the probability that a name by transfer is right, where no model reaches the noise.
 
-    A lead is the share of the other model's residual that the best removes: where many effects remove nearly
-    all of an error, any of them could be right.
+    The lead over the next effect is a share of the residual that this effect leaves: where many effects
+    remove nearly all of an error, any of them could be right.
 
     Args:
         score: Share of the held-out error that the effect removes, see `diagnosis.transfer`.
-        others: Scores of all others.
+        others: Scores of all other effects.
     """
     next_best = max(others, default=-math.inf)
     lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
@@ -327,13 +336,14 @@ def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
 def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
     """Return the probability that a name is right, where evidence with the hull force free ranks the names.
 
-    No library contains every hull force, so gaps of the library give LEAST_EVIDENCE by chance.  Evidence also
-    counts correlated residuals as independent, so a share of it may be due to chance too.  In one real log,
-    with 16,000 times the noise left, gains of nine thrusters led by 109 of 1558, three of them dead.
+    No library contains every hull force, so its gaps give a lead of LEAST_EVIDENCE by chance.  Evidence also
+    counts correlated residuals as independent, so a share of it may be due to chance too.  In one real log
+    the residual was 16,000 times the noise.  There, gains of nine thrusters, three of them dead, led with a
+    log evidence of 1558 by 109.
 
     Args:
         evidence: Log evidence of the effect, see `residual.allowance`.
-        others: Log evidence of all others.
+        others: Log evidence of all other effects.
     """
     by_chance = LEAST_EVIDENCE + CHANGED * max(evidence, 0.0)
     return lead_confidence(evidence - max(others, default=-math.inf), evidence, by_chance)

@@ -56,11 +56,11 @@ Scored = tuple[float, Table]
 
 @dataclass(frozen=True)
 class Contender:
-    """Effect fitted as the change.
+    """Candidate change: one effect fitted to the recording after the change.
 
     Attributes:
         effect: Name of the effect.
-        model: Vehicle with it, over shots corrected for the hull force.
+        model: Vehicle with the effect, over S shots corrected for the hull force.
         costs: Held-out squared residual of each shot, predicted by the fit to all other folds, (S,).
     """
 
@@ -70,20 +70,20 @@ class Contender:
 
     @property
     def table(self) -> Table:
-        """Its `[[effect]]` table as fitted."""
+        """Fitted `[[effect]]` table of the effect."""
         return self.model.vehicle.effects(self.effect)[0]
 
     @property
     def left(self) -> float:
-        """Held-out squared residual."""
+        """Held-out squared residual of all shots."""
         return float(self.costs.sum())
 
     def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
         """Return the penalty of this effect, in units of squared residual.
 
-        If a rival reaches the floor, parameters cost a share of at most FIT floors, because the rest of the
-        residual was due to the change.  Otherwise no candidate is right, and they cost a share of the whole
-        residual.
+        If a rival reaches the floor, each parameter costs a share of at most FIT floors, because the rest of
+        the residual was due to the change.  Otherwise no candidate is right, and a parameter costs a share of
+        the whole residual.  An effect that absorbs hull-force error costs more.
 
         Args:
             rivals: All fitted candidates.
@@ -98,14 +98,14 @@ class Contender:
 
 @dataclass(frozen=True)
 class Compared:
-    """Recording after a change, corrected for the hull force that the file lacks.
+    """Recording after a change, to be corrected for the hull force that the file lacks.
 
     Attributes:
         log: Recording.
         hull: Hull-force model learnt from the earlier recording.
-        problem: Shots as measured, with residuals in units of the floor.
+        problem: S shots as measured, with residuals in units of the floor of the hull model.
         fold: Number of the held-out part that each shot belongs to, (S,).
-        weight: Robust weight of each shot, (S,).
+        weight: Weight of each shot, smaller for outliers, (S,).
     """
 
     log: Preprocessed
@@ -118,7 +118,17 @@ class Compared:
     def of(
         cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
     ) -> tuple[Compared, Model]:
-        """Return the shots with residuals in floors and robust weights, and the model of the vehicle."""
+        """Weight the shots by the hull model's floor, with smaller weights of outliers.
+
+        Args:
+            log: Recording after the change.
+            problem: Its shots.
+            hull: Hull-force model learnt from the earlier recording.
+            vehicle: Vehicle file.
+
+        Returns:
+            The recording, and the vehicle as a model without free components on the corrected shots.
+        """
         problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
         first = unfitted(vehicle, compared.corrected(vehicle))
@@ -126,20 +136,23 @@ class Compared:
 
     @property
     def unchanged(self) -> OutputError:
-        """Shots of the earlier recording, corrected for the hull force and weighted likewise."""
+        """Shots of the earlier recording, corrected for the hull force, with residuals in the same floors."""
         return self.hull.unchanged.weighed(self.problem.shots.sigma)
 
     def left_out(self, normal: Normal) -> Array:
-        """Return the weighted held-out cost of each shot, by one linear step to all other folds, (S,)."""
+        """Return the weighted held-out cost of each of S shots, by one linear step per fold, (S,).
+
+        The step leads to the fit of all other folds.
+        """
         weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
         return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
 
     def elsewhere(self, model: Model) -> Array:
-        """Return the held-out cost of each shot about a fit, (S,), at least the cost of the fit itself.
+        """Return the held-out cost of each of S shots about a fit, (S,), at least its cost in total.
 
-        Steps beyond a parameter's bounds would promise less than that.  Where the steps lead so far that the
-        linear problem is unreliable, the folds are refitted.  Otherwise one shot that tumbles would decide
-        alone.
+        A linear step may pass a parameter's bounds and promise a cost below that of the fit.  Where the steps
+        lead so far that the linear problem is unreliable, each fold is predicted by a new fit to the others.
+        Otherwise one shot that tumbles would decide alone.
         """
         left, here = self.left_out(model.normal), self.weight * model.costs
         if left.sum() > RIGHT * here.sum():
@@ -152,7 +165,10 @@ class Compared:
         return bool(self.left_out(model.normal).sum() <= RIGHT * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
-        """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
+        """Return the held-out cost of each of S shots by fits to all other folds, (S,).
+
+        It is infinite where a fit diverges.
+        """
         shots, found = cast(OutputError, model.problem).shots, np.full(len(self.fold), np.inf)
         for number in np.unique(self.fold):
             out = self.fold == number
@@ -164,7 +180,7 @@ class Compared:
         return np.asarray(self.weight * found)
 
     def floor(self, model: Model) -> float:
-        """Return the squared residual of all shots at the floor of the hull model."""
+        """Return the weighted squared residual that all shots have at the floor of the hull model."""
         return float(self.weight @ model.normal.freedoms)
 
     def chi2(self, model: Model) -> float:
@@ -172,7 +188,7 @@ class Compared:
         return float(self.weight @ model.costs) / self.floor(model)
 
     def corrected(self, vehicle: Vehicle) -> OutputError:
-        """Return the shots corrected for the hull force on the motion that this vehicle's file implies."""
+        """Return the shots corrected for the hull force, with a vehicle's response to that force."""
         shots = self.problem.shots
         transitions = Transitions.of(candidate(vehicle), shots)
         wrench = self.hull.law.wrench(vehicle, shots)
@@ -189,11 +205,14 @@ def contend(
     """Fit the candidates that score best after one Gauss-Newton step, and all effects of the current.
 
     Args:
-        compared: Recordings.
+        compared: Recording after the change.
         last: Vehicle with the changes so far.
-        chosen: Effects that are in it as changes already.
+        chosen: Effects that were added as changes already.
         progress: Called with a short text and the share of the work done.
-        first_fits: Called once, with the fits of the best candidates by one step.
+        first_fits: Called once, with the fits of the first candidates.
+
+    Returns:
+        Fitted candidates, by effect.
     """
     vehicle, reach = last.vehicle, compared.log.track
     tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
@@ -227,12 +246,18 @@ def contend(
 
 
 def _least(fits: Mapping[str, Contender]) -> float:
-    """Return the least held-out cost of some fits."""
+    """Return the least held-out cost of some fits; infinite without any."""
     return min((fit.left for fit in fits.values()), default=np.inf)
 
 
 def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Scored]) -> list[Table]:
-    """Return tables of effects at their best shapes, coarse or finer, the best score first."""
+    """Return tables of effects at their best shapes, of the coarse or the finer grid, the best score first.
+
+    Args:
+        compared: Recording after the change.
+        last: Vehicle with the changes so far.
+        coarse: Score and table of each effect, from the coarse grid of shapes (`identification.suspects`).
+    """
     tried = [one for name in coarse for one in _shapes(compared, last, name)]
     finer = scored_by_one_step(compared, last, tried)
     best = [max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in coarse.items()]
@@ -240,7 +265,7 @@ def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Score
 
 
 def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
-    """Return starting tables on every side for effects without a derivative at zero."""
+    """Return several starting tables for each effect that a fit from zero does not find."""
     return [
         {"name": name} | table
         for name in _far(fits)
@@ -250,7 +275,7 @@ def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Tab
 
 
 def _far(fits: Mapping[str, Contender]) -> list[str]:
-    """Return the effects that need several starting points."""
+    """Return the effects that a fit from zero does not find, so that they need several starts."""
     return [name for name in fits if CATALOGUE[name].identification.far]
 
 
@@ -260,7 +285,10 @@ def _stepwise(fits: Mapping[str, Contender]) -> list[str]:
 
 
 def _shapes(compared: Compared, last: Model, name: str) -> list[Suspect]:
-    """Return a finer grid of kinks and anchors of an effect that the vehicle lacks."""
+    """Return the finer grid of shapes of an effect that the vehicle lacks; empty for an existing one.
+
+    A shape fixes a nonlinear parameter, such as a threshold or an anchor, see `identification.suspects`.
+    """
     there = last.vehicle.effects(name)
     return [] if there else shapes(last.vehicle, name, reach=compared.log.track)
 
@@ -275,6 +303,13 @@ def _join(
     """Fit an effect from a table, and keep the fit if it has the least held-out cost of this effect.
 
     A fit that diverges or that kinematics refutes is dropped.
+
+    Args:
+        fits: Fits by effect, to which the new one is added.
+        compared: Recording after the change.
+        last: Vehicle with the changes so far.
+        table: `[[effect]]` table with starting values.
+        iterations: Maximum number of iterations.
     """
     try:
         fit = fitted(compared, last, table, iterations, _least(fits))
@@ -287,7 +322,13 @@ def _join(
 
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:
-    """Return the nonlinear effects of the file, about their values: each may have changed."""
+    """Return the nonlinear effects of the file as candidates, because each may have changed.
+
+    Args:
+        vehicle: Vehicle.
+        without: Effects to leave out.
+        reach: Positions [m] and times [s] of the recording, (N, 4).
+    """
     there = dict.fromkeys(str(table["name"]) for table in vehicle.effect)
     curved = [name for name in there if name not in without and is_curved(name)]
     return [of_entries(vehicle, name, reach=reach) for name in curved if not wholly_known(vehicle, name)]
@@ -321,7 +362,17 @@ def fitted(
 ) -> Contender:
     """Fit an effect from a table's values, with the hull forces that act on the fitted vehicle.
 
-    A first fit with many times the `least` cost of the others is not refined: it cannot become the best.
+    A first fit with more than FIT times the cost `least` is not refined, because it cannot become the best.
+
+    Args:
+        compared: Recording after the change.
+        last: Vehicle with the changes so far.
+        table: `[[effect]]` table with starting values.
+        iterations: Maximum number of iterations.
+        least: Least held-out cost of the other candidates.
+
+    Raises:
+        Diverges: The predicted motion diverges.
     """
     model, name = fitted_together(compared, last, [table], iterations), str(table["name"])
     here = compared.weight * model.costs
@@ -360,6 +411,11 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
     Usually one thruster fails, not all of them, and free components follow the hull's error.  The problem
     linearised about the fit shows which components are needed.  So this applies to effects that are linear in
     their components, and to effects of the file, whose components return to the file's values.
+
+    Args:
+        compared: Recording after the change.
+        last: Vehicle with the changes so far.
+        whole: Contender with all components.
     """
     model, count = whole.model, len(whole.model.values)
     curved = is_curved(whole.effect) and not last.vehicle.effects(whole.effect)
@@ -397,11 +453,11 @@ def fitted_together(
     """Fit several candidate effects together to the residual of a vehicle.
 
     Args:
-        compared: Recordings.
+        compared: Recording after the change.
         last: Vehicle with the changes so far.
         tables: `[[effect]]` tables of the candidates, with the initial values.
         iterations: Maximum number of steps.
-        about: Vehicle whose response to the hull force is used; by default the last one.
+        about: Vehicle whose response to the hull force is used; by default that of `last`.
     """
     reach = compared.log.track
     if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):

@@ -66,8 +66,8 @@ class Finding:
     Attributes:
         verdict: Verdict.
         effect: Effect that explains the error best; empty where no effect is meant.
-        members: All effects that it may be; columns for `log_fault`.
-        share: Share of the error beyond the noise that it explains.
+        members: All effects that the finding may stand for; columns for `log_fault`.
+        share: Share of the error beyond the noise that the effect explains.
         low: Lower end of the 95 % interval of the share; NaN without one.
         high: Upper end of that interval.
         confidence: Probability that the name is right, calibrated on the benchmarks; NaN if it is
@@ -75,13 +75,13 @@ class Finding:
         p_value: Probability of such a gain by chance alone; NaN where nothing was tested.
         parameters: Fitted values of the effect's table.
         standard_errors: Standard errors of these values.
-        excited: Whether the recording could have shown it.
+        excited: Whether the recording could have shown the effect.
         advice: Next step for the user.
         support: Evidence behind the confidence: the share of resamples in which this effect is the best, or
             the share of held-out error that it removes; NaN if it is not known.
         error_added: Held-out prediction error with this finding alone added to the file [m/s], see
             `Prediction`; NaN where it was not computed.
-        sentence: Its values and standard errors in plain words, see `diagnosis.status`; empty without values.
+        sentence: Values and standard errors in plain words, see `diagnosis.status`; empty without values.
     """
 
     verdict: Verdict
@@ -130,7 +130,7 @@ class Prediction:
 
     @property
     def refuted(self) -> bool:
-        """Whether there are confirmed findings, and they do not lower the error."""
+        """Whether there are confirmed findings, and the error does not fall with them."""
         return self.added != self.given and not self.falls
 
 
@@ -207,7 +207,7 @@ class Diagnosis:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Numbers and headline that an artefact keeps with the findings."""
+        """Numbers and headline that a diagnosis file keeps beside the table of findings."""
         kept: dict[str, Any] = {"chi2": [round(value, 4) for value in self.chi2]}
         if self.prediction is not None:
             kept[PREDICTION] = asdict(self.prediction)
@@ -294,9 +294,9 @@ def no_better(
 
     Args:
         diagnosis: Diagnosis table.
-        prediction: Its prediction errors; None if they are not known, which gives no reason.
+        prediction: Prediction errors of the diagnosis; None if they are not known, which gives no reason.
         names: Effects that are to be added.
-        alone: Whether they were named one by one: then one of them has to lower the error by itself.
+        alone: Whether the user named the effects.  Then one of them has to lower the error by itself.
 
     Returns:
         The reason in words; empty without one.
@@ -337,7 +337,7 @@ def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
 
 
 def _table(row: dict[str, Any]) -> dict[str, Any]:
-    """Return one finding as an effect table."""
+    """Return one row of a diagnosis table as an `[[effect]]` table."""
     try:
         values: dict[str, Any] = toml_text.value(row["parameters"])
         errors: dict[str, Any] = toml_text.value(row["standard_errors"] or "{}")
@@ -349,7 +349,13 @@ def _table(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
-    """Return the reason why an effect cannot be added."""
+    """Return the reason why an effect cannot be added.
+
+    Args:
+        name: Name of the effect.
+        rows: Rows of the diagnosis table with values.
+        found: Effects that can be added.
+    """
     for row in rows.iter_rows(named=True):
         if name in row["members"]:
             return (
@@ -367,9 +373,9 @@ def limited_confidence(
     Args:
         confidence: Confidence in the name.
         vehicle: Vehicle with the values.
-        effect: Name.
-        errors: Standard errors of the values, given where a model fits: the values must then lie
-            FAR_FROM_PRIOR half widths out.
+        effect: Name of the effect.
+        errors: Standard errors of the values, given where a model fits.  Then values count as excluded only
+            if they lie FAR_FROM_PRIOR half widths from the middle of the plausible range.
     """
     beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else FAR_FROM_PRIOR)
     return min(confidence, DOUBTFUL) if beyond else confidence
@@ -380,7 +386,7 @@ def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
 
     Args:
         finding: Finding, with or without values.
-        vehicle: Vehicle that the values are for.
+        vehicle: Vehicle that the finding's values would be added to.
     """
     if not finding.parameters:
         return finding

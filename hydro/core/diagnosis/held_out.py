@@ -36,7 +36,7 @@ from hydro.core.vehicle.description import Vehicle
 def predicted(
     diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, progress: Progress = silent
 ) -> Diagnosis:
-    """Add the prediction errors to a diagnosis, unless no session is long enough.
+    """Add the prediction errors to a diagnosis, unless the recording has too few long stretches.
 
     Args:
         diagnosis: Diagnosis.
@@ -81,12 +81,15 @@ def predicted(
 
 
 def by_axis(given: Squares, added: Squares, noise: Array | None) -> dict[str, list[float | None]]:
-    """Return the errors of each axis with samples: given, added, and by noise alone where that is known.
+    """Return three errors of each axis with samples [m/s, rad/s], by name of the axis.
+
+    The errors are root mean squares: of the file as given, with findings added, and by noise alone, None if
+    that is not known.
 
     Args:
         given: Squared errors of the file.
-        added: The same with findings added.
-        noise: Mean squared errors by noise alone, (6,).
+        added: Squared errors with findings added.
+        noise: Mean squared errors by noise alone, (6,) [m^2/s^2, rad^2/s^2]; None if not known.
     """
     seen = given.counts.sum(axis=0) > 0.0
     errors = [np.sqrt(given.mean), np.sqrt(added.mean), None if noise is None else np.sqrt(noise)]
@@ -106,7 +109,7 @@ def can_be_added(finding: Finding) -> bool:
 
 @dataclass(frozen=True)
 class _Check:
-    """Predictions of one recording with a vehicle file.
+    """Comparison of a vehicle file, and of the file with findings added, with one recording.
 
     Attributes:
         vehicle: Vehicle file.
@@ -126,7 +129,13 @@ class _Check:
 
     @classmethod
     def of(cls, vehicle: Vehicle, log: Preprocessed, ahead: Shots) -> _Check:
-        """Return the file as given, and its predictions."""
+        """Predict a recording with the file as given.
+
+        Args:
+            vehicle: Vehicle file.
+            log: Recording.
+            ahead: Shots that are predicted.
+        """
         problem = resolved(stable_start(vehicle, log)[1]).some(SHOTS)
         weight = Weights.of(candidate(vehicle)).velocity
         return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)
@@ -142,13 +151,16 @@ class _Check:
         return squares.error(self.weight)
 
     def errors(self, squares: Squares) -> Array:
-        """Return the error for random weights of the stretches, with a fixed seed, (RESAMPLES,)."""
+        """Return the error for random weights of the stretches, with a fixed seed, (RESAMPLES,) [m/s]."""
         drawn = weights(len(squares.sums), RESAMPLES, seed=0)
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))
 
     def noise(self) -> Array | None:
-        """Return mean squared errors due to noise alone, (6,); None where distance stands for a velocity."""
+        """Return mean squared errors due to noise alone, (6,) [m^2/s^2, rad^2/s^2].
+
+        None if velocity was not measured, so that the error is that of the distance covered.
+        """
         record = self.log.record
         if axes_by_distance(record).size:
             return None

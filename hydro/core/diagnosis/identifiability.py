@@ -38,13 +38,13 @@ from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.vehicle.description import Vehicle
 
 EXACT = 1e-6
-"""Largest residual of an exact alias, as a share of its column: rounding only."""
+"""Largest residual of an exact alias, due to rounding, as a share of the alias's forces."""
 STATES = 200
 """Number of random states at which forces are compared."""
 MIDDLE = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
 """Middle of the random poses, NED [m, rad]."""
 REACH = np.array([10.0, 10.0, 4.0, 0.6, 1.2, np.pi])
-"""Half range of the random poses about it [m, rad]."""
+"""Half range of the random poses about MIDDLE [m, rad]."""
 SPEED = np.array([1.5, 1.5, 1.5, 1.0, 1.0, 1.0])
 """Half range of the random velocities [m/s, rad/s]."""
 VECTORS: Mapping[str, tuple[str, str, str]] = {
@@ -63,7 +63,7 @@ def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple
     """Return the components that the recording leaves undetermined, of effects that it determines in part.
 
     Args:
-        entries: Free components.
+        entries: P free components.
         covariance: Covariance of their estimates, (P, P), each in units of its scale: `Evidence.covariance`,
             or `Fit.covariance` over the product of scales.
 
@@ -86,7 +86,7 @@ def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple
 
 
 def _together(covariance: Array) -> float:
-    """Return the standard error of the mean of some components."""
+    """Return the standard error of the mean of some components, from their covariance."""
     return float(np.sqrt(max(covariance.mean(), 0.0)))
 
 
@@ -131,8 +131,9 @@ def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> d
 
     Args:
         model: Vehicle and its free components.
-        known: Names of effects that are in it, which are not tested.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
+        known: Effects of the model, which are not tested.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which the place of an effect that
+            is fixed in the world, such as a tether's anchor, is searched for.
 
     Returns:
         The effects of the model that make up each alias, by the name of the alias.
@@ -163,12 +164,16 @@ def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> d
 
 
 def _forces(vehicle: Vehicle, states: Recording) -> Array:
-    """Return a vehicle's accelerations at some states, (6 N,)."""
+    """Return a vehicle's accelerations at N states in one vector, (6 N,)."""
     return accelerations(candidate(vehicle), states, states.eta, states.nu).ravel()
 
 
 def _states(thrusters: int) -> Recording:
-    """Return random states at which no two effects agree by chance, one independent state a row."""
+    """Return random states at which no two effects agree by chance; each row is independent of the others.
+
+    Args:
+        thrusters: Number of thrusters.
+    """
     rng = np.random.default_rng(0)
     return Recording(
         t=np.linspace(0.0, 0.02 * (STATES - 1), STATES),
@@ -183,7 +188,15 @@ def _states(thrusters: int) -> Recording:
 
 
 def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> Question:
-    """Return the rivals of every uncertain finding, and the effects that the recording does not show."""
+    """Return the open questions of a diagnosis, for the planning of the next experiment.
+
+    These are the rivals of every uncertain finding, and the effects that the recording does not show.
+
+    Args:
+        baseline: Vehicle file and recording.
+        outcome: Result of the search.
+        findings: Findings of that search.
+    """
     model, log = outcome.model, baseline.log
     ties = []
     for found in outcome.found:
@@ -198,7 +211,16 @@ def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding])
 
 
 def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Rival, ...]:
-    """Return the effects of a tie; else the closest contenders, or the model without the effect."""
+    """Return the effects between which an experiment should decide.
+
+    These are the members of a tie, or else the closest contenders, or else the effect and the model without
+    it.
+
+    Args:
+        found: Effect that joined the model, with its rivals.
+        members: Effects that the finding may stand for.
+        outcome: Result of the search.
+    """
     order = sorted(found.rivals, key=lambda name: float(found.rivals[name].penalised.sum()))
     names = [name for name in members if name in found.rivals]
     if len(names) < 2:
@@ -214,7 +236,10 @@ def _rival(name: str, model: Model) -> Rival:
 
 
 def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Yield effects, or components of them, that no recording can separate or that this one does not show."""
+    """Yield findings of effects that no recording can separate, or that this recording does not show.
+
+    Of an effect that the recording shows in part, the finding names the components that it does not show.
+    """
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
     known = [*baseline.effects, *outcome.effects]

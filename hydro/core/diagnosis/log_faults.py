@@ -37,9 +37,10 @@ class Preprocessed:
         raw: Raw table.
         record: Recording as arrays.
         faults: One finding for each kind of fault.
-        wiring: Order of the command columns if it differs from the vehicle file's; None otherwise.
+        wiring: Order and signs of the command columns if they differ from the vehicle file's; None otherwise.
         tails: Noise of channels with heavy tails.
-        sampled: Recording before a model filled the channels without samples; None where it is `record`.
+        sampled: Recording before a motion model filled the gaps between samples of slow sensors; None where
+            it is `record`.
         audit: Thruster audit of the original columns; None of a recording too short for it.
     """
 
@@ -74,13 +75,13 @@ class Preprocessed:
             file: Name of the vehicle file, for the command that corrects it; empty if it is not known.
 
         Raises:
-            DataError: It does; the message says how to correct it.
+            DataError: The recording contradicts them; the message says how to correct the file.
         """
         if self.audit is not None and self.audit.wrong:
             raise DataError(f"{self.audit.headline(file)}; or continue as it is with --correct-thrusters")
 
     def as_audited(self) -> Preprocessed:
-        """Return the recording with its audited columns, accepted as right."""
+        """Return the recording with its command columns as the audit corrected them, accepted as right."""
         return replace(self, audit=None)
 
     @property
@@ -90,7 +91,7 @@ class Preprocessed:
 
     @property
     def sessions(self) -> list[str]:
-        """Name of each segment's session, (S,)."""
+        """Name of the session of each of S segments without a gap, (S,)."""
         return [str(name) for name in self.raw["session"].gather(self.record.segments[:, 0])]
 
     @property
@@ -101,7 +102,7 @@ class Preprocessed:
 
     @cached_property
     def noise(self) -> Array:
-        """Standard deviation of the white noise on each channel, pose then velocity, (12,)."""
+        """Standard deviation of the white noise of pose and velocity, (12,) [m, rad, m/s, rad/s]."""
         return noise(self.record)
 
     @cached_property
@@ -111,7 +112,7 @@ class Preprocessed:
 
     @cached_property
     def lateness(self) -> float:
-        """Delay of the velocity sensor where kinematics shows one [s]; else 0."""
+        """Delay of the velocity sensor [s]; 0 unless kinematics shows one."""
         return lateness(lambda: self.sensors)
 
     def shots(self, seconds: float) -> Shots:
@@ -166,7 +167,7 @@ def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None)
     Args:
         vehicle: Vehicle file.
         raw: Raw table.
-        wiring: Order of the command columns; None for the vehicle file's.
+        wiring: Order and signs of the command columns; None for those of the vehicle file.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -175,7 +176,13 @@ def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None)
 
 
 def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preprocessed:
-    """Return a cleaned recording with its commands in the vehicle file's order."""
+    """Return a cleaned recording with its commands in the vehicle file's order.
+
+    Args:
+        vehicle: Vehicle file.
+        log: Cleaned recording.
+        wiring: Order and signs of the command columns; None if they are those of the file.
+    """
     raw, record = log.raw, log.record
     if wiring is not None:
         raw = in_order(raw, wiring)
@@ -185,7 +192,12 @@ def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preproces
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
-    """Return the table with its command columns in the vehicle file's order."""
+    """Return the table with its command columns in the order and with the signs of the vehicle file.
+
+    Args:
+        raw: Raw table.
+        wiring: Order and signs of the command columns; None if they are those of the file.
+    """
     if wiring is None:
         return raw
     return raw.with_columns(
@@ -195,7 +207,7 @@ def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
 
 
 def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
-    """Return the hull force that the file lacks, (N, 6) [N, N m]; None if the log is too short."""
+    """Return the hull force that the file lacks at N rows, (N, 6) [N, N m]; None if the log is too short."""
     try:
         return hull.law.wrench(vehicle, log.shots(SHOT_SECONDS))
     except DataError:
@@ -206,8 +218,14 @@ def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocesse
     """Return whether most predictions of a recording are better with another order of the commands.
 
     The audit compares accelerations at one time, where the error of a poor hull-force model can look like an
-    exchange.  Predictions contradict it, because exchanged columns drive the vehicle elsewhere.  Without a
-    gap-free stretch for a prediction, the audit alone decides.
+    exchange of two thrusters.  Predictions can contradict it, because exchanged columns drive the vehicle
+    elsewhere.  Without a gap-free stretch for a prediction, the audit alone decides.
+
+    Args:
+        vehicle: Vehicle file.
+        ordered: Recording with the order that the audit found.
+        plain: Recording with the order of the file.
+        hull: Hull-force model learnt from an earlier recording.
     """
     try:
         given, other = (_costs(vehicle, one, hull) for one in (plain, ordered))
@@ -217,7 +235,7 @@ def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocesse
 
 
 def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array:
-    """Return the squared residual of each prediction with the hull-force model, (S,)."""
+    """Return the squared residual of each of S predictions with the hull-force model, (S,)."""
     shots = log.shots(COMPARED_SECONDS)
     transitions = Transitions.of(candidate(vehicle), shots)
     problem = OutputError(transitions.corrected(hull.law.wrench(vehicle, shots)))

@@ -41,7 +41,7 @@ Wanted = Sequence[str | Mapping[str, Any]]
 
 
 def names_of(wanted: Wanted) -> list[str]:
-    """Return the names of effects to fit."""
+    """Return the names of effects that are given as names or tables."""
     return [one if isinstance(one, str) else str(one["name"]) for one in wanted]
 
 
@@ -51,13 +51,13 @@ class Diverges(DataError):
 
 @dataclass(frozen=True)
 class Model:
-    """Vehicle during the search.
+    """Vehicle during a search, with P free components.
 
     Attributes:
         unknown: Free components.
         values: Fitted values, (P,).
         problem: Shots, with initial states that follow the fit.
-        normal: Linearised problem about the values, in units of the components' scales.
+        normal: Problem linearised about the values, in units of the components' scales.
     """
 
     unknown: Free
@@ -75,33 +75,33 @@ class Model:
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
 
     def over(self, kept: NDArray[np.bool_]) -> Model:
-        """Return the model over those of its shots that a mask (S,) keeps."""
+        """Return the model over those of its S shots that a mask (S,) keeps, without a new fit."""
         shots = cast(OutputError, self.problem).shots
         return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
 
     def some(self, most: int) -> Model:
-        """Return the model over at most so many of its shots, evenly spread."""
+        """Return the model over at most `most` of its shots, evenly spread, without a new fit."""
         return self.over(kept_evenly(len(self.costs), most))
 
     @property
     def costs(self) -> Array:
-        """Squared residual of each shot, (S,)."""
+        """Squared residual of each of S shots in units of the noise variance, (S,)."""
         return np.asarray(self.normal.gram[:, -1, -1])
 
     @property
     def excess(self) -> float:
-        """Squared residual beyond the noise."""
+        """Squared residual beyond the noise in units of the noise variance; at least 0."""
         return max(self.normal.cost - self.normal.residuals, 0.0)
 
     @property
     def excesses(self) -> Array:
-        """Squared residual of each shot beyond the noise, (S,)."""
+        """Squared residual beyond the noise of each of S shots, (S,); it may be negative."""
         beyond: Array = self.costs - self.normal.freedom
         return beyond
 
     @property
     def penalised(self) -> Array:
-        """Costs of the shots, with the penalty for all parameters in equal parts, (S,)."""
+        """Costs of S shots, (S,), each with an equal part of the penalty for all parameters."""
         shots = len(self.costs)
         penalised: Array = self.costs + penalty(shots, len(self.values), self.normal.chi2) / shots
         return penalised
@@ -134,12 +134,13 @@ def fit_model(
 
     Args:
         vehicle: Vehicle.
-        effects: Effects to fit.
+        effects: Names or starting tables of the effects to fit.
         problem: Shots.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which the place of an effect that
+            is fixed in the world, such as a tether's anchor, is searched for.
         iterations: Maximum number of steps; with 0 the values stay as they are.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
-        known: Prior of the components; by default a weak one.
+        known: Function from the free components to their prior; by default a weak one.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -154,7 +155,9 @@ def fit_model(
 
 
 def _settled(model: Model, iterations: int, share: float) -> Model:
-    """Return a converged model, with components that have thresholds moved past local minima.
+    """Return a fitted model, after a search past local minima of components with thresholds.
+
+    The search is made only with at least ITERATIONS iterations.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -170,14 +173,14 @@ def _settled(model: Model, iterations: int, share: float) -> Model:
 
 
 def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
-    """Return the model at the start of a fit, see `fit_model`."""
+    """Return the model at the starting values of a fit; for the arguments see `fit_model`."""
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
 def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Model:
-    """Continue the fit of a model from its values, see `fit_model`.
+    """Continue the fit of a model from its values; for the arguments see `fit_model`.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -189,7 +192,7 @@ def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Mo
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
-    """Refit a model with some of its components held.
+    """Refit a model with some of its P components held.
 
     Args:
         model: Model.
@@ -211,10 +214,18 @@ def _descended(
     prior: Prior | None = None,
     normal: Normal | None = None,
 ) -> Model:
-    """Descend from the first starting values; `normal` is the linearised problem there, if known.
+    """Fit free components from their first starting values.
+
+    Args:
+        unknown: Free components.
+        problem: Shots.
+        iterations: Maximum number of steps.
+        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
+        prior: Prior of the components; by default a weak one.
+        normal: Problem linearised at the starting values; computed if it is not given.
 
     Raises:
-        Diverges: No step from them reduces the cost.
+        Diverges: No step from these values reduces the cost.
     """
     try:
         values, normal, problem = descend(
@@ -235,7 +246,9 @@ def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
 def fitted_or_kept(
     vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = STEP_SHARE
 ) -> tuple[Model, bool]:
-    """Fit to convergence, or keep the vehicle's values where that diverges; return whether it converged.
+    """Fit to convergence, or keep the vehicle's values if that diverges; return whether it converged.
+
+    For the arguments see `fit_model`.
 
     Raises:
         Diverges: The vehicle with its present values diverges too.
@@ -247,7 +260,13 @@ def fitted_or_kept(
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
-    """Return the model, or a better one found by a line search along each component with thresholds."""
+    """Return the model, or a better one found by a line search along each component with thresholds.
+
+    Args:
+        model: Fitted model.
+        iterations: Maximum number of steps of the fit after the search.
+        share: Least relative reduction of the cost by such a step.
+    """
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
@@ -279,16 +298,19 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
 
 @dataclass(frozen=True)
 class Screening:
-    """Test of all candidates about one model.
+    """Linearised test of all candidates about one model.
+
+    A candidate adds columns of derivatives to the linearised problem.  A nonlinear effect has several shapes,
+    each with its own columns, see `identification.suspects`.
 
     Attributes:
         model: Model, possibly over a part of the shots.
         ranked: Best shape of each effect with its columns, the largest gain first.
         shapes: Columns of every shape of each effect.
-        normal: Linearised problem, in the units of the columns' steps.
-        evidence: Linearised problem with columns of unit size.
+        normal: Linearised problem of the model and all candidates.
+        evidence: The same problem with columns of unit size.
         own: Columns of the model's components.
-        gains: Squared residual of all shots that each effect would explain.
+        gains: Squared residual that each effect would explain over all shots.
     """
 
     model: Model
@@ -314,7 +336,7 @@ class Screening:
 
         Args:
             name: Effect.
-            information: Prior information on the components of the model and of the effect, (P,).
+            information: Prior information on the P components of the model and of the effect, (P,).
         """
         suspect, columns = self.ranked[name]
         normal = self.normal.of([*self.own, *columns])
@@ -323,7 +345,13 @@ class Screening:
 
 
 def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
-    """Test candidates against a model's residual, over a part of so many shots or all of them."""
+    """Test candidates against a model's residual.
+
+    Args:
+        model: Model, over a part of the shots or all of them.
+        tried: Candidates.
+        shots: Number of all shots, to which the gains are scaled up.
+    """
     changed, steps = moved(model.unknown, model.values)
     own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
     for suspect in tried:
@@ -352,9 +380,10 @@ def beyond_noise(model: Model) -> float:
 
 
 def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
-    """Return the best model and those whose distance from it is within its scatter, the best first.
+    """Return the best model and those that are not distinct from it, the best first.
 
-    All models have the same shots.
+    A model is distinct if its penalised cost is higher by more than DISTINCT standard errors of the
+    difference between shots.  All models have the same shots.
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
@@ -364,5 +393,5 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:
-    """Return the effect whose model has the least penalised cost; None without any."""
+    """Return the effect whose model has the least penalised cost; None without models."""
     return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)

@@ -46,7 +46,7 @@ Selection = TypeVar("Selection")
 
 
 class Regime(Protocol[Selection]):
-    """Protocol of a way to select effects under one model of the discrepancy."""
+    """Way to select effects under one model of the force that no effect describes."""
 
     @property
     def log(self) -> Preprocessed:
@@ -77,8 +77,8 @@ def diagnose(
         raw: Raw table of the measured motion and commands.
         before: Raw table of the same vehicle before a change.  The hull-force error of the file is learnt
             from it and held fixed, see `diagnosis.by_change`.
-        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
-            them.
+        corrected: Continue where the thrusters contradict the file, with the command columns assigned and
+            signed as the audit of the log found them.
         progress: Called with a short text and the share of the work done.
 
     Returns:
@@ -129,7 +129,8 @@ def diagnose_log(
     """Diagnose a cleaned recording.
 
     Where the thruster audit contradicts the file, that is the only finding and no effect is named.  The
-    search continues with a log `as_audited`, and with a hull, which was learnt from a recording in order.
+    search continues in two cases: with a log `as_audited`, and with a hull-force model, whose recording had
+    the thrusters in order.
 
     Args:
         vehicle: Vehicle file.
@@ -140,7 +141,8 @@ def diagnose_log(
         file: Vehicle whose values are prior knowledge, where `vehicle` was fitted to this very recording.
         in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where the
             residual is still above FAR_FROM_NOISE, candidates are then ranked by transfer at once.
-        beyond: Function that extends a diagnosis without a finding before it is answered; not with `file`.
+        beyond: Function that extends a diagnosis without a finding before its status is written; not with
+            `file`.
         progress: Called with a short text and the share of the work done.
         provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`.
     """
@@ -167,7 +169,7 @@ def diagnose_log(
 def misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
     """Return the diagnosis of a log that contradicts the file's thrusters: its faults only.
 
-    Residuals are those of the file with the columns as the audit states them.
+    Residuals are those of the file with the command columns as the audit corrected them.
     """
     chi2 = unfitted(vehicle, stable_start(vehicle, log)[1]).normal.chi2
     thrusters, *others = log.faults
@@ -178,10 +180,16 @@ def misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
 def without_discrepancy(
     calm: Baseline, progress: Progress, in_vain: bool, provisional: Told | None
 ) -> Diagnosis:
-    """Diagnose a recording from a baseline fit, with waves in the noise where the recording shows them.
+    """Diagnose one recording; waves that it shows count as noise and become a finding.
 
     The search is repeated without waves where the findings explain the same motion: a vehicle whose buoyancy
     turns it over swings with a period of some seconds, as in waves.
+
+    Args:
+        calm: Baseline fit that does not allow for waves.
+        progress: Called with a short text and the share of the work done.
+        in_vain: As for `diagnose_log`.
+        provisional: As for `diagnose_log`.
     """
     baseline = allowing_for_waves(calm)
     found = chosen_and_reported(baseline, progress, in_vain, provisional)
@@ -200,7 +208,14 @@ def without_discrepancy(
 def chosen_and_reported(
     baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
 ) -> Diagnosis:
-    """Report the selection without a discrepancy if a model reaches the noise, or else with the library."""
+    """Diagnose from a baseline fit, by likelihood if a model reaches the noise, or else by evidence.
+
+    Args:
+        baseline: Baseline fit.
+        progress: Called with a short text and the share of the work done.
+        in_vain: As for `diagnose_log`.
+        provisional: As for `diagnose_log`.
+    """
     search, outcome = selected(baseline, progress, in_vain, provisional)
     if search.wrong(outcome):
         return reported(ByEvidence(search.baseline, outcome), part(progress, 0.4, 1.0))

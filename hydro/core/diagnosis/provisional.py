@@ -14,10 +14,10 @@ class Provisional:
     """Best candidate after the first fits.
 
     Attributes:
-        effect: Its name.
+        effect: Name of the effect.
         confidence: Probability that the name is right, by these fits alone.
-        share: Share of the error that it explains: of the error beyond the noise, or of the held-out error
-            where a recording from before a change is given.
+        share: Share of the error that the effect explains: of the error beyond the noise, or of the held-out
+            error where a recording from before a change is given.
     """
 
     effect: str
@@ -26,11 +26,11 @@ class Provisional:
 
     @classmethod
     def of(cls, fits: Mapping[str, Model], before: Model) -> Provisional | None:
-        """Return the best of some fits; None without any.
+        """Return the best of some fits; None without fits.
 
         Args:
             fits: Fitted candidates, by effect.
-            before: Model without them.
+            before: Model without the candidates.
         """
         best = leader(fits)
         if best is None:

@@ -14,7 +14,7 @@ from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import HORIZONTAL, Recording
 
 STATED = ("missing", "cannot_tell_apart")
-"""Verdicts that are reduced to a suspicion."""
+"""Verdicts that become unconfirmed."""
 WORDS = (
     "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
     "velocity or a position, or measure the inertia"
@@ -22,7 +22,12 @@ WORDS = (
 
 
 def doubted_gain(finding: Finding, record: Recording) -> Finding:
-    """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion."""
+    """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion.
+
+    Args:
+        finding: Any finding; only confirmed thruster gains are changed.
+        record: Recording; without horizontal velocity or position a wrong inertia predicts the same.
+    """
     if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
         return finding
     sure = min(finding.confidence, DOUBTFUL)

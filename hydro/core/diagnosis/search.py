@@ -65,7 +65,12 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Round:
-    """Result of one round: the screening, and the effect with the least penalised cost, if any was fitted."""
+    """Result of one round of a search.
+
+    Attributes:
+        screening: Test of all candidates.
+        found: Effect with the least penalised cost; None if none was fitted.
+    """
 
     screening: Screening
     found: Found | None = None
@@ -73,7 +78,9 @@ class Round:
 
 @dataclass(frozen=True)
 class Search:
-    """Search from a baseline.  `chosen` always names the effects that joined the model.
+    """Stepwise search for missing effects from a baseline.
+
+    The argument `chosen` of its methods always names the effects that joined the model.
 
     Attributes:
         baseline: Start of the search.
@@ -83,9 +90,9 @@ class Search:
         made: Fits by their starting values.  Searches that share them repeat none, for example where the file
             has hardly any free effect.
         told: Called once with the best candidate after the first fits; None for a search that reports none.
-        reported: What was told: searches of one diagnosis share it.
-        other: Outcome that the search must not repeat; None without one.
-        far: Residual of the first effect above which the search waits, in units of the noise.
+        reported: Candidates that were reported to `told`, shared by all searches of one diagnosis.
+        other: Outcome of another search; a search that only repeats it ends.  None without one.
+        far: Residual in units of the noise; if the first effect leaves more, the search pauses, see `waits`.
     """
 
     baseline: Baseline
@@ -97,7 +104,7 @@ class Search:
     far: float = np.inf
 
     def wrong(self, outcome: Outcome) -> bool:
-        """Return whether the outcome's model is wrong although something is missing.
+        """Return whether something is missing and no model with the effects found is right.
 
         A residual above FIT is too large for a fit, whatever the tests of single effects show.
         """
@@ -115,7 +122,7 @@ class Search:
         return screened(model, tried, len(self.baseline.problem.shots.starts))
 
     def fewer(self, model: Model) -> Model:
-        """Return the model over a few shots where its residual is far above the noise."""
+        """Return the model over SHOTS / 2 shots where its residual is above RIGHT times the noise."""
         enough = model.normal.chi2 > RIGHT and len(model.costs) >= SHOTS
         return model.some(SHOTS // 2) if enough else model
 
@@ -129,11 +136,19 @@ class Search:
     ) -> dict[str, Model]:
         """Fit the candidates with the largest gains together with the model.
 
-        `known` are existing fits, which compete with the new ones.
-
         One test over all effects decides whether something is missing; the fits decide which.  An effect with
         many parameters may be the answer although few blocks cannot test it alone.  Errors of the velocity
         sensor that kinematics shows come before any force.  Errors that kinematics refutes are dropped.
+
+        Args:
+            model: Model so far.
+            chosen: Effects that joined the model.
+            screening: Test of all candidates.
+            progress: Called with a short text and the share of the work done.
+            known: Existing fits by effect, which compete with the new ones.
+
+        Returns:
+            Fits by effect; only those in `known` if no gain is significant.
         """
         known = known or {}
         if not screening.significant:
@@ -162,7 +177,16 @@ class Search:
         progress: Progress,
         known: Mapping[str, Model],
     ) -> dict[str, Model]:
-        """Fit some candidates quickly, and the closest of them to convergence; see `contend`."""
+        """Fit some candidates quickly, and the closest of them to convergence.
+
+        Args:
+            model: Model so far.
+            chosen: Effects that joined the model.
+            screening: Test of all candidates.
+            gains: Gain of each candidate to be fitted, by effect.
+            progress: Called with a short text and the share of the work done.
+            known: Existing fits by effect, which compete with the new ones.
+        """
         few = screening.model is not model
         rivals = {name: fit.some(SHOTS // 2) if few else fit for name, fit in known.items()}
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
@@ -182,13 +206,13 @@ class Search:
         return self.with_plainer(last, chosen)
 
     def _tell(self, fits: Mapping[str, Model], before: Model) -> None:
-        """Report the best of the first fits, once."""
+        """Report the best of the first fits to `told`, once."""
         if self.told is not None and not self.reported and (best := Provisional.of(fits, before)) is not None:
             self.reported.append(best)
             self.told(best)
 
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
-        """Return the fits, with simpler special cases of the best effect, started from its values.
+        """Return the fits together with simpler special cases of the best effect.
 
         A special case within DISTINCT standard errors of the general effect replaces it.
         """
@@ -212,7 +236,18 @@ class Search:
         known: Mapping[str, Model],
         progress: Progress,
     ) -> dict[str, Model]:
-        """Fit those candidates quickly whose gain is close to the largest."""
+        """Fit quickly those candidates whose gain is close to the largest.
+
+        Args:
+            chosen: Effects that joined the model.
+            screening: Test of all candidates.
+            gains: Gain of each candidate, by effect, the largest first.
+            known: Existing fits by effect.
+            progress: Called with a short text and the share of the work done.
+
+        Returns:
+            Existing and new fits, by effect.
+        """
         most, fits, vehicle = max(gains.values(), default=0.0), dict(known), screening.model.vehicle
         for name in gains:
             if name in known:
@@ -233,14 +268,14 @@ class Search:
         return fits
 
     def converged(self, quick: Model, before: Model, chosen: Sequence[str]) -> Model:
-        """Fit a contender to convergence over all shots: a name rests on the difference of two fits.
+        """Fit a candidate to convergence over all shots: a name rests on the difference of two fits.
 
         The fit restarts at the measured states, because initial states fitted with a poor model can hold a
         good one back.  If both starts diverge, the quick fit is returned.
 
         Args:
             quick: Quick fit.
-            before: Model that it joins.
+            before: Model that the candidate joins.
             chosen: Names of the effects in the model, apart from the baseline's.
 
         Raises:
@@ -292,8 +327,11 @@ class Search:
     ) -> Outcome:
         """Add the best effect until no other is significant and material.
 
-        It continues from an earlier outcome `start` if one is given.  It ends where it only repeats an
-        `other` search, or where the first effect leaves more than `far` times the noise.
+        Args:
+            progress: Called with a short text and the share of the work done.
+            start: Earlier outcome to continue from; None to start from the baseline.
+            other: Outcome of another search; the search ends if it only repeats that one.
+            far: Residual in units of the noise; the search ends if the first effect leaves more.
         """
         begun = start or Grown(self.baseline.refitted, ())
         rounds: Rounds[Grown, Round] = replace(self, other=other, far=far)
@@ -315,7 +353,7 @@ class Search:
         return not (repeats or self.explains_little(model, found) or self.waits(model, found, self.far))
 
     def best(self, state: Grown, progress: Progress) -> Round:
-        """Screen all effects, fit those with the largest gains, and return the best by penalised cost."""
+        """Screen all effects, and return the fitted one with the least penalised cost."""
         model, count = state.model, len(state.found)
         told = part(progress, 0.2 + 0.12 * count, 0.32 + 0.12 * count)
         told(f"{count} found, looking for more", 0.0)
@@ -349,11 +387,21 @@ class Search:
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
-        """Return whether another search precedes a second effect: the first leaves `far` times the noise."""
+        """Return whether another search should precede a second effect of this one.
+
+        That is so if the first effect leaves more than `far` times the noise.
+        """
         return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
     def telling(self, screening: Screening, model: Model) -> bool:
-        """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
+        """Return whether any effect may be material, by its gain in the screening.
+
+        The gain of a nonlinear effect shows only a part of what it explains, so it counts more.
+
+        Args:
+            screening: Test of all candidates.
+            model: Model so far.
+        """
         curved = SIMILAR / SIMILAR_CURVED
         return any(
             self.baseline.belongs(name, gain * (curved if is_curved(name) else 1.0), model)
@@ -361,7 +409,14 @@ class Search:
         )
 
     def from_distant_starts(self, filed: Model) -> dict[str, Model]:
-        """Return fits of the file with effects that need distant starting values."""
+        """Return fits of the file with each effect that a fit from zero does not find.
+
+        Args:
+            filed: Model with the file's values.
+
+        Returns:
+            Fits by effect, each from the best of several starting tables.
+        """
         fits = dict[str, Model]()
         few = self.fewer(filed)
         for name in CATALOGUE:
@@ -378,7 +433,7 @@ class Search:
         return fits
 
     def settle(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Reconsider the findings, and continue the search if a swap may reveal a further effect."""
+        """Drop and swap findings (`reconsider`), and continue the search if that changed them."""
         kept = self.reconsider(outcome, part(progress, 0.0, 0.4))
         if kept.effects == outcome.effects or not kept.found:
             return kept
@@ -419,7 +474,13 @@ class Search:
         return Outcome(model, tuple(kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
-        """Return the model without one finding, the others refitted; the baseline where that diverges."""
+        """Return the model without one finding, the others refitted; the baseline if that diverges.
+
+        Args:
+            model: Model with all findings.
+            effect: Effect of the finding.
+            others: Effects of the other findings.
+        """
         in_file = [table for table in self.baseline.refitted.vehicle.effect if table["name"] == effect]
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
@@ -438,7 +499,12 @@ class Search:
 
 
 def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
-    """Return whether a search repeats the findings of another without better values."""
+    """Return whether a search finds the same first effects as another one, without a better fit.
+
+    Args:
+        found: Effects of the search, in order.
+        others: Effects of the other search, in order.
+    """
     if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
@@ -446,7 +512,7 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
 
 
 def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:
-    """Yield every candidate of a search, and at each step the model without a new effect.
+    """Yield the scores of every candidate of a search, and at each step of the model without a new effect.
 
     Args:
         first: Baseline fit.
@@ -465,7 +531,16 @@ def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[
 
 
 def _candidate(step: int, name: str, chosen: bool, model: Model, size: int, file: Vehicle) -> Candidate:
-    """Return one candidate of a search; an empty name stands for the model without a new effect."""
+    """Return the scores of one candidate of a step.
+
+    Args:
+        step: Number of the step.
+        name: Effect; empty for the model without a new effect.
+        chosen: Whether the diagnosis took it.
+        model: Fitted model.
+        size: Number of consecutive shots of which the length of a block is a multiple.
+        file: Vehicle file.
+    """
     return candidate_of(
         "likelihood",
         step,

@@ -13,31 +13,31 @@ Step = TypeVar("Step")
 
 
 class Rounds(Protocol[State, Step]):
-    """Protocol of the rounds of a selection under one criterion."""
+    """Rounds of a selection of effects by one criterion, such as likelihood or held-out error."""
 
     def is_open(self, state: State, /) -> bool:
         """Return whether another round may add an effect."""
 
     def best(self, state: State, progress: Progress, /) -> Step | None:
-        """Screen and fit candidates, and return the best by the criterion; None without any."""
+        """Screen and fit candidates, and return the best by the criterion; None without candidates."""
 
     def belongs(self, state: State, step: Step, /) -> bool:
         """Return whether the best candidate is large enough to be selected."""
 
     def added(self, state: State, step: Step, /) -> State:
-        """Return the state with the candidate, with earlier ones pruned or swapped."""
+        """Return the state with the candidate; earlier ones may be dropped or replaced."""
 
 
 def grow(rounds: Rounds[State, Step], state: State, progress: Progress) -> tuple[State, Step | None]:
-    """Add the best candidate of each round until none belongs.
+    """Add the best candidate of each round until none belongs to the model.
 
     Args:
-        rounds: Criterion.
+        rounds: Rounds with their criterion.
         state: State to start from.
         progress: Called with a short text and the share of the work done.
 
     Returns:
-        The last state, and the best candidate of the last round where it does not belong.
+        The last state, and the best candidate of the last round if it does not belong to the model.
     """
     while rounds.is_open(state):
         step = rounds.best(state, progress)

@@ -17,7 +17,7 @@ from hydro.core.vehicle.description import Vehicle
 
 
 def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
-    """Return the finding of an error that kinematics shows, with its values.
+    """Return the finding of a velocity sensor error that kinematics shows, with its values.
 
     Args:
         test: Kinematic test of the error.
@@ -75,7 +75,7 @@ def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) 
     """Return whether an effect is an error of the velocity sensor with the values of its kinematic test.
 
     Args:
-        table: Its `[[effect]]` table.
+        table: `[[effect]]` table of the effect.
         tests: Kinematic tests of the recording, by effect.
     """
     test = tests.get(str(table["name"]))
@@ -83,7 +83,7 @@ def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) 
 
 
 def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
-    """Return a file's values of an error, in packing order, (p,); zeros by default."""
+    """Return a file's values of a sensor error as a vector, (p,) for p parameters; zeros by default."""
     for table in vehicle.effects(test.effect):
         values = CATALOGUE[test.effect].pack(table, thrusters=len(vehicle.thruster))
         return np.broadcast_to(values, test.estimate.shape)
@@ -91,7 +91,10 @@ def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
 
 
 def _differ(one: KinematicTest, other: KinematicTest) -> bool:
-    """Return whether two recordings differ in an error, by more than chance and a negligible amount."""
+    """Return whether a sensor error differs between two recordings by more than chance.
+
+    The difference must also exceed an amount that does not matter.
+    """
     away, spread = one.estimate - other.estimate, one.covariance + other.covariance
     chance = float(scipy.special.chdtrc(len(away), away @ np.linalg.solve(spread, away)))
     return chance <= VETO and bool((np.abs(away) > one.negligible).any())

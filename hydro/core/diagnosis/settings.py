@@ -2,7 +2,8 @@
 
 Diagnosis, explanation and discovery use them.  The hull-force model has its own numbers in `core.residual`.
 "Noise" is the mean squared residual of sensor noise alone, and "floor" is that of the hull-force model on
-held-out stretches of the recording that it was learnt from.
+held-out stretches of the recording that it was learnt from.  The "frozen table" is the result of
+`benchmarks.judge` that the values were compared on.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ def status(
         findings: Findings of one diagnosis, the largest share first.
         vehicle: Vehicle file.
         dt: Sample time of the recording [s].
-        left: Squared residual with all changes since an earlier recording, in floors of the hull model; None
-            without one.
+        left: Mean squared residual with all changes since an earlier recording, in floors of the hull model;
+            None without such a recording.
         prediction: Held-out errors before and after the confirmed findings are added; None if not known.
     """
     changed = left is not None
@@ -86,12 +86,15 @@ def _suspicion(suspected: Sequence[Finding], vehicle: Vehicle, dt: float) -> str
 
 
 def _likely(one: Finding) -> float:
-    """Return the confidence of a finding; 1 for a formula, which has none and explains the most."""
+    """Return the confidence of a finding; 1 for a discovered formula, which has no confidence.
+
+    A formula explains all of the error that effects explain, so it comes first.
+    """
     return 1.0 if np.isnan(one.confidence) else one.confidence
 
 
 def in_words(confidence: float) -> str:
-    """Return a confidence in words and percent; a formula, which has none, is possible."""
+    """Return a confidence in words and percent; without one, as of a discovered formula, `possible`."""
     if np.isnan(confidence):
         return "possible"
     word = "very likely" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
@@ -99,7 +102,7 @@ def in_words(confidence: float) -> str:
 
 
 def percent(confidence: float) -> str:
-    """Return a confidence in percent, up to the greatest one that the benchmarks support."""
+    """Return a confidence in percent; above MOST_STATED as `more than` that."""
     if confidence > MOST_STATED:
         return f"more than {100.0 * MOST_STATED:.0f} %"
     told = f"{100.0 * confidence:.0f} %"
@@ -107,7 +110,7 @@ def percent(confidence: float) -> str:
 
 
 def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
-    """Add its sentence to each finding with values.
+    """Add to each finding with values a sentence that states them.
 
     Args:
         diagnosis: Diagnosis.
@@ -135,7 +138,12 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
 
 
 def _counted(count: int, changed: bool) -> str:
-    """Return the number of confirmed findings in words."""
+    """Return the number of confirmed findings in words.
+
+    Args:
+        count: Number of findings.
+        changed: Whether they are changes since an earlier recording.
+    """
     if changed:
         return f"{count} {'effect has' if count == 1 else 'effects have'} changed"
     return f"The model needs {count} correction{'s' * (count > 1)}"

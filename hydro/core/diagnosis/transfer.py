@@ -67,19 +67,20 @@ HULLS = ("inertia", "damping", "hull", "memory")
 
 @dataclass(frozen=True)
 class Rival:
-    """Effect fitted together with the file's existing effects.
+    """Effect of a survey, fitted together with the file's existing effects.
 
     Attributes:
         effect: Name of the effect.
-        own: Whether the file has it.
-        model: Vehicle with it, or with refitted values of it.
-        sessions: Share of the error of held-out sessions or stretches that it removes.
-        regimes: Share of the error of held-out regimes of motion that it removes.
-        absorbs: Share that such an effect absorbs of a hull that no formula describes.
+        own: Whether the file has the effect.
+        model: Vehicle with the effect, with refitted values if the file has it.
+        sessions: Share of the error of held-out sessions or stretches that the effect removes.
+        regimes: Share of the error of held-out regimes of motion that the effect removes.
+        absorbs: Share of the held-out error that the effect removes from a hull that no formula describes, if
+            nothing else is missing.
         evidence: Log evidence with the hull force free, beyond that of the file alone, times `beyond`; 0
             where it was not computed.
-        allowed: Posterior of its values and those fitted with it, with the hull force free, in the order of
-            the model's components.
+        allowed: Posterior of the model's components, in their order, with the hull force free; None where it
+            was not computed.
     """
 
     effect: str
@@ -93,12 +94,12 @@ class Rival:
 
     @property
     def entries(self) -> int:
-        """Number of its parameters."""
+        """Number of parameters of the effect."""
         return sum(entry.effect == self.effect for entry in self.model.unknown.entries)
 
     @property
     def score(self) -> float:
-        """Lesser of both shares, beyond the share that such an effect absorbs."""
+        """Lesser of the shares `sessions` and `regimes`, beyond the share that the effect absorbs."""
         return (min(self.sessions, self.regimes) - self.absorbs) / (1.0 - self.absorbs)
 
     @property
@@ -107,7 +108,7 @@ class Rival:
         return self.model.values if self.allowed is None else self.allowed.best
 
     def estimated(self) -> Fit:
-        """Return its values and their standard errors."""
+        """Return the values of the model's components and their standard errors."""
         fit = replace(self.model, values=self.values).estimated()
         if self.allowed is None:
             return fit
@@ -116,24 +117,24 @@ class Rival:
 
     @property
     def lead(self) -> float:
-        """Log evidence that counts for the lead: for a hull law, the excess over LEAST_EVIDENCE."""
+        """Evidence that counts against other effects: of a hull law, the excess over LEAST_EVIDENCE."""
         return self.evidence - (LEAST_EVIDENCE if CATALOGUE[self.effect].family in HULLS else 0.0)
 
     @property
     def beyond(self) -> float:
-        """Part of the removed error that such an effect does not absorb; 0 where it removes nothing."""
+        """Part of the removed error that the effect does not merely absorb; 0 if it removes nothing."""
         return self.score / min(self.sessions, self.regimes) if self.score > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class Survey:
-    """Fits of all effects of the catalogue to one file.
+    """Fits of all effects of the catalogue to one recording, with their ranks.
 
     Attributes:
         refitted: Existing effects, fitted within their priors.
         rivals: Every effect that could be fitted, the best first: by score less a penalty for its components,
             or by evidence.
-        by_evidence: Whether they are ranked by evidence.
+        by_evidence: Whether `rivals` is ranked by evidence.
     """
 
     refitted: Model
@@ -141,17 +142,17 @@ class Survey:
     by_evidence: bool = False
 
     def worth(self, rival: Rival) -> float:
-        """Return a rival's score, or its evidence as a share of the best."""
+        """Return a rival's score, or with ranks by evidence its evidence as a share of the best one's."""
         return rival.evidence / self.rivals[0].evidence if self.by_evidence else rival.score
 
 
 @dataclass(frozen=True)
 class Known:
-    """Priors of the components of a fit, for a file and a mean squared residual.
+    """Function from the components of a fit to their priors.
 
     Attributes:
-        file: The vehicle file.
-        temper: Mean squared residual per number, at least 1.
+        file: Vehicle file.
+        temper: Mean squared residual of the fit, at least 1, by which the residual is divided.
         released: Effects of the file that may have any plausible values.
     """
 
@@ -169,7 +170,7 @@ class Known:
         return replace(prior, information=CORRELATED * self.temper * prior.information)
 
     def alone(self, unknown: Free) -> Prior:
-        """Return the priors without tempering."""
+        """Return the priors of the components without tempering, in units of their scales."""
         scales = unknown.scales
         spread = deviations(self.file, unknown.entries) / scales
         names = np.array([entry.effect for entry in unknown.entries])
@@ -180,7 +181,10 @@ class Known:
 
 
 def one_change(baseline: Baseline) -> Baseline:
-    """Return the baseline with its existing effects fixed, if the file states an uncertainty of each."""
+    """Return the baseline with its existing effects fixed, if the file states an uncertainty of each.
+
+    Otherwise return it unchanged.
+    """
     file, own = baseline.beforehand, baseline.effects
     known = all(
         file.effects(name) and np.isfinite(stated(file, free(file, [name]).entries)).any() for name in own
@@ -189,7 +193,7 @@ def one_change(baseline: Baseline) -> Baseline:
 
 
 def resolved(problem: OutputError) -> OutputError:
-    """Return the problem with the noise of each channel at least RESOLUTION."""
+    """Return shots with the standard deviation of each channel's noise at least RESOLUTION."""
     return problem.weighed(np.maximum(problem.shots.sigma, RESOLUTION))
 
 
@@ -239,14 +243,19 @@ def has_drag(file: Vehicle) -> bool:
 
 
 def weighed(rival: Rival) -> Rival:
-    """Return the rival for a file that describes the hull: only error beyond what it absorbs counts."""
+    """Return the rival with the share of hull error that its effect absorbs, which does not count.
+
+    This is for a file that has drag, and so describes the hull.
+    """
     return replace(rival, absorbs=CATALOGUE[rival.effect].identification.absorbs)
 
 
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
     """Rank rivals by score less a penalty for each component.
 
-    The best of the effects `first` comes before all others if it has NEARLY_EQUAL of the best score.
+    Args:
+        rivals: Fitted effects.
+        first: Effects whose best comes before all others if it has a share NEARLY_EQUAL of the best score.
     """
     order = sorted(rivals, key=lambda one: VISIBLE * one.entries - one.score)
     best = order[0].score if order else 0.0
@@ -261,7 +270,15 @@ def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tu
 def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
     """Fit the existing effects within their priors, from the file's values.
 
-    The temper is the mean squared residual of that fit, so it is computed twice.
+    The priors are weighted by the mean squared residual of that fit (`Known.temper`), so the fit is made
+    twice.
+
+    Args:
+        baseline: Vehicle file.
+        problem: Shots.
+
+    Returns:
+        The fit and the priors with its residual.
     """
     vehicle, own, reach = baseline.vehicle, list(baseline.effects), baseline.log.track
     model = fit_model(vehicle, [], problem, reach, 0)
@@ -272,12 +289,18 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
 
 
 def sessions_of(shots: Shots) -> Rows:
-    """Return the parts to hold out together, (S,): sessions, or stretches where there are few sessions."""
+    """Return the number of the part that each of S shots is held out with, (S,).
+
+    Parts are sessions, or stretches where there are few sessions, see `confidence.folds`.
+    """
     return folds(shots.session)
 
 
 def regimes_of(shots: Shots) -> Rows:
-    """Return each shot's regime of motion, (S,): axis and sign of its largest relative mean velocity."""
+    """Return the number of the regime of motion of each of S shots, (S,).
+
+    A regime is the axis and the sign of the largest mean velocity, relative to the velocities of all shots.
+    """
     nu = shots.measured[..., 7:]
     with np.errstate(invalid="ignore"):
         size = np.sqrt(np.nanmean(nu**2, axis=(0, 1))) + 1e-12
@@ -287,10 +310,16 @@ def regimes_of(shots: Shots) -> Rows:
 
 
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
-    """Return the held-out squared residual of each shot, with components held to their priors, (S,).
+    """Return the held-out squared residual of each of S shots, with components held to their priors, (S,).
 
     See `confidence.left_out_costs`.  It is NaN where the other folds keep less than LEAST_INFORMATION on the
     components `new`.
+
+    Args:
+        model: Fitted model.
+        known: Priors of its components.
+        fold: Number of the fold that each shot is held out with, (S,).
+        new: Components that the other folds must determine.
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
@@ -333,9 +362,10 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
 
 
 def _predicted_together(shots: Shots) -> Rows:
-    """Return the session of each shot, (S,), or its stretch where one session has most of the shots.
+    """Return the number of the part of each of S shots that is predicted by a fit to the others, (S,).
 
-    A disturbance may last for a session: stretches of one session do not show whether a model transfers.
+    It is the session, or a stretch where one session has most of the shots.  A disturbance may last for a
+    session, so stretches of one session do not show whether a model transfers.
     """
     _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
     enough = len(label) - count.max() >= LEAST_INFORMATION * len(label)
@@ -345,7 +375,16 @@ def _predicted_together(shots: Shots) -> Rows:
 def _rival(
     name: str, model: Model, without: Model, known: Known, labels: tuple[Rows, Rows], *, own: bool
 ) -> Rival:
-    """Score an effect against the model without it, or with the file's values of it."""
+    """Score an effect against the model without it.
+
+    Args:
+        name: Name of the effect.
+        model: Model with the effect.
+        without: Model without the effect, or with the file's values of it.
+        known: Priors of the components.
+        labels: Numbers of the parts to hold out for each of S shots: sessions and regimes, (S,) each.
+        own: Whether the file has the effect.
+    """
     new = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
     shares = []
     for fold in labels:
@@ -358,7 +397,13 @@ def _rival(
 
 
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
-    """Return the starting table of each effect: its best shape, with values from the linearised problem."""
+    """Return the starting table of each effect: its best shape, with values from the linearised problem.
+
+    Args:
+        baseline: Vehicle file and shots.
+        refitted: Existing effects, fitted within their priors.
+        known: Priors of the components.
+    """
     file, own = baseline.vehicle, baseline.effects
     tried = suspects(file, without=own, reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)

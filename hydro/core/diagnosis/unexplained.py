@@ -44,11 +44,11 @@ WRENCH = 6
 
 
 def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -> list[Finding]:
-    """Return the finding that structured error remains which no effect explains, if any.
+    """Return the finding that structured error remains which no effect explains; empty without such error.
 
     Error is structured if an effect of the catalogue reduces it by more than chance, or, with white sensor
     noise, if a steady force in each shot would.  A mean squared residual above FIT is structured whatever the
-    tests show, because noise does not cause it.  Where nothing was found either, the verdict is
+    tests show, because noise does not cause it.  If no effect was found either, the verdict is
     `far_from_noise`.
 
     Args:
@@ -90,7 +90,12 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
 def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield effects with known values that would explain more error with other values than any finding.
 
-    They are tested as if free, before any effect joins the model: such an effect may absorb their error.
+    They are tested as if free, on the model before any effect joined it, because such an effect may absorb
+    their error.
+
+    Args:
+        baseline: Vehicle file and shots.
+        outcome: Result of the search.
     """
     search, first = Search(baseline), baseline.refitted
     joined = outcome.found[:1]
@@ -114,7 +119,7 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def released(vehicle: Vehicle, name: str) -> Vehicle:
-    """Return the vehicle with the values of an effect no longer known."""
+    """Return the vehicle with the values of an effect no longer marked as known."""
     tables = (t | {"known": False} if t["name"] == name else t for t in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
@@ -126,16 +131,16 @@ def _white(baseline: Baseline) -> bool:
 
 
 def _steady_share(model: Model) -> float:
-    """Return the share of a model's residual that steady forces explain."""
+    """Return the residual that steady forces explain beyond chance, see `steady_disturbance`."""
     return steady_disturbance(steady_wrenches(cast(OutputError, model.problem), model.vehicle))
 
 
 def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
-    """Return the linearised problem of six steady wrenches: forces in NED, moments about the body axes.
+    """Return the problem linearised in six steady wrenches: forces in NED, moments about the body axes.
 
     Args:
         problem: Shots.
-        vehicle: Vehicle that predicts them.
+        vehicle: Vehicle that predicts the shots.
     """
     disturbed = list(steadily_disturbed(vehicle))
     normal = problem.linearise(vehicle, disturbed, [1.0] * len(disturbed))
@@ -150,7 +155,10 @@ def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
 
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
-    """Yield the vehicle under a small steady pull along one NED axis, at CO, ahead, to starboard or below."""
+    """Yield the vehicle with each of twelve small steady pulls, as of a rope.
+
+    Each pull is along one NED axis, and acts at the body origin CO, ahead of it, to starboard or below.
+    """
     pull = SMALL_STEP * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
     for place in (np.zeros(3), *np.eye(3)):
@@ -162,12 +170,13 @@ def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
 def wrenches_of_pulls(rotation: Array) -> Array:
     """Return the amounts of the twelve pulls of `steadily_disturbed` that make six independent wrenches.
 
-    Levers are fixed in the body and pulls in the world, so the moment of one pull off CO changes with
-    attitude. Three pulls e_k x e_i act at the ends of the body axes e_i, each with its opposite at CO.
-    Together they are the couple 2 e_k at every attitude, without a force.
+    Levers are fixed in the body and pulls in the world, so the moment of one pull off the body origin CO
+    changes with attitude.  A couple about body axis e_k is made of pulls at the ends of the levers along the
+    body axes e_i.  Each pull is along e_k x e_i, with its opposite at CO.  Together they are the couple 2 e_k
+    at every attitude, without a force; amounts are half of that.
 
     Args:
-        rotation: Body to world, (S, 3, 3).
+        rotation: Rotation from body to world of each of S shots, (S, 3, 3).
 
     Returns:
         Amounts of each pull, (S, 12, 6): for the forces north, east and down, and for the couples about the
@@ -185,13 +194,13 @@ def wrenches_of_pulls(rotation: Array) -> Array:
 
 
 def steady_disturbance(normal: Normal) -> float:
-    """Return the residual that steady wrenches explain beyond chance, in units of the noise variance.
+    """Return the mean squared residual that steady wrenches explain beyond chance, relative to the rest.
 
     Args:
         normal: Problem of `steady_wrenches`.
 
     Returns:
-        Share; 0 on average where the residual is white noise of any size.
+        Ratio to the mean square of what remains; 0 on average where the residual is white noise of any size.
     """
     kept = np.isfinite(normal.gram[:, -1, -1])
     matrix, score, cost = normal.matrix[kept], normal.score[kept], normal.gram[kept, -1, -1]

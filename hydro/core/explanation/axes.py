@@ -1,4 +1,4 @@
-"""Paired test of each axis: does a step predict an axis significantly worse than the step before?"""
+"""Paired test of each axis: does one step of a study predict it significantly worse than the step before?"""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from hydro.core.prediction.normal_equations import block_length
 
 
 def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
-    """Return the names of the axes that are predicted significantly and materially worse.
+    """Return the names of the axes that the later step predicts significantly and materially worse.
 
-    Stretches are paired and resampled in blocks, by the Bayesian bootstrap.
+    The errors of both steps are paired by stretch.  Blocks of successive stretches are resampled by the
+    Bayesian bootstrap.  A rise of the error by less than NEGLIGIBLE is not material.
 
     Args:
         before: Squared errors of the earlier step.
@@ -34,7 +35,11 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
 
 
 def _rejected(p_values: Array) -> list[int]:
-    """Return the indices of the hypotheses that Holm's procedure rejects, in their order."""
+    """Return the indices of the hypotheses that Holm's procedure rejects at AXIS_LEVEL, in ascending order.
+
+    Args:
+        p_values: Probability of each difference by chance, (A,) for A axes.
+    """
     order, found = np.argsort(p_values, kind="stable"), []
     for number, index in enumerate(order):
         if p_values[index] > AXIS_LEVEL / (len(order) - number):

@@ -37,7 +37,7 @@ from hydro.core.vehicle.description import Vehicle
 TRIED, COMPARED = 0.2, 0.15
 """Approximate shares of the time of a step for trials and for comparisons; the diagnosis takes the rest."""
 BEST = "best"
-"""Name of the best finding, whichever it is, among the wanted ones."""
+"""Word for the best finding in a list of wanted effects."""
 NO_BETTER = "no other candidate lowers the held-out prediction error"
 
 
@@ -65,16 +65,16 @@ def explain(
             then are added, with the hull-force model and the file's values held fixed.
         done: First steps of the same study, if known already.
         beyond: Function that extends a diagnosis without a finding, see `core.discovery`.
-        recordings: Both recordings, if cleaned already, see `explanation.trials`.
-        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
-            them.
-        wanted: Effects of the findings that the steps add, one each, or BEST; the last of them ends the
-            study.  By default each step adds the best finding until nothing is found.
+        recordings: Both recordings, if preprocessed already, see `explanation.trials`.
+        corrected: Continue where the thrusters contradict the file, with the command columns assigned and
+            signed as the audit of the log found them.
+        wanted: Effect to add in each step, in this order; BEST stands for the best finding.  The study ends
+            after the last.  Empty: each step adds the best finding until nothing is found.
         progress: Called with a short text and the share of the present step that is done.
         provisional: Called with the best candidate of the first diagnosis after its first fits.
 
     Yields:
-        Each new step, once it is done; `ending` returns the reason why the last one is the last.
+        Each new step, once it is done; `ending` returns the reason why no other follows.
 
     Raises:
         DataError: A recording or the vehicle is at fault, a recording is too short, or the directions or the
@@ -102,18 +102,23 @@ def explain(
 
 
 def _ended(steps: Sequence[Step], wanted: Sequence[str]) -> bool:
-    """Return whether no step follows these: the wanted findings are added, or the steps are over."""
+    """Return whether the study is over: all wanted findings are added, or the last step excludes another."""
     if wanted:
         return len(steps) > min(len(wanted), MOST_STEPS)
     return bool(steps and over(steps))
 
 
 def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
-    """Check that a recording is long enough for the ladder, and with `beside` for a hull-force model.
+    """Check that a recording is long enough for the predictions of a study.
+
+    Args:
+        vehicle: Vehicle file.
+        raw: Raw table of the recording.
+        beside: Whether a hull-force model is used, which needs a minimum number of shots as well.
 
     Raises:
-        DataError: It does not fit the vehicle, or no session lasts HORIZON; or, with a hull-force model,
-            there are too few shots.
+        DataError: The recording does not fit the vehicle, no session lasts HORIZON, or, with `beside`, there
+            are too few shots.
     """
     record = recording(vehicle, raw)
     rows = round(HORIZON / record.dt) + 1
@@ -124,7 +129,7 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
 
 
 def ending(steps: Sequence[Step], wanted: Sequence[str] = ()) -> str:
-    """Return the reason why no step follows the last of these, once `explain` has ended.
+    """Return the reason why a study has no further step, once `explain` has ended.
 
     Args:
         steps: All steps.
@@ -136,7 +141,7 @@ def ending(steps: Sequence[Step], wanted: Sequence[str] = ()) -> str:
 
 
 def over(steps: Sequence[Step]) -> str:
-    """Return the reason why the steps themselves exclude another; empty if one is to be tried."""
+    """Return the reason why no further step is tried; empty if one is to be tried."""
     last = steps[-1]
     if best(steps) is not last:
         held_out = not last.ladder.filter(dataset="holdout").is_empty()
@@ -153,7 +158,7 @@ def over(steps: Sequence[Step]) -> str:
 
 
 def _with_suspects(words: str, last: Step) -> str:
-    """Return the words with a list of the unconfirmed effects that were not added."""
+    """Return a reason for the end of a study, extended by the unconfirmed effects that were not added."""
     fitted = {table["name"] for table in last.tables}
     suspected = ", ".join(name for name in suspects(last.diagnosis) if name not in fitted)
     return f"{words}; unconfirmed, and not added: {suspected}" if suspected else words
@@ -168,13 +173,13 @@ def next_step(
     beyond: Beyond | None = None,
     provisional: Told | None = None,
 ) -> Step | None:
-    """Return the step after these; None if no candidate predicts better.
+    """Return the next step of a study; None if no candidate predicts better than the last step.
 
     Args:
         steps: Steps so far; without any, the next one compares and diagnoses the file as given.
         file: Vehicle file of step 0.
         recordings: Both recordings.
-        wanted: Effect of the finding to add.
+        wanted: Effect of the finding to add, or BEST.
         progress: Called with a short text and the share of the step that is done.
         beyond: As for `explain`.
         provisional: As for `explain`.

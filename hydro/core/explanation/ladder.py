@@ -1,9 +1,10 @@
 """Steps of a study, the ladder of their errors, and the choice of the step to use.
 
-All steps are measured with the yardstick of step 0: its weights of the axes, and the simple predictors that
-were fitted to the recording.  The choice rests on held-out predictions HORIZON ahead.  Without held-out data
-it rests on stretches that are predicted by a fit to all others.  With a hull-force model from an earlier
-recording, errors are in units of its floor, on held-out data too.
+The errors of all steps are comparable, because step 0 fixes the weights of the axes and the simple
+predictors beside them, which were fitted to the recording (`evaluation.yardsticks`).  The choice rests on
+held-out predictions HORIZON ahead.  Without held-out data, each stretch of the recording is predicted by a
+fit to all others.  With a hull-force model from an earlier recording, errors are in units of its floor: its
+error on stretches of that recording that it was not fitted to.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ HORIZON = JUDGED
 DATASETS = ("fit", "holdout")
 """Names of the recording that is fitted to and of the held-out one."""
 LEFT_OUT = "left_out"
-"""Axis of the ladder that stands for all velocities together, on held-out stretches of the recording."""
+"""Name of the ladder's axis for all velocities together, on held-out stretches of the recording."""
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
 """Columns of a row of the ladder."""
 UNKNOWN = pl.lit(None, pl.Float64)
@@ -42,11 +43,13 @@ class Step:
     Attributes:
         number: Number of the step; 0 is the file as given.
         added: Effects that the step added, or refitted if it added none; empty for step 0.
-        tables: All effects that were fitted together, with standard errors; empty for step 0.
-        vehicle: Vehicle with these effects.
-        comparison: Comparison of the vehicle with the recording, see `evaluation.compare`.
-        diagnosis: Diagnosis of the vehicle, see `diagnosis.findings`.
-        chi2: Mean squared residuals of the diagnosis.
+        tables: `[[effect]]` tables of all effects that were fitted together, with standard errors; empty for
+            step 0.
+        vehicle: Vehicle file of step 0 with the effects of `tables`.
+        comparison: Comparison of `vehicle` with the recording, see `evaluation.compare`.
+        diagnosis: Diagnosis of `vehicle` as a table, see `diagnosis.findings`.
+        chi2: Mean squared residual in units of the noise: of `vehicle`, of the baseline fit of its diagnosis,
+            and with the findings of that diagnosis.
         ladder: Errors of this step, as rows of the ladder table.
         estimates: Values of `tables` with their covariance; None for step 0.
         status: Answer of the diagnosis in words; None of a step that was read from its files.
@@ -64,7 +67,11 @@ class Step:
     status: Status | None = None
 
     def error(self, dataset: str) -> float | None:
-        """Return the error of all velocities together, HORIZON ahead [m/s]; None without such data."""
+        """Return the error of all velocities together, HORIZON ahead [m/s]; None without such data.
+
+        Args:
+            dataset: One of DATASETS.
+        """
         row = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
         return None if row.is_empty() else float(row["rmse"][0])
 
@@ -83,8 +90,11 @@ def best(steps: Sequence[Step]) -> Step:
 def best_step(ladder: pl.DataFrame) -> int:
     """Return the number of the step to use in a ladder: the last, or the one before if that predicts better.
 
-    Held-out predictions HORIZON ahead decide.  With a hull-force model, errors in units of its floor decide;
-    without held-out data, held-out stretches of the recording.
+    The first of these errors that the ladder has decides: of the held-out recording in units of the floor of
+    a hull-force model; of that recording HORIZON ahead; of held-out stretches of the fitted recording.
+
+    Args:
+        ladder: Rows of all steps.
     """
     held_out = ladder.filter(dataset="holdout")
     tried = (
@@ -101,6 +111,12 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
     """Return rows of the ladder from one comparison: errors of predictions over the whole recording.
 
     With a hull-force model, a row holds the error of all channels together in units of its floor.
+
+    Args:
+        number: Number of the step.
+        added: Effects that the step added.
+        dataset: One of DATASETS.
+        comparison: Comparison of the step's vehicle with that recording.
     """
     key = ["axis", "horizon"]
     beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("by") == BESIDE)
@@ -117,7 +133,7 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
 
 
 def left_out_rung(rungs: pl.DataFrame, error: float) -> pl.DataFrame:
-    """Return the row of the table of errors for the stretches of the recording that the fits left out.
+    """Return the ladder's row for the held-out stretches of the recording.
 
     Args:
         rungs: Rows of the step; the noise floor is that of all velocities together.

@@ -23,15 +23,19 @@ Table = Mapping[str, Any]
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of existing effects are added with it."""
 SUSPECTED, FAR = "suspect", "far_from_noise"
-"""Verdict on an uncertain name, and verdict on a recording whose noise no model reaches."""
+"""Verdict on an unconfirmed effect, and verdict on a recording whose residual stays far above the noise."""
 
 
 def options(step: Step) -> list[dict[str, Table]]:
-    """Return the effects that the next step may fit, the best missing one first.
+    """Return the choices for the next step, the best missing effect first.
 
-    A confirmed finding that explains most makes one step alone.  Unconfirmed ones that explain more are
-    options too, and all of them are where nothing is confirmed.  New values alone make a step only if these
-    effects were not fitted in the last one.
+    A choice holds the `[[effect]]` tables to fit together, by effect name: a missing effect, and the effects
+    of the file with new values.  The best confirmed finding is the only choice, unless trials decide
+    (`is_open`): then all unconfirmed effects are choices too.  New values alone make a step only if the last
+    one did not fit these effects.
+
+    Args:
+        step: Last step, with its diagnosis.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "").sort("rank")
     if of_change(step):
@@ -49,14 +53,17 @@ def options(step: Step) -> list[dict[str, Table]]:
 
 
 def finding_option(step: Step, effect: str) -> dict[str, Table]:
-    """Return the option that adds one finding of a diagnosis, with the new values of existing effects.
+    """Return the choice that adds one finding of a diagnosis, with the new values of existing effects.
 
     Args:
         step: Step with the diagnosis.
         effect: Name of the finding's effect.
 
+    Returns:
+        The `[[effect]]` tables to fit together, by effect name.
+
     Raises:
-        DataError: The diagnosis has no values for it.
+        DataError: The diagnosis has no values for the effect.
     """
     names = [effect] if of_change(step) else list(dict.fromkeys([effect, *_retuned(step)]))
     return {table["name"]: table for table in tables(step.diagnosis, names)}
@@ -65,8 +72,8 @@ def finding_option(step: Step, effect: str) -> dict[str, Table]:
 def is_open(step: Step) -> bool:
     """Return whether trials decide the next step, with further candidates of the catalogue.
 
-    They do where no confirmed finding comes first, and an unconfirmed one is likely or no model is near the
-    noise.
+    Trials decide if two conditions hold.  No confirmed finding comes first.  An unconfirmed one is likely, or
+    the residual of every model is many times the noise.
     """
     if of_change(step):
         return False
@@ -76,22 +83,34 @@ def is_open(step: Step) -> bool:
 
 
 def is_stated(last: Step, step: Step) -> bool:
-    """Return whether the diagnosis of the last step confirms the effects that the next one adds or refits."""
+    """Return whether one step's diagnosis confirms all effects that the next step adds or refits.
+
+    Args:
+        last: Step with the diagnosis.
+        step: Next step.
+    """
     return all(states(last, name) for name in step.added)
 
 
 def states(step: Step, effect: str) -> bool:
-    """Return whether the diagnosis of a step confirms that an effect is missing or has changed."""
+    """Return whether the diagnosis of a step confirms that an effect is missing or has new values."""
     return not step.diagnosis.filter(pl.col("verdict").is_in(STATED), effect=effect).is_empty()
 
 
 def of_change(step: Step) -> bool:
-    """Return whether the step concerns changes since an earlier recording."""
+    """Return whether the study looks for changes since an earlier recording, with its hull-force model."""
     return not step.ladder.filter(axis=FLOOR).is_empty()
 
 
 def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
-    """Return the best change that is confirmed, or else likely, and has not been fitted in the step."""
+    """Return a choice with the best confirmed change that the step has not fitted; empty without one.
+
+    Without a confirmed change it is the best unconfirmed one, if any of these is likely.
+
+    Args:
+        step: Last step.
+        findings: Its findings with values, the best first.
+    """
     fitted = {table["name"] for table in step.tables}
     stated = findings.filter(pl.col("verdict").is_in(STATED))["effect"]
     names = [name for name in stated if name not in fitted] or _likely(step)
@@ -118,13 +137,13 @@ def _suspected(step: Step) -> pl.DataFrame:
 
 
 def _likely(step: Step) -> list[str]:
-    """Return the names of these findings, if at least one of them is likely."""
+    """Return the effects of the unconfirmed findings, the best first; empty if none of them is likely."""
     suspected = _suspected(step)
     likely = suspected.filter(pl.col("confidence") >= DOUBTFUL)
     return [] if likely.is_empty() else suspected["effect"].to_list()
 
 
 def _discovered(findings: pl.DataFrame) -> list[str]:
-    """Return the formula that was discovered beyond the catalogue."""
+    """Return the formula that was discovered beyond the catalogue; empty without one."""
     formulas = [name for name, effect in CATALOGUE.items() if effect.is_written]
     return findings.filter(pl.col("effect").is_in(formulas), verdict=SUSPECTED)["effect"].to_list()

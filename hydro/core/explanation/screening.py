@@ -1,9 +1,9 @@
 """Ranking of all effects of the catalogue by held-out gain, before any of them is fitted.
 
-Where no model is right, a diagnosis names one change at a time and no effect that merely absorbs the hull's
-error. Such an effect can still improve predictions.  All effects are linearised together about the present
-model.  The score of each is the error that one step of it, with all existing effects, removes from held-out
-stretches.
+Where no model is right, a diagnosis names one change at a time.  It names no effect that merely absorbs the
+error with which the file describes the hull, although such an effect can improve predictions.  Here all
+effects are linearised together about the present model.  The score of an effect is the error that one linear
+step of it, together with all existing effects, removes from held-out stretches.
 """
 
 from __future__ import annotations
@@ -27,15 +27,14 @@ from hydro.core.vehicle.description import Vehicle
 def promising(
     vehicle: Vehicle, own: Sequence[str], problem: OutputError, reach: Array
 ) -> list[dict[str, Any]]:
-    """Return starting tables of the effects, the largest held-out gain first.
-
-    Effects without a gain are left out.
+    """Return starting tables of the effects that lower the held-out error, the largest gain first.
 
     Args:
         vehicle: Vehicle.
-        own: Existing effects that are fitted together with each.
+        own: Existing effects, which each tried effect is fitted with.
         problem: Shots, starting at the measured states.
-        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which the starting position of an
+            effect that is fixed in the world, such as a tether's anchor, is searched for.
     """
     model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
     tried = suspects(vehicle, without=own, reach=reach, completing=True)

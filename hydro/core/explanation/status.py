@@ -27,9 +27,10 @@ def added(steps: Sequence[Step]) -> dict[str, bool]:
 
 
 def retuned(first: Step) -> list[str]:
-    """Return effects of the file with confirmed new values in the first diagnosis; none of a change.
+    """Return effects of the file with confirmed new values in the first diagnosis, the best first.
 
-    Each step adds these values with its effect, and refits them.
+    Each step adds these values together with its own effect, and refits them.  Empty where the study looks
+    for changes since an earlier recording, because the file's values are then held fixed.
     """
     if of_change(first):
         return []
@@ -42,7 +43,7 @@ def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
 
     Args:
         steps: All steps.
-        chosen: The one to use.
+        chosen: Step to use.
         dt: Sample time of the recording [s].
     """
     file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
@@ -72,7 +73,7 @@ def corrections(steps: Sequence[Step], chosen: Step, dt: float) -> list[str]:
 
     Args:
         steps: All steps.
-        chosen: The one to use.
+        chosen: Step to use.
         dt: Sample time of the recording [s].
     """
     file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
@@ -92,7 +93,7 @@ def _corrected(steps: Sequence[Step], chosen: Step) -> dict[str, bool]:
 
 
 def findings(diagnosis: pl.DataFrame) -> list[Finding]:
-    """Return the findings of a diagnosis table, as far as its headline needs them."""
+    """Return the rows of a diagnosis table as findings, with the attributes that a headline needs."""
     return [
         Finding(
             row["verdict"],
@@ -108,18 +109,23 @@ def findings(diagnosis: pl.DataFrame) -> list[Finding]:
 
 
 def _unproven(one: Finding) -> Finding:
-    """Return a finding that did not lower the error as unconfirmed."""
+    """Return a finding whose step did not lower the error: a confirmed one becomes unconfirmed."""
     return replace(one, verdict="suspect") if one.verdict in STATED else one
 
 
 def _finding(table: dict[str, Any], known: bool) -> Finding:
-    """Return an effect that was added as a finding."""
+    """Return the finding that corresponds to an effect that a study added.
+
+    Args:
+        table: `[[effect]]` table of the effect.
+        known: Whether the file has the effect already.
+    """
     values, errors = _values(table)
     name = table["name"]
     return Finding("retune" if known else "missing", name, (name,), parameters=values, standard_errors=errors)
 
 
 def _values(table: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the values of an effect's table, and their standard errors."""
+    """Return the parameters of an `[[effect]]` table, and their standard errors."""
     values = {key: value for key, value in table.items() if key not in ("name", "standard_error", "fit")}
     return values, dict(table.get("standard_error", {}))

@@ -64,12 +64,12 @@ STEADY = with_role(Role.STEADY_LOAD)
 
 @dataclass(frozen=True)
 class Recordings:
-    """Recordings of a study and the yardstick of all its steps, preprocessed once.
+    """Recordings of a study, preprocessed once, with what makes the errors of its steps comparable.
 
     Attributes:
         log: Recording of all fits.
         holdout: Held-out recording; None without one.
-        yardstick: Yardstick for the file as given and all steps.
+        yardstick: Weights of the axes and simple predictors for the file as given and all steps.
         hull: Hull-force model from a recording before a change; None without one.
     """
 
@@ -82,7 +82,14 @@ class Recordings:
     def of(
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
-        """Preprocess both recordings, the held-out one with the same order of commands."""
+        """Preprocess both recordings; the held-out one gets the order of commands that the other one shows.
+
+        Args:
+            vehicle: Vehicle file of step 0.
+            raw: Raw table of the recording of all fits.
+            holdout: Raw table of the held-out recording; None without one.
+            hull: Hull-force model from a recording before a change; None without one.
+        """
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
@@ -90,11 +97,11 @@ class Recordings:
 
     @cached_property
     def problem(self) -> OutputError:
-        """Shots about which the catalogue is linearised, a part of a diagnosis' shots."""
+        """A part of the shots of a diagnosis, at which the effects of the catalogue are linearised."""
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
-        """Return predictions over HORIZON for a fit; None if there are too few or they diverge.
+        """Return shots of length HORIZON for a fit; None if too few of the vehicle's predictions are finite.
 
         Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
         from the noise.  Logged initial states keep the noise of the log: an error of the model does not make
@@ -102,7 +109,7 @@ class Recordings:
 
         Args:
             vehicle: Vehicle that predicts.
-            most: Maximum number of predictions.
+            most: Maximum number of shots.
         """
         enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
@@ -112,7 +119,10 @@ class Recordings:
         return problem.reweighted(unfitted(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
-        """Return the shots for fits and comparisons of candidates for a vehicle."""
+        """Return the shots to which candidates are fitted, and on which they are compared.
+
+        They are of length HORIZON (`ahead`), or those of `problem` if there are too few.
+        """
         return self.ahead(vehicle, SHOTS // 2) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
@@ -128,9 +138,12 @@ class Recordings:
     def left_out(
         self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None
     ) -> Squares:
-        """Return the squared errors HORIZON ahead of stretches that fits of some effects leave out.
+        """Return the squared errors of held-out stretches, HORIZON ahead; each fit leaves some stretches out.
 
-        The fits are to `problem`, by default the shots of `judged`.
+        Args:
+            vehicle: Vehicle with starting values.
+            fitted: Effects that are fitted.
+            problem: Shots for the fits; by default those of `judged`.
         """
         begun = (problem or self.judged(vehicle)).at_measured_states(vehicle)
         return left_out_squares(vehicle, fitted, begun, self.log.shots(HORIZON))
@@ -144,13 +157,17 @@ class Recordings:
 
         An axis counts only if zero velocity would be significantly worse than before, or better than after.
         Otherwise its prediction was worthless before.
+
+        Args:
+            before: Squared errors of the earlier vehicle.
+            after: Squared errors of the later vehicle over the same stretches.
         """
         rest = squares_at_rest(self.log.shots(HORIZON))
         lost = {*worse_axes(before, rest), *worse_axes(rest, after)}
         return tuple(axis for axis in worse_axes(before, after) if axis in lost)
 
     def started(self, vehicle: Vehicle, effects: Sequence[str]) -> Vehicle:
-        """Return the vehicle from which fits start: itself, or with effects by equation error.
+        """Return the vehicle from which fits start: as given, or with values of effects by equation error.
 
         The one that predicts the recording better is chosen.  Equation error integrates nothing, so values
         far from the truth do not lead it into a poor local minimum.
@@ -163,13 +180,24 @@ class Recordings:
         return min(vehicle, there, key=self.error_ahead)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
-        """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`."""
+        """Return tables of further effects for a vehicle's residual, the best first (`screening.promising`).
+
+        Args:
+            vehicle: Vehicle.
+            own: Existing effects, which each tried effect is fitted with.
+        """
         return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
 
     def tried(
         self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK_STEPS
     ) -> Vehicle:
-        """Return the vehicle with effects fitted to some shots, with at most so many iterations.
+        """Return the vehicle with effects fitted to some shots.
+
+        Args:
+            vehicle: Vehicle.
+            wanted: Names or starting tables of the effects.
+            problem: Shots.
+            iterations: Maximum number of iterations.
 
         Raises:
             Diverges: The predicted motion diverges.
@@ -184,10 +212,10 @@ class Trial:
     """Candidate for a step, fitted together with all existing effects.
 
     Attributes:
-        added: Effects that it adds, or refits if it adds none.
-        tables: All effects that were fitted together, with standard errors.
-        vehicle: File of step 0 with these effects.
-        estimates: Values of `tables` with their covariance.
+        added: Effects that the candidate adds, or refits if it adds none.
+        tables: `[[effect]]` tables of all effects that were fitted together, with standard errors.
+        vehicle: Vehicle file of step 0 with these effects.
+        estimates: Values of `tables` with their covariance; None if no value was fitted.
     """
 
     added: tuple[str, ...]
@@ -200,9 +228,19 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     """Return the candidate with the best prediction of held-out stretches.
 
     Only the candidates whose quick fits predict the recording best are tested.  Values that physics excludes
-    show that an effect stands for another.  Among quick fits such a candidate counts only if no other has
-    plausible values; in the final fit the next best comes first.  The result is None where no
-    unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.
+    show that an effect stands for another.  Among quick fits, a candidate with such values counts only if no
+    other has plausible ones.  If the final fit of the best has such values, the next best is tried.  A single
+    confirmed choice is fitted without a comparison.
+
+    Args:
+        last: Last step.
+        file: Vehicle file of step 0.
+        recordings: Both recordings.
+        progress: Called with a short text and the share that is done.
+
+    Returns:
+        The candidate; None where no unconfirmed one predicts held-out stretches better than the last step, or
+        than the refitted file.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -231,7 +269,13 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 
 
 def chosen_trial(last: Step, effect: str, file: Vehicle, recordings: Recordings) -> Trial:
-    """Return the trial of one finding of the last diagnosis, without a comparison with others.
+    """Return one finding of the last diagnosis, fitted together with all existing effects.
+
+    Args:
+        last: Last step.
+        effect: Effect of the finding.
+        file: Vehicle file of step 0.
+        recordings: Both recordings.
 
     Raises:
         DataError: The diagnosis has no values for the effect, or the fit diverges.
@@ -244,8 +288,16 @@ def _best_of(
 ) -> list[Quick]:
     """Return converged fits that predict held-out stretches better and no axis significantly worse.
 
-    The best comes first.  Of fits that predict equally well, to within LOWER, the one with the fewest
-    parameters does.  Steady loads that do not improve its prediction are removed from it.
+    The best is first.  Of fits whose errors are equal to within NEGLIGIBLE, that is the one with the fewest
+    parameters; steady loads that do not improve its prediction are removed.  A confirmed effect need not
+    predict better.
+
+    Args:
+        quick: Quick fits, the best first.
+        last: Last step.
+        file: Vehicle file of step 0.
+        recordings: Both recordings.
+        problem: Shots of the quick fits.
     """
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
@@ -289,7 +341,13 @@ def _best_of(
 def _beside(
     last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings
 ) -> list[dict[str, Table]]:
-    """Return further candidates of the catalogue, the most promising first."""
+    """Return further candidates of the catalogue that are no choices yet, the most promising first.
+
+    Args:
+        last: Last step.
+        every: Choices from the diagnosis.
+        recordings: Both recordings.
+    """
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
@@ -297,10 +355,10 @@ def _beside(
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
-    """Return an option with the steady loads that the vehicle lacks; none where no thruster changes.
+    """Return a candidate of the thrusters extended by the steady loads that the vehicle lacks.
 
     Mean thrust balances steady loads.  A change of the thrusters alone would move the vehicle off its
-    balance.
+    balance.  The result is empty for other candidates, and if the vehicle has these loads.
     """
     loads = {name: {"name": name} for name in STEADY if not (name in found or last.vehicle.effects(name))}
     changes_thrust = CATALOGUE[next(iter(found))].kind == "actuator"
@@ -309,12 +367,12 @@ def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]
 
 @dataclass(frozen=True)
 class Quick:
-    """Quick fit of a candidate.
+    """Fit of a candidate with few iterations, together with all existing effects.
 
     Attributes:
-        found: Candidate, by effect.
-        wanted: All effects that were fitted together.
-        vehicle: Vehicle with them.
+        found: Tables of the candidate by effect; the new effect is first.
+        wanted: Names or starting tables of all effects that were fitted together.
+        vehicle: Vehicle with the fitted effects.
         is_implausible: Whether physics excludes the candidate's values.
         error: Error of predictions HORIZON ahead over the fitted recording [m/s].
     """
@@ -331,7 +389,10 @@ class Quick:
         return next(iter(self.found))
 
     def ended(self, recordings: Recordings) -> Quick:
-        """Return the converged fit, to shots weighted by its residual; unchanged if it diverges."""
+        """Return the converged fit; unchanged if it diverges.
+
+        The fit continues on shots whose channels are weighted by the residual of the quick fit.
+        """
         try:
             problem = recordings.judged(self.vehicle)
             vehicle = recordings.tried(self.vehicle, names_of(self.wanted), problem, ITERATIONS)
@@ -352,7 +413,15 @@ def quick_fits(
     problem: OutputError,
     progress: Progress,
 ) -> Iterator[Quick]:
-    """Yield fits with few steps of the candidates, and of their simpler special cases, if they converge."""
+    """Yield fits with few iterations of the candidates, and of their simpler special cases, if they converge.
+
+    Args:
+        last: Last step.
+        every: Candidates: tables by effect, the new effect first.
+        recordings: Both recordings.
+        problem: Shots of the fits.
+        progress: Called with a short text and the share that is done.
+    """
 
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)
@@ -386,10 +455,17 @@ def _trial(
     recordings: Recordings,
     tried: Vehicle | None = None,
 ) -> Trial:
-    """Fit all effects of the last step and the candidate together, possibly also from a quick fit.
+    """Fit all effects of the last step and a candidate together.
 
     With a hull-force model, velocity sensor errors keep the values that kinematics shows, because the error
     of the hull model would bias them.
+
+    Args:
+        last: Last step.
+        found: Tables of the candidate by effect.
+        file: Vehicle file of step 0.
+        recordings: Both recordings.
+        tried: Vehicle with the values of a quick fit, another starting point; None without one.
 
     Raises:
         DataError: The fit diverges.
@@ -419,9 +495,19 @@ def _fit_together(
 
     Values that the recording does not determine stay as in the file of step 0.  Far from the noise, sensor
     noise is the wrong weight: the most accurate channel would decide alone.  Then two more fits are made, to
-    shots weighted by their residuals: one from the values of a quick fit or of equation error, and one over
-    the horizon of the ladder from the better of both.  Their values are not shrunk to the file, because the
-    problem is not linear over such a distance.  The fit with the best prediction is returned.
+    shots whose channels are weighted by their residuals.  One starts from the values of `tried`, or without
+    it from equation error.  The other starts from the better fit so far, over shots of length HORIZON.  Their
+    values are not shrunk to the file, because the problem is not linear over such a distance.
+
+    Args:
+        vehicle: Vehicle of the last step.
+        recordings: Both recordings.
+        wanted: Names or starting tables of the effects.
+        file: Vehicle file of step 0.
+        tried: Vehicle with the values of a quick fit; None without one.
+
+    Returns:
+        The fit that predicts the recording best; None if there is nothing to fit.
     """
     if not wanted:
         return None
@@ -456,6 +542,10 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
     """Return the effects that are fitted together: existing, added and new ones, with starting values.
 
     Random effects, such as waves, are estimated by the diagnosis and not by a fit.
+
+    Args:
+        last: Last step.
+        found: Tables of a candidate by effect.
     """
     new = [
         bare(table) if len(table) > 1 else name
@@ -466,11 +556,11 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
 
 
 def _fitted_there(last: Step) -> list[str]:
-    """Return the existing and added effects without the random ones."""
+    """Return the effects of a step's vehicle without the random ones, which no fit estimates."""
     there = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
     return [name for name in there if not CATALOGUE[name].is_random]
 
 
 def bare(table: Table) -> dict[str, Any]:
-    """Return an effect's table without the bookkeeping of a fit."""
+    """Return an `[[effect]]` table without what a fit wrote: only its name and its parameters."""
     return {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}

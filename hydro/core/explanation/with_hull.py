@@ -24,17 +24,17 @@ from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
 LEVEL = "hull"
-"""Level of a comparison's rows about the hull."""
+"""Level of the rows that `with_hull` adds to a comparison."""
 ALONE, BESIDE = "file alone", "with the hull"
 """Predictors in the column `by`."""
 BEFORE, AFTER = "before", "after"
 """Recordings in the column `place`."""
 FLOOR = "floor"
-"""Axis of all channels together, in units of the floor."""
+"""Name of the axis for all channels together, with errors in units of the floor of the hull model."""
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
-    """Return a comparison with the errors that remain once the hull force is corrected for.
+    """Return a comparison extended by the errors that remain once the hull force is corrected for.
 
     Args:
         comparison: Comparison table of the same vehicle and recording.
@@ -43,9 +43,10 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
         hull: Hull-force model learnt from the earlier recording.
 
     Returns:
-        The table with rows of the level `hull`: `by` names the predictor, `place` the recording, and
-        `horizon` [s] the length of a shot.  Errors are root mean squares, for each channel in its unit.  On
-        the axis `floor` they are of all channels together, in units of the floor of the hull model.
+        The table with rows of the level `hull`.  `by` names the predictor: the file alone, or with the hull
+        force.  `place` is `before` for the earlier recording and `after` for the later one.  `horizon` [s] is
+        the length of a shot.  Errors are root mean squares, for each channel in its unit.  On the axis
+        `floor` they are of all channels together, in units of the floor of the hull model.
 
     Raises:
         DataError: The recording is too short, or the vehicle's predictions diverge.
@@ -55,7 +56,7 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
 
 
 def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
-    """Yield the rows, of the earlier recording from the hull model, of the later one with intervals."""
+    """Yield the rows of `with_hull`; those of the later recording have 95 % intervals."""
     compared, beside = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
     alone = unfitted(vehicle, compared.problem).normal
     shots = compared.problem.shots
@@ -86,9 +87,14 @@ def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str
 
 
 def _levels(normal: Normal, weight: Array) -> Array:
-    """Return the root mean square residual of each channel and of all, with its 95 % interval, (3, C + 1).
+    """Return root mean square residuals of C channels and of all together, with 95 % intervals.
 
-    It is NaN for a channel without a sample.
+    Args:
+        normal: Residuals of the shots.
+        weight: Weight of each shot, (S,).
+
+    Returns:
+        Value, lower and upper end, (3, C + 1); NaN for a channel without a sample.
     """
     squares = np.column_stack([normal.channels, normal.gram[:, -1, -1]])
     within = np.isfinite(squares).all(axis=1)

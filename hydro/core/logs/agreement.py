@@ -1,10 +1,13 @@
 """Residuals of the two kinematic identities of a log, window by window, for any reading of its columns.
 
-Whatever forces act, the body origin moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega)
-(Fossen 2011, sec. 2.2).  Both are integrated over windows of a second, which averages out noise.  The change
-of the position is compared with the mean of R v, the turn of R with the mean of omega.  A wrong frame, unit
-or sign violates them by as much as the vehicle moves.  If a log lacks a sensor or the horizontal position,
-only the components with data on both sides are compared.
+A reading is a map that states the frame, unit and sign of each column.  Whatever forces act, the body origin
+moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega) (Fossen 2011, sec. 2.2).  R is the
+rotation from body to world, v the velocity, and S(omega) the cross-product matrix of the angular velocity.
+
+Both are integrated over windows of a second, which averages out noise.  The change of the position is
+compared with the mean of R v, the turn of R with the mean of omega.  A wrong frame, unit or sign violates
+them by as much as the vehicle moves.  If a log lacks a sensor or the horizontal position, only the components
+with data on both sides are compared.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ COMPARED_SECONDS = 1.0
 MOST_WINDOWS = 300
 """Maximum number of windows, spread evenly over the log."""
 FEW = 60
-"""Number of windows of the preselection of readings."""
+"""Number of windows on which readings are preselected."""
 CLEARLY = 0.3
 """Height above the surface that no vehicle under water reaches [m]."""
 SETTLED = 0.01
@@ -45,7 +48,15 @@ MOVING = 2.0
 
 
 def windows(times: Sequence[Array], dt: float) -> list[Array]:
-    """Return the times of the rows of each window, per session (W, m + 1): contiguous, none across a gap."""
+    """Return the times of the rows of each window, per session: contiguous, none across a gap.
+
+    Args:
+        times: Times of the rows of each session [s].
+        dt: Sample time [s].
+
+    Returns:
+        Times of the m + 1 rows of each of W windows [s], (W, m + 1) for each session.
+    """
     steps = max(1, round(COMPARED_SECONDS / dt))
     starts = []
     for number, t in enumerate(times):
@@ -76,11 +87,13 @@ def tested(given: LogMap) -> tuple[bool, bool]:
 
 
 class Evidence:
-    """Windows of a log, with cached values of each reading of a block.
+    """Windows of a log, with cached values of each reading of a block of the map.
+
+    Methods that take a map return values of W windows with m + 1 rows each.
 
     Args:
-        logs: The sessions.
-        windows: Times of their windows, from `windows`.
+        logs: Sessions of the log.
+        windows: Times of the windows of each session, from `windows`.
     """
 
     def __init__(self, logs: Sequence[SessionLog], windows: Sequence[Array]) -> None:
@@ -168,21 +181,31 @@ class Evidence:
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
     def mean(self, values: Array, rule: str) -> Array:
-        """Return the mean over each window by a rule of integration, (W, 3) of (W, m + 1, 3)."""
+        """Return the mean over each window, (W, 3), of values at its rows, (W, m + 1, 3).
+
+        Args:
+            values: Values at the rows.
+            rule: Rule of integration: `trapezoid`, `left` or `right`.
+        """
         weights = self.rules[rule]
         return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
 
     def translation(self, given: LogMap, rule: str) -> Array:
-        """Return the residual of the first identity per window, (W, 3) [m/s]; 0 if it cannot be tested."""
+        """Return the residual of d(position)/dt = R v of each window, (W, 3) [m/s]; 0 if not testable."""
         if given.position is None or given.attitude is None or given.velocity is None:
             return np.zeros((len(self.t), 3))
         moving = self.moving(given.attitude, given.velocity, rule)
         return np.asarray((self.travel(given.position) - moving) * _levels(given.position))
 
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """Return the residuals of both identities per window, (W, 6): translation [m/s], rotation [rad/s].
+        """Return the residuals of both identities of each window, (W, 6) [m/s, rad/s].
 
-        They are 0 where the log lacks one side.
+        The first three are of translation, the others of rotation.  They are 0 where the log lacks one side
+        of the identity.
+
+        Args:
+            given: Map that reads the log.
+            rule: Rule of integration: `trapezoid`, `left` or `right`.
         """
         rotation = np.zeros((len(self.t), 3))
         if given.attitude is not None and given.rates is not None:
@@ -190,21 +213,21 @@ class Evidence:
         return np.hstack([self.translation(given, rule), rotation])
 
     def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """Return the RMS of the residuals, (2,): [m/s] and [rad/s]."""
+        """Return the RMS of the residuals of translation [m/s] and rotation [rad/s], (2,)."""
         both = given.attitude is not None and given.rates is not None
         rotation = self.rotation_error(given.attitude, given.rates, rule) if both else 0.0
         return np.array([_rms(self.translation(given, rule)), rotation])
 
     def shares(self, given: LogMap) -> Array:
-        """Return the errors as shares of the motion, (2,).
+        """Return the errors of translation and rotation as shares of the motion, (2,).
 
-        Shares are needed since a log read in millimetres has small errors too.
+        Shares are needed because a log read in millimetres has small errors too.
         """
         shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
         return np.where(tested(given), shares, SETTLED)
 
     def motion(self, given: LogMap) -> Array:
-        """Return the RMS of the motion: rates of position and attitude, (2,): [m/s] and [rad/s]."""
+        """Return the RMS rates of position [m/s] and attitude [rad/s], (2,)."""
         placed = given.position is not None and tested(given)[0]
         travelled = self.travelled(given.position) if placed else 0.0
         return np.array([travelled, 0.0 if given.attitude is None else self.turned(given.attitude)])
@@ -225,7 +248,12 @@ class Evidence:
         return np.array(found)
 
     def _beyond_noise(self, steps: Array, rates: Array) -> bool:
-        """Return whether steps of a pose (W, m, 3), or mean rates of (W, m + 1, 3), are more than noise."""
+        """Return whether motion exceeds the noise of its sensors.
+
+        Args:
+            steps: Steps of the pose from row to row of each window, (W, m, 3).
+            rates: Velocities at the rows, (W, m + 1, 3).
+        """
         change = np.sqrt(np.mean((steps.sum(axis=1) / self.length) ** 2, axis=0))
         mean = np.std(rates.mean(axis=1), axis=0)
         least = np.sqrt(2.0) / self.length * _white(np.diff(steps, 3, axis=1), 70.0)
@@ -234,7 +262,7 @@ class Evidence:
         return bool(beyond or (mean > np.maximum(LEAST_MOTION, MOVING * noise)).any())
 
     def misfit(self, given: LogMap) -> float:
-        """Return the mean logarithm of the `shares` of both identities, a single measure of disagreement."""
+        """Return one measure of how badly a reading fits: the mean logarithm of both `shares`."""
         return float(np.log(self.shares(given)).mean())
 
     def upright(self, block: Attitude | None) -> bool:
@@ -249,7 +277,11 @@ class Evidence:
 
 
 def _turns(attitudes: Array) -> Array:
-    """Return the rotation vectors from each attitude (W, m, 3, 3) of a window to the next, (W, m - 1, 3)."""
+    """Return the rotation vectors from each attitude of a window to the next, (W, m - 1, 3) [rad].
+
+    Args:
+        attitudes: Rotations of the m rows of each of W windows, (W, m, 3, 3).
+    """
     step = np.swapaxes(attitudes[:, :-1], -1, -2) @ attitudes[:, 1:]
     axial = 0.5 * np.stack([step[..., i, k] - step[..., k, i] for i, k in ((2, 1), (0, 2), (1, 0))], axis=-1)
     cosine = 0.5 * (np.trace(step, axis1=-2, axis2=-1) - 1.0)
@@ -273,9 +305,13 @@ def _rms(vectors: Array) -> float:
 
 
 def _white(differences: Array, power: float) -> Array:
-    """Return the standard deviation of white noise from differences with `power` times its variance.
+    """Return the standard deviation of the white noise of C channels, (C,).
 
-    It uses their median size; 0 if there are too few rows for a difference.
+    It follows from the median size of differences; it is 0 if there are too few rows for a difference.
+
+    Args:
+        differences: Differences of the samples along the rows, (..., C).
+        power: Variance of a difference over that of a sample.
     """
     if not differences.size:
         return np.zeros(differences.shape[-1])

@@ -31,11 +31,11 @@ RARE = 0.1  # extra cost of NWU over ENU; both fit, since a turn of world and he
 
 @dataclass(frozen=True)
 class Change:
-    """Change of one block: settings replaced, one column reversed, or two exchanged.
+    """Change of one block of a map: settings replaced, one column reversed, or two exchanged.
 
     Attributes:
         block: Name of the block.
-        settings: New values by the name of the setting.
+        settings: Replaced settings, as pairs of name and new value.
         flip: Number of the column to reverse, or None.
         exchange: Numbers of the columns to exchange, or None.
     """
@@ -90,7 +90,7 @@ class Change:
         )
 
     def columns(self, declared: LogMap) -> tuple[str, ...]:
-        """Return the columns of the log that the change reads differently."""
+        """Return the columns of the log whose meaning the change alters."""
         taken = measured(getattr(declared, self.block))
         chosen = range(len(taken)) if self.flip is None else (self.flip,)
         return tuple(taken[i].column for i in self.exchange or chosen)
@@ -137,7 +137,7 @@ def exchanges(declared: LogMap) -> list[Change]:
 
 
 def _choices(block: Block) -> dict[str, tuple[str, ...]]:
-    """Return the possible values of each setting of a block."""
+    """Return the tested values of each setting of a block, by the name of the setting."""
     if isinstance(block, Position):
         return {"world": WORLDS, "unit": ("m", "cm", "mm")}
     if isinstance(block, Velocity):
@@ -151,7 +151,7 @@ def _choices(block: Block) -> dict[str, tuple[str, ...]]:
 
 
 def _flipped(block: Any, number: int) -> Any:
-    """Return the block with one of its measured columns negated."""
+    """Return the block with the sign of one of its measured columns reversed."""
     columns = list(block.columns)
     if number < len(columns):
         columns[number] = _negated(columns[number])

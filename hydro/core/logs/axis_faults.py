@@ -1,9 +1,9 @@
 """Detection of mislabelled columns of a raw table: reversed, exchanged, in degrees, in other frames.
 
 The columns of a raw table have a defined meaning, so `logs.convention_check` tests the table like a log with
-its map: d(position)/dt = R v and dR/dt = R S(omega), whatever forces act.  If only one reading fits the
-kinematics, the table is corrected.  If two readings fit equally well, or a velocity was not measured, only
-the author of the log can decide.
+its map: d(position)/dt = R v and dR/dt = R S(omega), whatever forces act (see `logs.agreement`).  If only one
+reading of the columns fits the kinematics, the table is corrected.  If two readings fit equally well, or a
+velocity was not measured, only the author of the log can decide.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ COLUMNS = {"position": POSE[:3], "attitude": POSE[3:], "velocity": VELOCITY[:3],
 MOVES: Array = np.full(6, 0.03)
 """Motion along or about an axis [m/s, rad/s] that contradicts a constant velocity."""
 ABOVE_NOISE = 5.0
-"""Minimum ratio of that motion to the noise of the pose."""
+"""Minimum ratio of such motion to the noise of the pose."""
 
 
 @dataclass(frozen=True)
 class AxisFaults:
-    """Mislabelled columns.
+    """Mislabelled columns of a raw table, and the map that reads them correctly.
 
     Attributes:
-        follows: The map that the data follow.
+        follows: Map that the data follow.
         wrong: One fault of each kind, with advice on how to import the log.
     """
 
@@ -56,7 +56,7 @@ class AxisFaults:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Faults for a table that was corrected."""
+        """Faults as reported for a corrected table: each message says that the correction is assumed."""
         return tuple(
             replace(one, message=f"{one.message}; all else here is reported as if it were so")
             for one in self.wrong
@@ -70,15 +70,15 @@ class AxisFaults:
 def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
     """Find mislabelled columns by kinematics; None if there are none.
 
-    Columns cannot be tested in a session without samples of pose or velocity.
+    A quantity of pose or velocity without samples in some session is not tested.
 
     Args:
         raw: Raw table.
         record: The table as arrays.
 
     Raises:
-        DataError: A velocity is constant although the vehicle moves along it, or one of several columns is
-            wrong and the recording does not show which.
+        DataError: A velocity is constant although the vehicle moves along its axis, or one of several columns
+            is wrong and the recording does not show which.
     """
     logs = [_session(part) for part in raw.partition_by("session", maintain_order=True)]
     times = [log.t for log in logs]
@@ -100,7 +100,7 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
 
 
 def _sampled(logs: Sequence[SessionLog]) -> LogMap:
-    """Return AS_CALLED without blocks that lack samples in some session."""
+    """Return the map of a raw table, without blocks that lack samples in some session."""
     least = {name: min(len(log.channel(name).t) for log in logs) for name in (*POSE, *VELOCITY)}
     lacking = [block for block, names in COLUMNS.items() if not all(least[name] for name in names)]
     called = _without(AS_CALLED, lacking)
@@ -110,13 +110,18 @@ def _sampled(logs: Sequence[SessionLog]) -> LogMap:
 
 
 def _judged(called: LogMap) -> Mask:
-    """Return which velocities can be tested against a sampled pose, (6,)."""
+    """Return which of the six velocities can be tested against a sampled pose, (6,)."""
     whole = testable(called)
     return np.concatenate([np.full(3, whole[:3].all()), whole[3:]])
 
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
-    """Convert a raw table with the meaning of a map to NED, FRD and SI; other blocks stay unchanged."""
+    """Convert a raw table to NED, FRD and SI, with the meaning of its columns in a map.
+
+    Args:
+        raw: Raw table.
+        given: Map with the true meaning; quantities that it lacks stay unchanged.
+    """
     called = _without(AS_CALLED, [name for name in BLOCKS if getattr(given, name) is None])
     changed = {change.block for change in difference(called, given)}
     names = [name for block in sorted(changed) for name in COLUMNS[block]]
@@ -142,7 +147,17 @@ def _session(part: pl.DataFrame) -> SessionLog:
 
 
 def _require_measured(still: Rows, evidence: Evidence, called: LogMap, record: Recording) -> None:
-    """Refuse constant velocities where the pose shows motion along or about their axes."""
+    """Refuse constant velocities where the pose shows motion along or about their axes.
+
+    Args:
+        still: Numbers of the constant velocities, from 0 to 5.
+        evidence: Windows of the log.
+        called: Map of the raw table.
+        record: The table as arrays.
+
+    Raises:
+        DataError: The pose shows motion along such an axis.
+    """
     moves = np.zeros(6)
     if called.attitude is not None:
         moves[3:] = np.std(evidence.turning(called.attitude), axis=0)
@@ -164,7 +179,12 @@ def _require_measured(still: Rows, evidence: Evidence, called: LogMap, record: R
 def _only(evidence: Evidence, called: LogMap, found: LogMap) -> LogMap:
     """Return the only reading that explains the motion.
 
-    If two readings do, such as z or w reversed of a level vehicle, the one under water is returned.
+    If two readings explain it, such as z or w reversed of a level vehicle, the one under water is returned.
+
+    Args:
+        evidence: Windows of the log.
+        called: Map of the raw table.
+        found: Map with one change that the data follow.
 
     Raises:
         DataError: Several readings remain that depth does not separate.

@@ -92,7 +92,8 @@ def evened(t: Array) -> Evened | None:
         t: Receive times of every message [s], (n,), not falling.
 
     Returns:
-        None where no even clock explains them: messages were lost, or were not sent at even steps.
+        Send times; None where no even clock explains the receive times: messages were lost, or were not sent
+        at even steps.
     """
     if len(t) < LEAST or not t[-1] > t[0]:
         return None
@@ -103,7 +104,12 @@ def evened(t: Array) -> Evened | None:
 
 
 def _fitted(t: Array, edges: Sequence[int]) -> Evened | None:
-    """Fit a line to each piece that is long enough; None if the lines fit badly."""
+    """Fit a line to the receive times of each part that is long enough; None if the lines fit badly.
+
+    Args:
+        t: Receive times of every message [s], (n,), not falling.
+        edges: Indices at which the parts begin, and n.
+    """
     out, slopes, longest = t.copy(), [], 0.0
     for start, stop in pairwise(edges):
         if stop - start >= LEAST:
@@ -122,7 +128,11 @@ def _fitted(t: Array, edges: Sequence[int]) -> Evened | None:
 
 
 def _line(t: Array) -> tuple[Array, float]:
-    """Return the closest line below all times over their index, and its slope."""
+    """Return the closest line below all receive times, as its values [s], (n,), and its slope [s].
+
+    Args:
+        t: Receive times [s], (n,), over their index.
+    """
     number = np.arange(len(t), dtype=float)
     line = number / max(len(t) - 1, 1) * (t[-1] - t[0]) + t[0]
     try:

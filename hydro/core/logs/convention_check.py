@@ -1,8 +1,9 @@
 """Test of frames, units and signs of a log by the kinematics of its pose and velocities.
 
-One number compares two readings of a log.  With the residuals r of the first and r' of the second, c = <r, r
-- r'> / |r - r'|^2.  It is 0 if the first reading is right, 1 if the second is, and 1/2 if the data cannot
-decide, as on an axis without motion.
+A reading of a log is a map that states the frame, unit and sign of each column.  One number compares two
+readings.  With the residuals r of the first and r' of the second (`logs.agreement`), c = <r, r - r'> /
+|r - r'|^2.  It is 0 if the first reading is right, 1 if the second is, and 1/2 if the data cannot decide, as
+on an axis without motion.
 
 Kinematics cannot show a frame that is wrong in all blocks alike.  If the pose was itself integrated from
 these velocities, the test shows only that both use the same convention.
@@ -47,8 +48,9 @@ class Verdict:
             velocities, as declared; NaN where the log cannot test it.
         contradictions: One line for each setting that the data contradict; empty if they agree.
         notes: Lines on untestable settings and other anomalies.
-        follows: The map that the data follow; the declared one if nothing contradicts it.
-        disagree: Whether position and velocity, and attitude and rates, disagree under every reading.
+        follows: Map that the data follow; the declared one if nothing contradicts it.
+        disagree: Whether position and velocity disagree under every reading, and whether attitude and rates
+            do.
     """
 
     agreement: tuple[float, float]
@@ -71,7 +73,7 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
 
 
 def _with_turns(verdict: Verdict, logs: Sequence[SessionLog]) -> Verdict:
-    """Add to a verdict that angles are in degrees, where their size shows it and kinematics did not."""
+    """Add the contradiction that angles are in degrees, where only their size shows it."""
     attitude = verdict.follows.attitude
     if attitude is None:
         return verdict
@@ -114,7 +116,7 @@ def _by_kinematics(
 
 
 def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[str]]:
-    """Return the map without velocities that lack motion for a test, and their columns.
+    """Return the map without velocities that lack motion for a test, and the columns of these.
 
     For a vehicle at rest, a smaller unit explains the noise better, and so does any frame by chance.
     """
@@ -127,9 +129,14 @@ def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[st
 
 
 def _with_attitude_at_rest(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
-    """Return the map with the declared attitude, unless the other one explains clearly more of the travel.
+    """Return the found map, with the declared attitude unless the found one explains clearly more.
 
     Without rates or turns, only the travel tests the attitude, and weakly for a level vehicle.
+
+    Args:
+        evidence: Windows of the log.
+        declared: Declared map.
+        found: Map that the data follow.
     """
     given = msgspec.structs.replace(found, attitude=declared.attitude)
     plainly = evidence.misfit(found) < evidence.misfit(given) - TIE
@@ -189,7 +196,10 @@ def _with_signs(evidence: Evidence, start: LogMap) -> LogMap:
 
 
 def _reversed_together(given: LogMap) -> list[LogMap]:
-    """Return the maps with any two columns reversed: with z and w positive up, one reversal does not help."""
+    """Return the maps with any two columns reversed.
+
+    Where z and w are both positive up, one reversal alone does not help.
+    """
     pairs = combinations(flips(given), 2)
     return [second.apply(first.apply(given)) for first, second in pairs]
 
@@ -224,7 +234,18 @@ def _polished(evidence: Evidence, declared: LogMap, given: LogMap) -> LogMap:
 
 
 def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> dict[LogMap, float]:
-    """Return the readings that the data demand, with significance; none upside down if `given` is not."""
+    """Return the readings that the data demand instead of `given`, with their significance.
+
+    If the vehicle is upright under `given`, readings that put it upside down are left out.
+
+    Args:
+        evidence: Windows of the log.
+        given: Present reading.
+        options: Other readings.
+
+    Returns:
+        Significance in standard errors, by reading.
+    """
     before = evidence.few.shares(given)
     options = [option for option in options if _may_be_better(before, evidence.few.shares(option))]
     if evidence.upright(given.attitude):
@@ -234,7 +255,12 @@ def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> d
 
 
 def _may_be_better(before: Array, after: Array) -> bool:
-    """Return whether the second reading may be better, from the shares (2,) of both in a few windows."""
+    """Return whether a reading may be better than another.
+
+    Args:
+        before: Error shares of translation and rotation of the other reading in a few windows, (2,).
+        after: Error shares of this reading, (2,).
+    """
     return bool(((after < WORSE * before) & (after != before)).any())
 
 
@@ -279,7 +305,11 @@ def _other_units(first: LogMap, second: LogMap) -> bool:
 
 
 def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float, float]:
-    """Return c of two readings, and its jackknife standard error over blocks of the log."""
+    """Return how far the data prefer the second of two readings, and the standard error of that number.
+
+    The number is c of the module's text: 0 if the first reading is right, 1 if the second is.  The error is
+    the jackknife's over blocks of the log.
+    """
     before, after = evidence.residuals(first), evidence.residuals(second)
     scale = np.repeat(np.hypot(np.minimum(evidence.errors(first), evidence.errors(second)), RESOLUTION), 3)
     r, moved = before / scale, (before - after) / scale
@@ -299,12 +329,12 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
     For a level vehicle, w reversed is equivalent to z reversed.
 
     Args:
-        evidence: The windows.
-        declared: The declared meaning of the columns.
-        found: The declared map with one change.
+        evidence: Windows of the log.
+        declared: Declared meaning of the columns.
+        found: Declared map with one change.
 
     Returns:
-        The smallest change of each block, if any.
+        The declared map with the smallest such change of each block, if any.
     """
     (own,) = difference(declared, found)
     changes = [change for several in frame_changes(declared).values() for change in several]
@@ -321,7 +351,14 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
 
 
 def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """Describe one setting that the data contradict: the reading that agrees, its error, and the advice."""
+    """Describe one setting that the data contradict: the reading that agrees, its error, and the advice.
+
+    Args:
+        evidence: Windows of the log.
+        declared: Declared map.
+        found: Map that the data follow.
+        change: The setting, one of the differences between both maps.
+    """
     best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
     which = int(np.argmax(left / np.hypot(best, RESOLUTION)))
     quantity, unit = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))[which]
@@ -332,9 +369,16 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
 
 
 def _void(evidence: Evidence, found: LogMap, odd: tuple[bool, bool], resting: Sequence[str]) -> Iterable[str]:
-    """Yield notes on untested signs of axes with little motion, and on a pose integrated from velocities.
+    """Yield notes on properties that the log cannot test.
 
-    Sides that disagree under every reading are skipped, since no sign could correct them.
+    These are signs of axes with little motion, and a pose that was integrated from the velocities.  Pairs
+    that disagree under every reading are skipped, because no sign could correct them.
+
+    Args:
+        evidence: Windows of the log.
+        found: Map that the data follow.
+        odd: Whether position and velocity disagree under every reading, and whether attitude and rates do.
+        resting: Columns of velocities without motion.
     """
     untested = []
     both = [there and not wrong for there, wrong in zip(tested(found), odd, strict=True)]
@@ -361,7 +405,10 @@ def _void(evidence: Evidence, found: LogMap, odd: tuple[bool, bool], resting: Se
 
 
 def _least_errors(evidence: Evidence, found: LogMap) -> Array:
-    """Return the errors that noise of the velocities alone causes, (2,); 0 if there is hardly any."""
+    """Return the errors of translation [m/s] and rotation [rad/s] by noise of the velocities alone, (2,).
+
+    They are 0 if there is hardly any noise.
+    """
     steps = evidence.t.shape[1] - 1
     noise = np.zeros(2)
     if found.velocity is not None:
@@ -372,7 +419,10 @@ def _least_errors(evidence: Evidence, found: LogMap) -> Array:
 
 
 def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
-    """Return the errors that noise of position and attitude causes at both ends of a window, (2,)."""
+    """Return the errors of translation [m/s] and rotation [rad/s] by noise of the pose alone, (2,).
+
+    The noise acts at both ends of a window.
+    """
     noise: Array = np.zeros(2)
     if found.position is not None:
         noise[0] = _white(evidence.placed(found.position))
@@ -383,7 +433,11 @@ def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
 
 
 def _white(values: Array) -> float:
-    """Return the standard deviation of a vector's white noise from fourth differences."""
+    """Return the standard deviation of a vector's white noise, from fourth differences.
+
+    Args:
+        values: Vectors at the rows of W windows, (W, m + 1, C); with fewer than five rows the result is 0.
+    """
     if values.shape[1] < 5:
         return 0.0
     size = np.median(np.abs(np.diff(values, 4, axis=1)), axis=(0, 1)) / (0.6745 * np.sqrt(70.0))

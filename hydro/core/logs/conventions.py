@@ -76,10 +76,10 @@ FAR_OUT = 2.0
 
 @dataclass(frozen=True)
 class SessionLog:
-    """Session of a log.
+    """Session of a log with n rows.
 
     Attributes:
-        name: Its name.
+        name: Name of the session.
         t: Times since its start [s], shape (n,), not falling.
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
         clocks: Times of columns not sampled at `t` [s], as many as the column has rows; they do not fall from
@@ -136,7 +136,7 @@ def in_frames(block: Attitude, turned: Array) -> Array:
 
     Args:
         block: Attitude block of the map, with the frames of body and world.
-        turned: Rotation from this body frame to this world frame, shape (..., 3, 3).
+        turned: Rotation from the block's body frame to its world frame, shape (..., 3, 3).
 
     Returns:
         Shape (..., 3, 3).
@@ -167,9 +167,16 @@ def commands(
 ) -> tuple[Array, Mask]:
     """Return commands in [-1, 1]: means over each row of the held commands.
 
+    Args:
+        log: Session of the log.
+        block: Commands of the map.
+        at: Times of the N rows [s], (N,).
+        dt: Sample time [s].
+        mixer: Mixer of the map, from demands to thrusters; None without one.
+
     Returns:
-        Commands of the thrusters, (N, n), and which of them, after the mixer if any, were beyond [-1, 1] and
-        were clipped.
+        Commands of the n thrusters, (N, n), and which of them, after the mixer if any, were beyond [-1, 1]
+        and were clipped.
     """
     values = np.empty((len(at), len(block.columns)))
     for i, source in enumerate(map(command, block.columns)):
@@ -215,7 +222,7 @@ def in_degrees(angles: Sequence[Array]) -> bool:
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
-    """Return a message if angles cannot be radians, as the map declares; else an empty string."""
+    """Return a message if angles that the map declares as radians cannot be; else an empty string."""
     if block.columns is None or block.unit == "deg":
         return ""
     angles = [log.channel(source).values for source in block.columns]
@@ -230,13 +237,27 @@ def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
 
 
 def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: float) -> Array:
-    """Return one column of commands as shares of full thrust, the mean over each row."""
+    """Return one column of commands as shares of full thrust, each the mean over a row, (N,).
+
+    Args:
+        log: Session of the log.
+        source: Column of the map.
+        block: Commands of the map, with their unit.
+        at: Times of the N rows [s], (N,).
+        dt: Sample time [s].
+    """
     given = log.channel(source)
     return averaged(Channel(given.t, _normalised(given.values, block)), at, dt)
 
 
 def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:
-    """Return the supply voltage [V], the last reading at or before each time (N,); NaN before the first.
+    """Return the supply voltage [V], the last reading at or before each of N times; NaN before the first.
+
+    Args:
+        log: Session of the log.
+        block: Voltage of the map.
+        at: Times [s], (N,).
+        dt: Sample time [s].
 
     Raises:
         DataError: A reading is implausible, so that its unit must be another one.

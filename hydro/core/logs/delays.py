@@ -50,9 +50,9 @@ class Offset:
 
     Attributes:
         block: `velocity`, `rates` or `attitude`; or `commands`.
-        seconds: The estimate [s].
-        low, high: Its 95 % interval [s].
-        step: Median step of its samples [s].
+        seconds: Estimated delay [s].
+        low, high: 95 % interval of the delay [s].
+        step: Median step of the sensor's samples, or sample time of the commands' estimate [s].
     """
 
     block: str
@@ -108,7 +108,7 @@ def sensor_offsets(
 
 
 def _inner(t: Array, dt: float) -> Array:
-    """Return the times that are farther than the largest lag from every gap."""
+    """Return the times that are farther than FARTHEST, the largest tested lag, from every gap."""
     edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
     kept = [
         part[(part > part[0] + FARTHEST) & (part < part[-1] - FARTHEST)]
@@ -121,7 +121,15 @@ def _inner(t: Array, dt: float) -> Array:
 def _estimated(
     logs: Sequence[SessionLog], taken: Sequence[Array], given: LogMap, blocks: tuple[str, ...], rows: slice
 ) -> list[Offset]:
-    """Estimate lags of some blocks by nonlinear least squares of one identity: grid, then Gauss-Newton."""
+    """Estimate lags of some blocks by nonlinear least squares of one identity: grid, then Gauss-Newton.
+
+    Args:
+        logs: Sessions of the log.
+        taken: Times of the windows of each session, from `agreement.windows`.
+        given: Map that the data follow.
+        blocks: Sensors whose lags are estimated; the first is searched on the grid.
+        rows: Components of the identity among six: the first three for translation, the others for rotation.
+    """
     plain = Evidence(logs, taken)
     of = testable(given)[rows]
 
@@ -176,13 +184,23 @@ def _estimated(
 
 
 def _solved(J: Array, r: Array) -> Array:
-    """Return the Gauss-Newton step of residuals (W, c) with slopes (k, W, c); 0 where the slopes vanish."""
+    """Return the Gauss-Newton step of k lags, (k,); 0 for a lag whose slopes vanish.
+
+    Args:
+        J: Slopes of the residuals over each lag, (k, W, c) for W windows and c components.
+        r: Residuals, (W, c).
+    """
     A = J.reshape(len(J), -1).T
     return np.asarray(np.linalg.lstsq(A, -r.ravel(), rcond=1e-3)[0])
 
 
 def _errors(J: Array, r: Array) -> Array:
-    """Return the standard errors of the estimate, (k,), with residuals correlated over a few windows."""
+    """Return the standard errors of k lags, (k,), with residuals that are correlated over a few windows.
+
+    Args:
+        J: Slopes of the residuals over each lag, (k, W, c) for W windows and c components.
+        r: Residuals, (W, c).
+    """
     H = np.einsum("kwc,lwc->kl", J, J)
     scores = np.einsum("kwc,wc->wk", J, r)
     S = scores.T @ scores
@@ -223,13 +241,12 @@ CHI2 = 3.84
 
 @dataclass(frozen=True)
 class _Piece:
-    """Windows of an uninterrupted part of a log.
+    """Windows of an uninterrupted part of a log, for D delays of n thrusters.
 
     Attributes:
-        change: Change of the velocity over each, (W, 6).
-        fixed: Integrals of all regressors of the acceleration except the commands, (W, k).
-        drive: Integrals of the commands, and of their signed squares, at each of the delays, (delays, W, 2
-            n).
+        change: Change of the velocity over each of W windows, (W, 6).
+        fixed: Integrals over a window of k regressors of the acceleration, all except the commands, (W, k).
+        drive: Integrals of the commands, and of their signed squares, at each of the delays, (D, W, 2 n).
     """
 
     change: Array
@@ -249,7 +266,8 @@ def command_delay(
         given: The map that the data follow, with at least velocity or rates.
 
     Returns:
-        None if the log shows no delay: no velocities, too short, or commands that explain no acceleration.
+        The delay; None if the log does not show it.  Then it has no velocities or is too short, the commands
+        explain no acceleration, or the interval is too wide.
     """
     axes = _axes(given)
     rows = sum(map(len, times))
@@ -270,14 +288,22 @@ def command_delay(
 
 
 def _axes(given: LogMap) -> list[int]:
-    """Return the axes whose velocity is measured."""
+    """Return the numbers from 0 to 5 of the axes whose velocity is measured."""
     turned = given.velocity is not None and given.velocity.frame not in conventions.BODIES
     along = given.velocity is not None and (given.attitude is not None or not turned)
     return [*(range(3) if along else ()), *(range(3, 6) if given.rates is not None else ())]
 
 
 def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) -> Iterator[_Piece]:
-    """Yield the windows of each uninterrupted part of a session that is long enough for every delay."""
+    """Yield the windows of each uninterrupted part of a session that is long enough for every delay.
+
+    Args:
+        log: Session of the log.
+        t: Times of its rows [s].
+        dt: Sample time [s].
+        given: Map that the data follow.
+        stride: Number of rows from the start of one window to that of the next.
+    """
     m = max(2, round(ACCELERATED / dt))
     edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
     for start, stop in pairwise(edges):
@@ -294,7 +320,16 @@ def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) ->
 
 
 def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> _Piece:
-    """Build windows of m rows that start at the rows `first` of times `at`."""
+    """Build windows of m rows that start at some rows.
+
+    Args:
+        log: Session of the log.
+        at: Times of rows [s].
+        dt: Sample time [s].
+        given: Map that the data follow.
+        first: Numbers of the rows in `at` at which the windows start.
+        m: Number of rows of a window.
+    """
     values = np.nan_to_num(motion(log, at, given))
     nu = values[:, 6:]
     steady = _beside(nu, values[:, 3], values[:, 4])
@@ -304,7 +339,15 @@ def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m:
 
 
 def _beside(nu: Array, phi: Array, theta: Array) -> Array:
-    """Return regressors of the acceleration except thrust, (N, 25): damping, rotation, weight, constant."""
+    """Return 25 regressors of the acceleration other than thrust at N rows, (N, 25).
+
+    These are linear and quadratic damping, products of velocities, weight, and a constant.
+
+    Args:
+        nu: Body velocities, (N, 6) [m/s, rad/s].
+        phi: Roll [rad], (N,).
+        theta: Pitch [rad], (N,).
+    """
     u, v, w, p, q, r = nu.T
     turning = np.stack([v * r, w * q, u * r, w * p, u * q, v * p, q * r, p * r, p * q], axis=1)
     weight = np.stack([np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)], axis=1)
@@ -312,7 +355,18 @@ def _beside(nu: Array, phi: Array, theta: Array) -> Array:
 
 
 def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Array:
-    """Return integrals of commands over windows from the rows `first`, for each delay, (delays, W, 2 n)."""
+    """Return integrals of commands over windows, for each of D delays, (D, W, 2 n) for n thrusters.
+
+    The first n are of the commands, the others of their signed squares.
+
+    Args:
+        log: Session of the log.
+        at: Times of rows [s].
+        dt: Sample time [s].
+        given: Map that the data follow.
+        first: Numbers of the rows in `at` at which the W windows start.
+        m: Number of rows of a window.
+    """
     drive, _ = conventions.commands(log, given.commands, at, dt, given.mixer)
     drive = np.column_stack([drive, np.abs(drive) * drive])
     summed = np.zeros((drive.shape[1], len(drive) + 1))
@@ -326,7 +380,18 @@ def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m
 
 
 def _profiled(y: Array, Z: Array, drive: Callable[[int], Array], delays: Array, dt: float) -> Offset | None:
-    """Average the delays of all axes, weighted by their intervals; the interval widens if they disagree."""
+    """Average the delays of all axes, weighted by their intervals; the interval widens if they disagree.
+
+    Args:
+        y: Change of the velocity on each of A axes over each of W windows, (W, A).
+        Z: Regressors other than the commands, (W, k).
+        drive: Function from the number of a delay to the commands at that delay, (W, 2 n).
+        delays: Tested delays [s], (D,).
+        dt: Sample time [s].
+
+    Returns:
+        The delay; None if no axis shows it or the interval is too wide.
+    """
     basis = _basis(Z)
 
     def beside(values: Array) -> Array:
@@ -355,14 +420,16 @@ def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> t
     """Return the maximum-likelihood delay of one axis, and its standard error from the profile.
 
     Args:
-        y: Accelerations, with all regressors except the commands projected out, (W,).
-        left: Residual sum of squares at each delay.
-        drive: The commands at the best delay, projected likewise, (W, n).
-        delays: These delays [s].
+        y: Change of the velocity over each of W windows, with all regressors except the commands projected
+            out, (W,).
+        left: Residual sum of squares at each of D delays, (D,).
+        drive: Commands at the best delay, projected likewise, (W, 2 n).
+        delays: Tested delays [s], (D,).
         share: Residual degrees of freedom as a share of W.
 
     Returns:
-        None if the commands explain hardly anything, or if the best delay is at an end of the range.
+        Delay and standard error [s]; None if the commands explain hardly anything, or if the best delay is at
+        an end of the range.
     """
     best = int(np.argmin(left))
     if not left[best] < (1.0 - EXPLAINS) * (y @ y) or best in (0, len(delays) - 1):
@@ -379,7 +446,12 @@ def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> t
 
 
 def _left(y: Array, drive: Array) -> Array:
-    """Return the residual sum of squares of accelerations (W, axes) after the commands."""
+    """Return the residual sum of squares of each of A axes that the commands do not explain, (A,).
+
+    Args:
+        y: Changes of the velocity over W windows, (W, A).
+        drive: Commands, (W, 2 n).
+    """
     size = np.linalg.norm(drive, axis=0)
     unit = drive[:, size > 0.0] / size[size > 0.0]
     values, vectors = np.linalg.eigh(unit.T @ unit)
@@ -407,7 +479,14 @@ def _effective(r: Array) -> float:
 
 
 def _crossing(delays: Array, above: Array, best: int, way: int) -> float:
-    """Return where the profile crosses the limit on one side of its optimum, interpolated between delays."""
+    """Return the delay at which the profile crosses the limit on one side of its optimum [s].
+
+    Args:
+        delays: Tested delays [s], (D,).
+        above: Profile less the limit at each delay, (D,); positive beyond the interval.
+        best: Number of the delay at the optimum.
+        way: Direction of the search: -1 to shorter delays, 1 to longer ones.
+    """
     k = best
     while 0 < k < len(delays) - 1 and above[k] <= 0.0:
         k += way

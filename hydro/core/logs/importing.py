@@ -34,7 +34,13 @@ from hydro.core.vehicle.frames import euler_from_rotation
 
 @dataclass(frozen=True)
 class Gap:
-    """Missing rows between two times [s] of a session."""
+    """Missing rows of a session.
+
+    Attributes:
+        session: Name of the session.
+        start: Time of the last row before the gap [s].
+        stop: Time of the first row after it [s].
+    """
 
     session: str
     start: float
@@ -169,9 +175,15 @@ def _check_voltage(logs: Sequence[SessionLog], meaning: LogMap) -> None:
 
 
 def _shared(log: SessionLog, meaning: LogMap, gated: Mapping[str, Array]) -> Array:
-    """Return the spans with data in all channels, commands of all thrusters, and use by the map, (k, 2) [s].
+    """Return the spans of a session from which rows are made, (k, 2) [s].
 
-    A sensor that lost samples as invalid or as repeats has data wherever it sent readings.
+    In a span all channels have data, all thrusters have commands, and the map uses the session.  A sensor
+    that lost samples as invalid or as repeats has data wherever it sent readings.
+
+    Args:
+        log: Session with prepared samples.
+        meaning: Map of the columns.
+        gated: Times of all readings of sensors that lost some, by block, see `samples.Prepared`.
     """
     longest = meaning.time.longest_step
     found = []
@@ -200,7 +212,16 @@ def _used(session: str, meaning: LogMap) -> Array | None:
 def _part(
     log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool, gated: Mapping[str, Array]
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
-    """Return the rows of one session, and the number of clipped commands of each thruster."""
+    """Return the rows of one session, and the number of clipped commands of each thruster.
+
+    Args:
+        log: Session with prepared samples.
+        t: Times of the N rows [s], (N,).
+        meaning: Map of the columns.
+        dt: Sample time [s].
+        fill: Whether to interpolate a value in every row.
+        gated: Times of all readings of sensors that lost some, by block, see `samples.Prepared`.
+    """
     conventions.require_shares(log, meaning.commands, t, dt)
     seen = None if fill else _sampled(log, t, meaning, dt) & _heard(log, t, meaning, gated)
     size = max(LEAST_ROWS, -(-len(t) // PIECES))
@@ -212,7 +233,15 @@ def _part(
 def _rows(
     log: SessionLog, t: Array, meaning: LogMap, dt: float, seen: Mask | None
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
-    """Return some rows of a session, null where no sample was `seen`, and the number of clipped commands."""
+    """Return some rows of a session, and the number of clipped commands of each thruster.
+
+    Args:
+        log: Session with prepared samples.
+        t: Times of the N rows [s], (N,).
+        meaning: Map of the columns.
+        dt: Sample time [s].
+        seen: Which values have a sample, (N, 12); others are null.  None to interpolate all.
+    """
     table = pl.DataFrame(motion(log, t, meaning), schema=[*MOTION]).fill_nan(None)
     drive, beyond = conventions.commands(log, meaning.commands, t, dt, meaning.mixer)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
@@ -230,7 +259,14 @@ def _rows(
 
 
 def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array]) -> Mask:
-    """Return which rows are within the spans of each sensor's valid samples, (N, 12)."""
+    """Return which of N rows are within the spans of each sensor's valid samples, (N, 12).
+
+    Args:
+        log: Session with prepared samples.
+        t: Times of the rows [s], (N,).
+        meaning: Map of the columns.
+        gated: Times of all readings of sensors that lost some, by block, see `samples.Prepared`.
+    """
     out = np.ones((len(t), len(MOTION)), bool)
     for name, block in blocks_of(meaning).items():
         if name not in gated:
@@ -246,7 +282,13 @@ def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array
 
 
 def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:
-    """Return pose and velocity at the times t (N,), (N, 12); NaN in columns without a sensor."""
+    """Return pose and velocity of a raw table at N times, (N, 12); NaN in columns without a sensor.
+
+    Args:
+        log: Session of the log.
+        t: Times [s], (N,).
+        meaning: Map of the columns.
+    """
     out, R = np.full((len(t), len(MOTION)), np.nan), np.tile(np.eye(3), (len(t), 1, 1))
     if (placed := meaning.position) is not None:
         first = 0 if placed.columns else 2
@@ -262,7 +304,7 @@ def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:
 
 
 def _sampled(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> Mask:
-    """Return in which rows the sensors behind each column of pose and velocity have a sample, (N, 12)."""
+    """Return in which of N rows each column of pose and velocity has a sample of its sensors, (N, 12)."""
     nothing = np.zeros(len(t), bool)
 
     def of(block: Block | None) -> list[Mask]:
@@ -277,7 +319,13 @@ def _sampled(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> Mask:
 
 
 def _nearest(each: Channel, t: Array, dt: float) -> Mask:
-    """Return which rows at times t (N,) are nearest to a sample; all for a channel as fast as the rows."""
+    """Return which of N rows are nearest to a sample, (N,); all for a channel as fast as the rows.
+
+    Args:
+        each: Channel.
+        t: Times of the rows [s], (N,).
+        dt: Sample time [s].
+    """
     if not each.step >= SLOWER * dt:
         return np.ones(len(t), bool)
     row = np.clip(np.searchsorted(t, each.t - 0.5 * dt), 0, len(t) - 1)

@@ -41,7 +41,10 @@ Heave is positive down here, as in SNAME; ArduSub's throttle is positive up.
 
 
 def matrix(mixer: Mixer) -> Array:
-    """Return the share of each demand in each thruster, (thrusters, demands); the identity by default."""
+    """Return the share of each demand in each thruster, (thrusters, demands).
+
+    Without a preset and a matrix, each demand drives one thruster.
+    """
     if mixer.preset is not None:
         found = PRESETS[mixer.preset][:, [AXES.index(demand) for demand in mixer.demands]]
     elif mixer.matrix is not None:
@@ -57,10 +60,14 @@ def thrusters(mixer: Mixer | None, commands: int) -> int:
 
 
 def mixed(mixer: Mixer, demands: Array) -> Array:
-    """Return commands of the thrusters, (N, n), from demands in [-1, 1], (N, k).
+    """Return commands of n thrusters at N rows, (N, n); without a preset they may exceed [-1, 1].
 
     If demands exceed full thrust of a motor, ArduSub clips it in its vectored frame.  In the vectored frame
     of six degrees of freedom it scales all motors of its plane down equally.
+
+    Args:
+        mixer: Mixer of the map.
+        demands: k demands at each row in [-1, 1], (N, k).
     """
     drive: Array = demands @ matrix(mixer).T
     if mixer.preset != "ardusub_vectored_6dof":

@@ -26,7 +26,7 @@ def turn(mount: Mount) -> Array:
 
 
 def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
-    """Return columns of a gyroscope in body axes, in the block's frame and unit."""
+    """Return a gyroscope's columns converted to body axes, in the block's frame and unit."""
     assert block.mount is not None
     t, rows = _samples(log, block)
     return _written(log, block, rows, conventions.rates(log, block, t) @ turn(block.mount).T)
@@ -35,7 +35,11 @@ def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
 def mounted_velocity(
     log: SessionLog, block: Velocity, rates: Rates | None, attitude: Attitude | None
 ) -> dict[str, Array]:
-    """Return columns of a DVL at the body origin in body axes: v = R v_s - omega x r.
+    """Return a velocity sensor's columns converted to the body origin, in the block's frame and unit.
+
+    The velocity of the body origin is v = R v_s - omega x r.  R rotates the sensor's axes to the body's, v_s
+    is the reading, omega the angular velocity and r the sensor's place from the body origin, all in body
+    axes.
 
     Args:
         log: The session, with corrected rates.
@@ -100,7 +104,7 @@ def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tup
 
 
 def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
-    """Return times and rows of the complete samples of a three-column vector."""
+    """Return times [s] and row numbers of the complete samples of a three-column vector."""
     names = [named(source).column for source in block.columns]
     values = np.stack([log.columns[name] for name in names])
     rows = np.flatnonzero(np.isfinite(values).all(axis=0))
@@ -108,7 +112,14 @@ def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
 
 
 def _written(log: SessionLog, block: Velocity | Rates, rows: Rows, values: Array) -> dict[str, Array]:
-    """Return vectors in FRD or NED at some rows as columns in the block's frame and unit."""
+    """Return vectors in FRD or NED at some rows as columns in the block's frame and unit.
+
+    Args:
+        log: Session of the log.
+        block: Velocity or rates of the map.
+        rows: Numbers of the rows; others are NaN.
+        values: Vectors at these rows.
+    """
     own = values @ AXES[block.frame] / UNITS[block.unit]
     found = {}
     for source, part in zip(map(named, block.columns), own.T, strict=True):

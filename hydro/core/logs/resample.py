@@ -47,7 +47,7 @@ def channel(t: Array, values: Array) -> Channel:
 
     Args:
         t: Times [s], shape (n,), not falling.
-        values: Shape (n,), NaN where a cell is empty.
+        values: Cells of the column, shape (n,), NaN where a cell is empty.
     """
     there = np.isfinite(values)
     if not there.all():
@@ -91,7 +91,11 @@ def spans(each: Channel, longest: float | None = None) -> Array:
 
 
 def common(stretches: Sequence[Array]) -> Array:
-    """Return the intersection of the spans of all channels, shape (k, 2) [s]."""
+    """Return the spans that all channels share, shape (k, 2) [s].
+
+    Args:
+        stretches: First and last time of each span of every channel, see `spans`.
+    """
     shared = stretches[0]
     for other in stretches[1:]:
         start = np.maximum(shared[:, None, 0], other[None, :, 0])
@@ -104,7 +108,11 @@ def rows(shared: Array, dt: float) -> Array:
     """Return the times of a session's rows [s]: multiples of `dt` from the first common time, within spans.
 
     All spans share one grid, so a step is either `dt` or a gap of a whole number of rows.  A span with a
-    single row is dropped, since it carries no information on the motion.
+    single row is dropped, because it carries no information on the motion.
+
+    Args:
+        shared: First and last time of each span in which all channels have data [s], (k, 2).
+        dt: Sample time [s].
     """
     if not len(shared):
         return np.empty(0)

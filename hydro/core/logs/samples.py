@@ -40,8 +40,8 @@ class Prepared:
     """Sessions with prepared samples, and a record of the changes.
 
     Attributes:
-        logs: The sessions.
-        meaning: The map that reads them: that of the log, with the columns of derived rates.
+        logs: Sessions with prepared samples.
+        meaning: Map that reads these sessions: that of the log, with the columns of derived rates.
         notes: Changes, a line each.
         gated: Times of all readings of blocks that lost some to `valid` or as repeats [s], by the block's
             name, for each session: dropped readings are not a silence of the log.
@@ -55,7 +55,18 @@ class Prepared:
 
 @dataclass
 class _Work:
-    """Session under preparation."""
+    """Session under preparation.
+
+    Attributes:
+        log: Session as logged.
+        columns: Columns, changed so far.
+        clocks: Times of columns with a clock of their own, changed so far [s].
+        gated: Rows, later times [s], of all readings of blocks that lost some, by block.
+        lost: Number of invalid samples, by block.
+        repeats: Number of readings that repeat the last one, by block.
+        even: Period and largest delay of a block whose receive times were evened [s], by block.
+        stops: Rows of each command column that stop its thruster.
+    """
 
     log: SessionLog
     columns: MutableMapping[str, Array]
@@ -110,7 +121,11 @@ def _over(logged: Mapping[str, Array]) -> MutableMapping[str, Array]:
 
 
 def _check_shared(meaning: LogMap) -> None:
-    """Refuse a column of two sensors with different options for its samples."""
+    """Refuse a column that two sensors use with different options for its samples.
+
+    Raises:
+        DataError: The options differ.
+    """
     said: dict[str, tuple[str, tuple[object, ...]]] = {}
     for where, block in sensors_of(meaning).items():
         own = (block.valid, block.per, block.lag, block.even, getattr(block, "mount", None))
@@ -124,7 +139,14 @@ def _check_shared(meaning: LogMap) -> None:
 
 
 def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
-    """Empty the cells of invalid samples, and divide by another column."""
+    """Empty the cells of invalid samples, and divide samples by the block's column `per`.
+
+    Args:
+        work: Session, which is changed.
+        name: Name of the block.
+        block: Block of the map.
+        names: Columns of the block.
+    """
     if block.valid != ():
         there = np.isfinite(np.stack([work.columns[each] for each in names])).any(axis=0)
         good = np.ones(len(work.log.time_of(names[0])), bool)
@@ -145,7 +167,12 @@ def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
 
 
 def _stop(work: _Work, block: Commands) -> None:
-    """Set zero thrust where a command turns its thruster off, unless the map excludes the sample."""
+    """Set zero thrust where a command turns its thruster off, unless the map excludes the sample.
+
+    Args:
+        work: Session, which is changed.
+        block: Commands of the map.
+    """
     for source in map(command, block.columns):
         name = source.column
         logged = work.log.columns[name]
@@ -157,7 +184,13 @@ def _stop(work: _Work, block: Commands) -> None:
 
 
 def _holds(log: SessionLog, one: Valid, names: Sequence[str]) -> Mask:
-    """Return in which rows a condition holds, (n,)."""
+    """Return in which of n rows a condition of the map holds, (n,).
+
+    Args:
+        log: Session as logged.
+        one: Condition.
+        names: Columns of the block, to which a condition without a column applies.
+    """
     if one.column is not None:
         return _meets(_latest(log.columns[one.column]), one)
     held = [_meets(log.columns[each], one) | ~np.isfinite(log.columns[each]) for each in names]
@@ -187,7 +220,14 @@ def _latest(values: Array) -> Array:
 
 
 def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded: bool) -> None:
-    """Empty the cells of repeated readings, if there are many or the map demands it."""
+    """Empty the cells of readings that repeat the last one, if there are many or the map demands it.
+
+    Args:
+        works: Sessions, which are changed.
+        name: Name of the block.
+        names: Columns of the block.
+        demanded: Whether the map demands it (`held`).
+    """
     found, readings, moving = [], 0, 0
     for work in works:
         values = np.stack([work.columns[each] for each in names], axis=1)
@@ -209,7 +249,17 @@ def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded
 
 
 def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
-    """Set the times of the samples: even where stamps are receive times, earlier by the lag."""
+    """Set the times of a block's samples: on an even clock if stamps are receive times, less the lag.
+
+    Args:
+        work: Session, which is changed.
+        name: Name of the block.
+        block: Block of the map.
+        names: Columns of the block.
+
+    Raises:
+        DataError: The map declares an even clock that the stamps do not follow.
+    """
     t = logged = work.log.time_of(names[0])
     said = [np.isfinite(work.log.columns[each]) | np.isfinite(work.columns[each]) for each in names]
     for rows in _together(said):
@@ -242,7 +292,17 @@ def _together(there: Sequence[Mask]) -> list[Rows]:
 
 
 def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
-    """Move gyroscope and DVL to the body origin, and derive rates if the map demands it."""
+    """Move readings of gyroscope and velocity sensor to the body origin and axes.
+
+    Rates are derived from the attitude if the map demands it.
+
+    Args:
+        works: Sessions, which are changed.
+        meaning: Map of the columns.
+
+    Returns:
+        The map that reads the changed columns.
+    """
     rates, given = meaning.rates, meaning
     if rates is not None and rates.source == "attitude":
         given = msgspec.structs.replace(meaning, rates=Rates(DERIVED, lag=rates.lag))
@@ -258,7 +318,15 @@ def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
 
 
 def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]]:
-    """Replace latitude and longitude by metres from the first fix, and note the fix."""
+    """Replace latitude and longitude by metres north and east of the first fix.
+
+    Args:
+        works: Sessions, which are changed.
+        meaning: Map of the columns.
+
+    Returns:
+        The map that reads the new columns, and a note on the fix.
+    """
     block = meaning.position
     if block is None or block.latitude is None or block.longitude is None:
         return meaning, []

@@ -12,13 +12,18 @@ from hydro.core.logs.resample import USUAL_STEPS
 
 
 def rest(source: Command, block: Commands) -> float:
-    """Return the value of a command column for a stopped thruster, in the unit of the log."""
+    """Return the value of a command column for zero thrust, in the unit of the log.
+
+    Args:
+        source: Column of the map, with its scale and offset.
+        block: Commands of the map, with their unit.
+    """
     neutral = block.pwm.neutral if block.unit == "pwm" else 0.0
     return (neutral - source.offset) / source.scale
 
 
 def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: Commands) -> Mask:
-    """Return the rows of a column of commands that stop its thruster, (n,).
+    """Return which of n rows of a command column stop its thruster, (n,).
 
     A pulse of width 0 is a missing pulse, and an electronic speed controller without pulses stops.  NaN is a
     stop if it lasts longer than a gap of the column.  A shorter run of NaN is an empty cell of a table that
@@ -28,8 +33,8 @@ def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: C
         t: Times of the rows [s], (n,), not falling.
         values: The column as logged, (n,), NaN where it holds no number.
         unset: Rows in which the log contains NaN, (n,); None if there are none.
-        source: The column.
-        block: The commands block of the map.
+        source: Column of the map.
+        block: Commands of the map.
     """
     if block.off == "hold":
         return np.zeros(len(t), bool)
@@ -49,10 +54,12 @@ def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: C
 
 
 def never(columns: Mapping[str, tuple[Array, Mask]]) -> list[str]:
-    """Return the command columns that only stop their thruster; empty if no other column has commands.
+    """Return the command columns that never drive their thruster, because they hold only stops.
+
+    The result is empty if no column drives a thruster.
 
     Args:
-        columns: Values as logged and the rows that are stops, of each column.
+        columns: Values as logged and mask of the rows that are stops, both (n,), by column.
     """
     idle = [
         name

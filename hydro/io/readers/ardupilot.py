@@ -58,7 +58,15 @@ def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[It
 def messages_of(
     reader: Any, types: set[str], said: io.StringIO, selection: Selection, options: Options
 ) -> Iterator[Item]:
-    """Yield the messages of some types of an open DataFlash log; a note reports damage."""
+    """Yield the messages of an open DataFlash log; a note reports damage.
+
+    Args:
+        reader: Open log of `pymavlink`.
+        types: Names of the message types to read.
+        said: Output of the library so far.
+        selection: Topics that are read.
+        options: Limits and messages of the reader.
+    """
     topics: dict[tuple[str, Any], Topic] = {}
     done = 0
     while types:
@@ -95,7 +103,7 @@ def _same(message: Any) -> Any:
 
 
 def _instance(message: Any) -> Any:
-    """Return the number of a message's sensor or core; None if there is only one."""
+    """Return the number of the sensor or core that a message belongs to; None if there is only one."""
     fmt = message.fmt
     name = fmt.instance_field
     if name is None:
@@ -225,7 +233,7 @@ def _frames(file: Bounded, parser: Any, options: Options) -> Iterator[tuple[floa
 
 
 def _plausible(received: float, latest: float | None) -> bool:
-    """Check whether a time of receipt is plausible."""
+    """Return whether a time of receipt [s] is plausible after the latest one [s]."""
     if latest is None:
         return _YEARS[0] < received < _YEARS[1]
     return abs(received - latest) <= _DAYS

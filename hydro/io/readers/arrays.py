@@ -127,7 +127,7 @@ def _numeric_arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, np
 
 
 def _columns(name: str, array: np.ndarray[Any, Any]) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
-    """Yield the columns of an array, whose rows are its longer side."""
+    """Yield the columns of an array with their names; the rows are the longer side of the array."""
     flat = np.squeeze(array)
     if flat.ndim == 1:
         yield name, np.ascontiguousarray(flat)

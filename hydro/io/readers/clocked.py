@@ -23,12 +23,12 @@ def table(columns: Named, selection: Selection, options: Options) -> pl.DataFram
     """Return the wanted columns with their own rows for each clock, sorted by time.
 
     Args:
-        columns: All arrays, (n,) each, of any lengths.
+        columns: All arrays by name, each (n,) with its own length n.
         selection: Wanted columns.
-        options: A note that names the clocks is added.
+        options: Gets a note that names the clocks.
 
     Returns:
-        Table, or None if the wanted arrays have one length or some have no clock.
+        Table, or None if the wanted arrays have one length or an array has no clock.
 
     Raises:
         DataError: The clocks have no time in common.
@@ -59,12 +59,18 @@ def table(columns: Named, selection: Selection, options: Options) -> pl.DataFram
 
 
 def _rises(values: np.ndarray[Any, Any]) -> bool:
-    """Check whether an array may contain times."""
+    """Return whether an array increases, so that it may contain times."""
     return bool(np.isfinite(values).all() and (np.diff(values) >= 0).all() and values[-1] > values[0])
 
 
 def _clock_of(name: str, columns: Named, clocks: Sequence[str]) -> str | None:
-    """Return the clock of an array: the one with its length and the most similar name."""
+    """Return the name of an array's clock: the one with its length and the most similar name; None if none.
+
+    Args:
+        name: Name of the array.
+        columns: All arrays by name.
+        clocks: Names of the clocks.
+    """
     same = [each for each in clocks if len(columns[each]) == len(columns[name])]
     return max(same, key=lambda each: _alike(each, name), default=None)
 

@@ -64,7 +64,7 @@ class OneClock(NamedTuple):
 
 
 def one_clock(topics: Sequence[Stamps]) -> OneClock:
-    """Put the messages of all topics on the logger's clock.
+    """Convert the times of all topics to the logger's clock.
 
     Args:
         topics: Stamps and times of receipt of each topic.
@@ -100,7 +100,11 @@ def one_clock(topics: Sequence[Stamps]) -> OneClock:
 
 
 def _shifted(topics: Sequence[Stamps]) -> tuple[list[Array], list[str]]:
-    """Return the times of topics whose clocks do not restart, and a line for each shifted clock."""
+    """Return the times of topics whose clocks do not restart, on the logger's clock.
+
+    Returns:
+        Times of each topic [s], and a line for each clock whose stamps were shifted.
+    """
     delays = []
     for each in topics:
         there = np.isfinite(each.stamped)
@@ -114,7 +118,7 @@ def _shifted(topics: Sequence[Stamps]) -> tuple[list[Array], list[str]]:
 
 
 def _unwrapped(each: Stamps) -> Array:
-    """Return stamps without the wraps of their counter."""
+    """Return stamps [s] that increase where the counter of the stamp wraps to 0."""
     if not each.wraps:
         return each.stamped
     there = np.flatnonzero(np.isfinite(each.stamped))
@@ -126,7 +130,7 @@ def _unwrapped(each: Stamps) -> Array:
 
 
 def _between_restarts(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]:
-    """Yield the rows of each topic between restarts of clocks, and the clock that restarted before."""
+    """Yield, for each stretch between restarts of clocks, the rows of each topic and the restarted clock."""
     count = max((len(each.again) for each in topics), default=0)
     edges = [[0, *each.again, len(each.received)] for each in topics]
     for number in range(count + 1):
@@ -141,7 +145,7 @@ def _between_restarts(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], st
 
 
 def _between_jumps(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]:
-    """Yield the rows of each topic between jumps of their stamps, and the topics that jumped before.
+    """Yield, for each stretch between jumps of stamps, the rows of each topic and the jumped topics.
 
     A jump lies between the receipt of two messages.  Jumps of several topics whose intervals overlap are one
     restart.  It is placed at the first receipt after it, and it also splits topics without a jump there.
@@ -190,9 +194,14 @@ def _jumps(each: Stamps) -> list[tuple[int, int]]:
 
 
 def _shifts(topics: Sequence[Stamps], delays: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Return the shift of each topic's stamps: topics of one foreign clock get the same shift.
+    """Return the shift of each topic's stamps [s], and a line for each clock that is shifted.
 
-    The smallest delay of a clock's topics is used, because receipt is never before the measurement.
+    Topics whose delays are similar share one foreign clock and get the same shift.  The smallest delay of
+    these topics is used, because receipt is never before the measurement.
+
+    Args:
+        topics: Stamps of each topic.
+        delays: Median time from stamp to receipt of each topic [s].
     """
     shifts, notes = [0.0] * len(delays), []
     left = sorted(

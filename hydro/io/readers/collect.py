@@ -79,7 +79,7 @@ def inventory(stream: Iterable[Item]) -> list[Listed]:
 
 
 def columns(listed: Sequence[Listed]) -> list[str]:
-    """Return the column names of a log: times, then `topic.field` for each numeric field."""
+    """Return the column names of a log: its clocks, then `topic.field` for each numeric field."""
     return [*CLOCKS, *(f"{each.topic.name}.{path}" for each in listed for path in each.fields)]
 
 
@@ -125,7 +125,7 @@ class _Receipt:
     """Clock of receipt, which restarts if a bag follows the time of a simulator that is reset.
 
     Args:
-        buffers: Topics so far; the rows of each restart are added to each.
+        buffers: Topics so far; the row of each restart is added to each topic's buffer.
     """
 
     def __init__(self, buffers: Mapping[Topic, Buffer]) -> None:
@@ -157,12 +157,12 @@ class _Receipt:
             self._latest, self._behind = {topic: received}, 0
 
     def finish(self) -> None:
-        """Add the restarts to topics that started after them."""
+        """Add the restarts of the clock to topics whose first message came after them."""
         for each in self._buffers.values():
             each.again[:0] = [0] * (self._count - len(each.again))
 
 
 def unfit(error: Exception) -> str:
-    """Return the reason why a topic is not read whose messages do not fit its type."""
+    """Return the reason, in words, why a topic is not read: its messages do not fit their declared type."""
     reason = shown((str(error) or type(error).__name__).splitlines()[0][:120])
     return f"its messages do not fit the definition of their type ({reason}): give another with --msg DIR"

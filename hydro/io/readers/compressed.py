@@ -19,7 +19,9 @@ _STEP = 1 << 20
 
 
 def unzstd(raw: bytes, expansion: Expansion) -> bytes:
-    """Decompress a zstd frame.  The library enforces a size that the frame states.
+    """Decompress a zstd frame.
+
+    If the frame states its size, the library enforces that size.
 
     Raises:
         DataError: The data expand beyond the limit.
@@ -49,7 +51,7 @@ def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
         raw: The chunk.
         form: Compression: `zstd`, `lz4` or `bz2`; anything else means none.
         stated: Expanded size in bytes, from the header.
-        expansion: Count of the file.
+        expansion: Count of the file's expanded bytes, with its limit.
 
     Raises:
         DataError: The data expand beyond the limit.
@@ -85,11 +87,11 @@ def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
 
 
 def count_zlib(file: BinaryIO, length: int, expansion: Expansion) -> None:
-    """Count the expanded size of the next `length` bytes of a file without keeping them.
+    """Add the expanded size of the next `length` bytes of a file to a count, without keeping them.
 
     Raises:
-        DataError: They expand beyond the limit.
-        zlib.error: They are damaged.
+        DataError: The data expand beyond the limit.
+        zlib.error: The data are damaged.
     """
     unpacker = zlib.decompressobj()
     for block in _blocks(file, length):

@@ -49,7 +49,7 @@ def _reason(error: Exception) -> str:
 
 
 class Bounded(io.BufferedReader):
-    """File whose reads are limited to the rest of it, so that a wrong declared size is never allocated."""
+    """File whose reads are limited to its remaining bytes, so that no wrong declared size is allocated."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(io.FileIO(path))

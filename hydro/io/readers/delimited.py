@@ -41,10 +41,10 @@ def csv(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
-    """Return the table in these bytes of text; repairs are noted in `options`.
+    """Parse text as a table; repairs are noted in `options`.
 
     Raises:
-        DataError: They are not a table, name a column twice, or expand to too many cells.
+        DataError: The text is not a table, names a column twice, or expands to too many cells.
     """
     name = options.name
     text = _text(content, options)
@@ -95,9 +95,16 @@ def _text(content: bytes, options: Options) -> str:
 
 
 def _without_torn_row(text: str, start: int, columns: int, separator: str, options: Options) -> str:
-    """Return a table without a truncated last row.
+    """Return a table's text without a truncated last row.
 
     Such a row has too few cells and no line feed, because its writer was interrupted.
+
+    Args:
+        text: Text of the file.
+        start: Index of the first row in the text.
+        columns: Number of columns.
+        separator: Separator of cells.
+        options: Gets a note if a row is removed.
     """
     begin = max(text.rfind("\n") + 1, start)
     row = text[begin:]
@@ -110,7 +117,7 @@ def _without_torn_row(text: str, start: int, columns: int, separator: str, optio
 
 
 def _lines(text: str, start: int = 0) -> Iterator[tuple[str, int]]:
-    """Yield each line with its line feed, and its start."""
+    """Yield each line with its line feed, and its index in the text, from `start` on."""
     while start < len(text):
         end = text.find("\n", start) + 1 or len(text)
         yield text[start:end], start
@@ -118,7 +125,7 @@ def _lines(text: str, start: int = 0) -> Iterator[tuple[str, int]]:
 
 
 def _first_line(text: str) -> tuple[str, int]:
-    """Return the first line that is neither empty nor a comment, and its start."""
+    """Return the first line that is neither empty nor a comment, and its index in the text."""
     for line, start in _lines(text):
         if line.strip() and not line.startswith("#"):
             return line.strip("\r\n"), start
@@ -126,7 +133,7 @@ def _first_line(text: str) -> tuple[str, int]:
 
 
 def _header(text: str, start: int, separator: str) -> tuple[list[str], int]:
-    """Return the column names, and the start of the rows; a quoted name may contain separators."""
+    """Return the column names, and the index of the first row; a quoted name may contain separators."""
     end = start
 
     def lines() -> Iterator[str]:

@@ -41,7 +41,7 @@ class Selection:
         return self.columns is None or any(name.startswith(f"{topic}.") for name in self.columns)
 
     def takes_type(self, name: str) -> bool:
-        """Check whether a message type is wanted, by itself or as one of several instances."""
+        """Return whether a message type is wanted, by its name or as one of several instances."""
         return self.takes(name) or any(each.startswith(f"{name}[") for each in self.columns or ())
 
 
@@ -126,12 +126,12 @@ def fields(message: Any) -> Sequence[str]:
 
 
 def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]:
-    """Return a function that extracts the values at some paths from messages of one type.
+    """Return a function that extracts the values at given paths from messages of one type.
 
     Args:
         paths: Paths within a message, such as `pose.position.x` or `channels[3]`.
-        example: A message of this type, which decides whether all paths are attributes; these are fetched in
-            one call, others step by step.
+        example: A message of this type.  If all paths are attributes, one call fetches them all, otherwise
+            each path is followed step by step.
     """
     plain = not isinstance(example, Mapping) and not any("[" in path for path in paths)
     if plain and all(follow(example, tokens(path)) is not None for path in paths):

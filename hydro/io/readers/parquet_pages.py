@@ -56,7 +56,17 @@ def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> No
 
 
 def _count_text(file: pq.ParquetFile, group: int, column: Any, longest: int, expansion: Expansion) -> None:
-    """Count text that repeats other text; large text is decoded some rows at a time."""
+    """Add to `expansion` the size of a text column of a row group that stores repeated texts once.
+
+    A large column is decoded some rows at a time, without keeping them.
+
+    Args:
+        file: Parquet file.
+        group: Number of the row group.
+        column: Metadata of the column in this group.
+        longest: Upper bound of the length of a text [bytes].
+        expansion: Count of expanded bytes, with its limit.
+    """
     if column.num_values * longest <= _SMALL_TEXT:
         expansion.add(column.num_values * longest)
         return
@@ -98,7 +108,7 @@ def _pages(content: memoryview, column: Any) -> Iterator[_Page]:
 
 
 def _struct(content: memoryview, place: int) -> tuple[dict[int, Any], int]:
-    """Return the fields of a Thrift compact structure by number, and its end."""
+    """Return the fields of a Thrift compact structure by number, and the index after it."""
     found: dict[int, Any] = {}
     field = 0
     while head := content[place]:
@@ -112,7 +122,7 @@ def _struct(content: memoryview, place: int) -> tuple[dict[int, Any], int]:
 
 
 def _value(content: memoryview, place: int, kind: int) -> tuple[Any, int]:
-    """Return a Thrift value, or None if only its end matters; and its end."""
+    """Return a Thrift value, or None for a type that is only skipped, and the index after it."""
     if kind in (1, 2):
         return kind == 1, place
     if kind == 3:
@@ -137,13 +147,13 @@ def _value(content: memoryview, place: int, kind: int) -> tuple[Any, int]:
 
 
 def _integer(content: memoryview, place: int) -> tuple[int, int]:
-    """Return a signed integer and its end."""
+    """Return the signed integer at an index of the content, and the index after it."""
     number, place = _varint(content, place)
     return (number >> 1) ^ -(number & 1), place
 
 
 def _varint(content: memoryview, place: int) -> tuple[int, int]:
-    """Return an integer of seven bits a byte and its end."""
+    """Return the integer of seven bits per byte at an index of the content, and the index after it."""
     number = shift = 0
     while True:
         byte = content[place]

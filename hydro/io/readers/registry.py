@@ -35,7 +35,7 @@ class Reader:
 
     Attributes:
         name: Name of the format.
-        begins: Check whether a file with these first bytes has the format.
+        begins: Function that tells whether a file with these first bytes has the format.
         messages: Reader of messages; None for a table.
         table: Reader of a table; None for messages.
         suffix: Suffix of files without identifying bytes.
@@ -89,7 +89,7 @@ def reader_of(path: Path, name: str) -> Reader:
     """Return the reader of a file, or of a ROS 2 recording's folder.
 
     Raises:
-        DataError: No reader knows the format; the message has a conversion.
+        DataError: No reader knows the format; the message says how to convert the file.
     """
     if path.is_dir():
         _refuse_pointers([each for each in sorted(path.iterdir()) if each.is_file()], name)

@@ -66,7 +66,7 @@ class Definitions:
             self._broken[kind] = str(error).partition("\n")[0]
 
     def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
-        """Return the decoder of a message type; or None and the reason."""
+        """Return the decoder of a message type, or None and the reason why it cannot be decoded."""
         undescribed = self._ros == 2 and kind not in self._described
         if undescribed and (kind in BUILT_IN or kind in self._types):
             return Versions(self._versions(kind)), ""
@@ -78,7 +78,7 @@ class Definitions:
         return self._reader(self._store, kind, self._types, needed), ""
 
     def _versions(self, kind: str) -> Iterator[Callable[[bytes], Any]]:
-        """Yield decoders of a type that the log does not describe: built in, or of every distribution."""
+        """Yield decoders of a type that the log does not describe: built in, or of every ROS distribution."""
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         def distributions() -> Iterator[dict[str, Any]]:
@@ -103,14 +103,14 @@ class Definitions:
     def _reader(
         self, store: Any, kind: str, types: dict[str, Any], needed: Iterable[str]
     ) -> Callable[[bytes], Any]:
-        """Return the decoder of a type, and register all its parts in a store."""
+        """Return the decoder of a type, and register all types that it contains in a store."""
         if new := {name: types[name] for name in needed if name not in store.fielddefs}:
             store.register(new)
         read = store.deserialize_ros1 if self._ros == 1 else store.deserialize_cdr
         return partial(_decode, read, kind)
 
     def stamp(self, kind: str) -> Callable[[Any], float | None]:
-        """Return a function from a message of a type to its time stamp [s], or to None without a stamp."""
+        """Return a function that returns the time stamp of a message of a type [s]; None without a stamp."""
         if kind in BUILT_IN and kind not in self._described:
             text = BUILT_IN[kind][0]
             names = [line.split()[-1] for line in text.splitlines()]
@@ -124,7 +124,13 @@ class Definitions:
 
 
 def _missing(kind: str, types: dict[str, Any], needed: dict[str, None]) -> str:
-    """List a type and all its parts in `needed`; return the name of one without definition, or ""."""
+    """Add a type and all types that it contains to `needed`; return the first without definition, or "".
+
+    Args:
+        kind: Name of the type.
+        types: Known definitions by name.
+        needed: Names so far.
+    """
     if kind in needed:
         return ""
     if kind not in types:
@@ -171,7 +177,7 @@ def _from_folder(folder: Path) -> dict[str, Any]:
 
 
 def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a ROS 1 bag, those of each of its chunks in order of receipt."""
+    """Yield the messages of a ROS 1 bag, within each of its chunks in order of receipt."""
     expansion = Expansion.of(options.name, path)
     with by_chunk(expansion)(BoundedPath(path)) as reader:
         yield from messages_of(reader, Definitions(1, options.definitions), selection, options, expansion)

@@ -28,7 +28,7 @@ class Spill:
         weakref.finalize(self, self._file.close)
 
     def put(self, block: Sequence[array[float]]) -> int:
-        """Write columns one after another; return the start of the first.
+        """Write columns one after another; return the index of the first number of the first column.
 
         Raises:
             DataError: The disk is full.
@@ -47,7 +47,7 @@ class Spill:
         return place
 
     def take(self, place: int, into: Array) -> None:
-        """Read as many numbers as `into` holds."""
+        """Read numbers from index `place` on, as many as the array `into` holds."""
         self._file.seek(place)
         self._file.readinto(into.data.cast("B"))
 

@@ -47,9 +47,13 @@ class Buffer:
     def add(self, received: float, raw: object) -> None:
         """Add the numbers of a message.
 
+        Args:
+            received: Time of receipt [s].
+            raw: The stored message.
+
         Raises:
-            Undecoded: It cannot be decoded; the buffer stays as it was.
-            DataError: It expands beyond the limit of its file.
+            Undecoded: The message cannot be decoded; the buffer stays as it was.
+            DataError: The message expands beyond the limit of its file.
         """
         assert self.topic.decode is not None
         try:
@@ -74,22 +78,22 @@ class Buffer:
 
     @property
     def received(self) -> Array:
-        """Times of receipt of its messages [s]."""
+        """Times of receipt of the messages [s]."""
         return self._numbers.column(0)
 
     def stamps(self) -> Stamps:
-        """Return its times."""
+        """Return the times of receipt and of measurement of the messages."""
         received, stamped = self.received, self._numbers.column(1)
         return Stamps(self.topic.name, received, stamped, self.topic.wraps, tuple(self.again))
 
     @property
     def columns(self) -> dict[str, int]:
-        """Columns with at least one number, and their indices."""
+        """Index of each column that has at least one number, by the column's name."""
         held = ((place, path) for place, path in enumerate(self.paths) if self._there[place])
         return {f"{self.topic.name}.{path}": place for place, path in held}
 
     def values(self, place: int, start: int = 0, stop: int | None = None) -> Array:
-        """Return the numbers of a column in some of its rows, NaN where a message has none."""
+        """Return the numbers of a column in rows `start` to before `stop`, NaN where a message has none."""
         return self._numbers.column(len(CLOCKS) + place, start, stop)
 
 
@@ -117,11 +121,11 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Columns without the clocks."""
+        """Names of the columns, without the clocks."""
         return list(dict.fromkeys(name for each in self._buffers for name in each.columns))
 
     def column(self, name: str, start: int = 0, stop: int | None = None) -> Array:
-        """Return a column in some rows, by default all; NaN where a row has no value."""
+        """Return a column in rows `start` to before `stop`, by default all; NaN where a row has no value."""
         if self._places is None:
             (buffer,) = self._buffers
             return buffer.values(buffer.columns[name], start, stop)
@@ -131,7 +135,7 @@ class Table:
         ]
 
     def unset(self, name: str, start: int = 0, stop: int | None = None) -> Mask:
-        """Return the rows in which a message of its topic is NaN, (n,)."""
+        """Return the rows (n,) in which a message has the column's field and its value is NaN."""
         if self._places is None:
             own = np.ones(len(self.time), bool)
         else:
@@ -142,14 +146,14 @@ class Table:
         return np.asarray(own[start:stop] & np.isnan(self.column(name, start, stop)))
 
     def wide(self) -> pl.DataFrame:
-        """Return all columns, and the clocks."""
+        """Return the clocks and all columns as one polars table."""
         received = self._placed(each.received for each in self._buffers)
         table = [pl.Series(TIME, self.time), pl.Series(RECEIVED, received)]
         table += [pl.Series(name, self.column(name), nan_to_null=True) for name in self.names]
         return pl.DataFrame(table)
 
     def _placed(self, parts: Iterable[Array | None]) -> Array:
-        """Return numbers of each topic in the rows of all, NaN for topics without numbers."""
+        """Place the numbers of each topic in the rows of all messages; NaN for topics without numbers."""
         if self._places is None:
             (whole,) = parts
             assert whole is not None
@@ -165,7 +169,7 @@ class Tables:
     """Topics of a log, each with its own rows, all on one clock.
 
     Attributes:
-        notes: Corrections of their clocks, a line each.
+        notes: Corrections of the topics' clocks, a line each.
         begins: Times at which a clock restarts, and a session with it [s], increasing.
 
     Args:
@@ -212,7 +216,9 @@ class Tables:
         return Table(self._buffers, self._times).wide()
 
     def together(self, wanted: Sequence[Sequence[str]]) -> Iterator[tuple[Table, list[str]]]:
-        """Yield tables with their columns, as many as possible with each group of columns in one table.
+        """Yield tables and their columns so that the columns of each group are in one table.
+
+        Topics that no group links stay in separate tables.
 
         Args:
             wanted: Groups of columns, each of which must share rows.
@@ -237,7 +243,12 @@ class Tables:
 
 
 def _mean_travel(received: Array, sent: Array) -> float:
-    """Return the mean time from sending to receipt [s], without messages that came over a step late."""
+    """Return the mean time from sending to receipt [s], without messages that came over a step late.
+
+    Args:
+        received: Times of receipt (n,) [s].
+        sent: Times of sending (n,) [s].
+    """
     late = received - sent
     usual = float(np.median(late))
     step = float(np.median(np.diff(np.sort(sent)))) if len(sent) > 1 else np.inf

@@ -60,7 +60,7 @@ def ulog(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
 
 
 def _bounded(expansion: Expansion) -> type[Any]:
-    """Return the library's reader with a count of the fields of each topic before it lists them.
+    """Return the library's reader, changed to count the fields of each topic before it lists them.
 
     Types consist of types, so a few of them can have more fields than fit in memory.
     """
@@ -118,7 +118,7 @@ def _merged(topics: Sequence[tuple[Topic, Array]], options: Options) -> Iterator
 
 
 def _tree(columns: Mapping[str, Any]) -> Tree:
-    """Return columns such as `esc[0].rpm` as nested fields."""
+    """Return columns such as `esc[0].rpm` as nested mappings."""
     root: Tree = {}
     for name, values in columns.items():
         steps = tokens(name)
@@ -131,7 +131,7 @@ def _tree(columns: Mapping[str, Any]) -> Tree:
 
 
 def _listed(tree: Any) -> Any:
-    """Return nested fields with lists in place of mappings whose keys are 0, 1, 2 and so on."""
+    """Return nested mappings in which those with the keys 0, 1, 2 and so on became lists."""
     if not isinstance(tree, dict):
         return tree
     parts = {name: _listed(part) for name, part in tree.items()}
@@ -139,7 +139,7 @@ def _listed(tree: Any) -> Any:
 
 
 def _row(tree: Any, place: int) -> Any:
-    """Return one message of nested arrays."""
+    """Return the message in row `place` of nested arrays."""
     if isinstance(tree, dict):
         return {name: _row(part, place) for name, part in tree.items()}
     if isinstance(tree, list):

@@ -28,8 +28,10 @@ from hydro.learn.networks.residual import AXES, Residual
 class GaussianProcess(Residual):
     """Sums of radial functions on the sphere of motion directions, and of products of velocities.
 
-    Tensors `centre` (3,) [m], `scale` (6,), `top` (1,), `steering` (6, 3), and by stage `linear` (2, 6, 6),
-    `library` (2, 3, 57, 6), `points` (k, 6), and `weights` (k, 2, 3, 3, 6), whose wrenches are in N and N m.
+    Its k points are the motion directions in which the radial functions have their centres.  Tensors `centre`
+    (3,) [m], `scale` (6,), `top` (1,), `steering` (6, 3), and by stage `linear` (2, 6, 6), `library`
+    (2, 3, 57, 6), `points` (k, 6), and `weights` (k, 2, 3, 3, 6), whose wrenches are in N and N m.  Their
+    meaning is in `core.residual.mirrors`.
     """
 
     mirrors: Tensor
@@ -80,7 +82,11 @@ class GaussianProcess(Residual):
         return torch.cat([tau[:, :3], moment], dim=1).to(features.dtype)
 
     def _images(self, d: Tensor) -> Tensor:
-        """Return R(g d, d_k) of directions (N, 6) for all images g and points, (8, N, k)."""
+        """Return the radial functions R(g d, d_k) between mirrored directions and the points, (8, N, k).
+
+        Args:
+            d: Directions (N, 6), mirrored by each of the 8 reflections g of `MIRRORS`.
+        """
         points, mirrors = self.points.double(), self.mirrors.double()
         far = d.square().sum(dim=1, keepdim=True) + points.square().sum(dim=1)
         apart = torch.stack([far - 2.0 * (d * signs) @ points.T for signs in mirrors])
@@ -88,7 +94,12 @@ class GaussianProcess(Residual):
         return (1.0 + r) * torch.exp(-r)
 
     def _radial(self, images: Tensor, weights: Tensor) -> Tensor:
-        """Return the sum over points and sums S with weights (k, 3, 6), (N, 6)."""
+        """Return the weighted radial functions of all points and sums S_0, S_1, S_2, (N, 6).
+
+        Args:
+            images: Radial functions (8, N, k) of `_images`.
+            weights: Weights by point, sum and axis (k, 3, 6).
+        """
         mirrors = self.mirrors.double()
         eight = torch.stack([image @ weights[:, 0] for image in images])
         two, one = images[PORT] @ weights[:, 1], images[0] @ (0.5 * weights[:, 1] + weights[:, 2])
@@ -96,19 +107,24 @@ class GaussianProcess(Residual):
 
 
 def _size(z: Tensor) -> Tensor:
-    """Return the size m of motions (N, 6), (N, 1)."""
+    """Return the size m (N, 1) of motions z (N, 6), near rest EPSILON."""
     return (z.square().sum(dim=1, keepdim=True) + EPSILON**2).sqrt()
 
 
 def _products(d: Tensor) -> Tensor:
-    """Return the products (N, 57) of directions (N, 6)."""
+    """Return the 57 products |d_i| d_j and d_i d_j (N, 57) of directions d (N, 6)."""
     first, second = torch.triu_indices(AXES, AXES).unbind()
     signed = (d.abs()[:, :, None] * d[:, None, :]).flatten(1)
     return torch.cat([signed, d[:, first] * d[:, second]], dim=1)
 
 
 def _modulate(drag: Tensor, steering: Tensor) -> Tensor:
-    """Return the sum over j of T_ij F_i |F_j| / |F| (N, 6), of drag F (N, 6) and T (6, 3)."""
+    """Return the sum over j of T_ij F_i |F_j| / |F| (N, 6), separately for forces and for moments.
+
+    Args:
+        drag: Drag F (N, 6) [N, N m].
+        steering: Coefficients T (6, 3).
+    """
     halves = []
     for half in (slice(0, 3), slice(3, 6)):
         part = drag[:, half]

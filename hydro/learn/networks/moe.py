@@ -12,7 +12,7 @@ from hydro.learn.networks.residual import AXES, Residual, chain, function
 
 
 class Experts(nn.Module):
-    """Affine maps, one per expert: `weight` (E, out, in) and `bias` (E, out), initialised as in nn.Linear."""
+    """Affine maps of E experts: `weight` (E, out, in) and `bias` (E, out), initialised as in nn.Linear."""
 
     def __init__(self, experts: int, wide: int, next_wide: int) -> None:
         super().__init__()
@@ -21,7 +21,7 @@ class Experts(nn.Module):
         self.bias = nn.Parameter(torch.empty(experts, next_wide).uniform_(-reach, reach))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map (E, N, in) to (E, N, out)."""
+        """Map the inputs of the E experts (E, N, in) to their outputs (E, N, out)."""
         return torch.baddbmm(self.bias.unsqueeze(1), x, self.weight.transpose(1, 2))
 
 

@@ -39,7 +39,10 @@ class Residual(nn.Module):
             self.register_buffer(f"{side}_scale", torch.ones(length), persistent=False)
 
     def standardise(self, scalers: Mapping[str, np.ndarray]) -> None:
-        """Set `input_mean`, `input_scale` (k,) and `output_mean`, `output_scale` (6,)."""
+        """Set means and scales of the k inputs, (k,) each, and of the wrench (6,), from a dict by name.
+
+        The names are `input_mean`, `input_scale`, `output_mean` and `output_scale`.
+        """
         for name in SCALERS:
             self.get_buffer(name).copy_(torch.from_numpy(np.asarray(scalers[name], dtype=np.float32)))
 

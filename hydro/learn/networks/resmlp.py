@@ -11,7 +11,10 @@ from hydro.learn.networks.residual import AXES, Residual, function
 
 
 class Block(nn.Module):
-    """Residual block x + down(activation(up(norm(x)))), whose hidden layer is narrower than x."""
+    """Residual block x + down(activation(up(norm(x)))), with a hidden layer narrower than x.
+
+    `up` maps the width to the hidden layer, `down` maps back.
+    """
 
     def __init__(self, width: int, hidden: int, activation: Callable[[Tensor], Tensor]) -> None:
         super().__init__()

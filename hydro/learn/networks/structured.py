@@ -97,5 +97,10 @@ class Structured(Residual):
 
 
 def context(scaled: Tensor, speed: Tensor) -> Tensor:
-    """Return the inputs of A (N, 7): the direction of motion, which fades below SLOW, and 1 / (1 + |nu|)."""
+    """Return the inputs (N, 7) of the network for A: bounded direction of motion, and 1 / (1 + |nu|).
+
+    Args:
+        scaled: Standardised velocities (N, 6).
+        speed: |nu|, their root mean square (N, 1); the direction fades below SLOW.
+    """
     return torch.cat([scaled / (SLOW + speed), 1.0 / (1.0 + speed)], dim=1)

@@ -21,26 +21,28 @@ YAW = 5
 
 
 def crew_of(vehicle: Vehicle) -> Mixing:
-    """Return the allocation of actions to thrusters, and to servos of fins on axes without thrusters.
+    """Return the allocation matrices that turn a demanded wrench into commands of a vehicle's thrusters.
+
+    On axes without thrust, servos of fins take the demand.
 
     Raises:
-        DataError: A thruster's placement is missing or doubled, or an effect is invalid.
+        DataError: A thruster's placement is missing or given twice, or an effect is invalid.
     """
     return with_servos(_thrusters_of(vehicle), servo_wrenches(vehicle))
 
 
 def steered_by_fins(vehicle: Vehicle) -> bool:
-    """Return whether only servos turn a vehicle in yaw: it steers while it moves ahead alone.
+    """Return whether only servos of fins turn a vehicle in yaw, so that it steers only while under way.
 
     Raises:
-        DataError: A thruster's placement is missing or doubled, or an effect is invalid.
+        DataError: A thruster's placement is missing or given twice, or an effect is invalid.
     """
     turned = _thrusters_of(vehicle).authority[YAW] != 0.0
     return bool(not turned and servo_wrenches(vehicle)[YAW].any())
 
 
 def _thrusters_of(vehicle: Vehicle) -> Mixing:
-    """Return the allocation of actions to thrusters alone."""
+    """Return the allocation matrices of a vehicle's thrusters alone, without servos of fins."""
     return mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
 
 
@@ -48,14 +50,14 @@ def _thrusters_of(vehicle: Vehicle) -> Mixing:
 def command_kernel(
     allocation: Array, table: Array, authority: Array, actions: Array, tau: Array, commands: Array
 ) -> bool:
-    """Compute the thruster commands of all vehicles; see `allocate`.
+    """Compute the thruster commands of all N vehicles of a fleet; see `allocate`.
 
     Args:
-        allocation: Pseudo-inverse of B (n, 6).
-        table: Thruster table (n, columns).
+        allocation: Pseudo-inverse (n, 6) of the matrix that maps the thrusts of n thrusters to a wrench.
+        table: Table of `core.vehicle.thrusters`, one row per thruster (n, columns).
         authority: Greatest wrench on each axis alone (6,) [N, N m]; 0 on an axis without authority.
         actions: Actions (N, 6), clipped to [-1, 1] in place.
-        tau: Scratch (6,).
+        tau: Working memory (6,); its content afterwards has no meaning.
         commands: Thruster commands (N, n), written.
 
     Returns:
@@ -71,13 +73,13 @@ def command_kernel(
 def allocate(
     allocation: Array, table: Array, authority: Array, action: Array, tau: Array, commands: Array
 ) -> bool:
-    """Compute the thruster commands of one vehicle; return whether its action is finite.
+    """Compute the thruster commands of one vehicle; return whether all entries of its action are finite.
 
     The arguments are those of `command_kernel`, with one action (6,) and commands (n,).
 
-    If a thruster saturates, the whole wrench is scaled down, so that it keeps its direction.  The inverse
-    thrust curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in the
-    vehicle file.
+    If a thruster saturates, the whole wrench is scaled down, so that its direction stays the same.  The
+    inverse thrust curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in
+    the vehicle file.
     """
     for j in range(ACTIONS):
         if not math.isfinite(action[j]):

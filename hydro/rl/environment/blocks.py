@@ -26,10 +26,10 @@ class Senses(NamedTuple):
 
     Attributes:
         limits: Least and greatest values of each observation (2, 36).
-        fan: Origins and directions of the sonar's beams in the body (15, 6) [m].
+        fan: Origin [m] and unit direction of each of the sonar's beams, in body axes FRD (15, 6).
         reach: Greatest range of the sonar [m].
-        tank: Numbers of the tank; see `rl.environment.geometry.tank`.
-        gravity: [m/s^2].
+        tank: Sizes of the tank (4,) [m]; see `rl.environment.geometry.tank`.
+        gravity: Gravity [m/s^2].
         sigma: Standard deviation of each observation's noise (36,).
     """
 
@@ -42,12 +42,13 @@ class Senses(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """Constants by which a step is judged, the same for all tasks.
+    """Constants, the same for all tasks, that decide collisions, excess speed and energy of a control step.
 
     Attributes:
-        hull: Numbers of the hull; see `rl.environment.geometry.hull_numbers`.
-        tank: Numbers of the tank; see `rl.environment.geometry.tank`.
-        table: Thruster table (n, columns).
+        hull: Centre and semi-axes of the hull's ellipsoid (6,) [m]; see
+            `rl.environment.geometry.hull_numbers`.
+        tank: Sizes of the tank (4,) [m]; see `rl.environment.geometry.tank`.
+        table: Table of `core.vehicle.thrusters`, one row per thruster (n, columns).
         limits: Implausible speed [m/s], control step [s].
     """
 
@@ -78,14 +79,14 @@ class Motion(NamedTuple):
 
 
 class Scenes(NamedTuple):
-    """Tasks of the vehicles.
+    """Tasks of N vehicles.
 
     Attributes:
         weights: Weights of the terms of the reward (N, WEIGHTS); see `rl.environment.reward`.
         ends: Conditions that end an episode (N, 6); see `tasks.task.Ends`.
-        goals: (N, 3), NED [m].
+        goals: Goal of each vehicle (N, 3), NED [m].
         targets: Points that the observations show as targets (N, 3), NED [m].
-        pillars: Axes of the pillars (N, P, 2), NaN in unused rows, which come last.
+        pillars: North and east of the axes of P pillars (N, P, 2) [m], NaN in unused rows, which come last.
         path_cost: Weighted cost of the cross-track error (N,).
     """
 

@@ -129,7 +129,13 @@ def zero_model() -> Model:
 
 
 def waters(condition: Condition, vehicle: Vehicle, period: float) -> Callable[[Vehicle], Water]:
-    """Return a function that builds the water forces of changed copies of a vehicle; see `water`."""
+    """Return a function that takes a changed copy of a vehicle and builds its water forces; see `water`.
+
+    Args:
+        condition: The condition.
+        vehicle: The vehicle of the file; its hash identifies the file for all copies.
+        period: Control step [s].
+    """
     known = vehicle_hash(vehicle)
     return lambda one: water(condition, one, period=period, file=known)
 
@@ -143,10 +149,10 @@ def plant(
     threads: int = 1,
     folder: Path | None = None,
 ) -> Plant:
-    """Make vehicles under a condition, in the engine of the settings; see `water`.
+    """Make the simulator of `count` vehicles under a condition.
 
     Args:
-        condition: The condition.
+        condition: The condition, which selects the water forces; see `water`.
         vehicle: The vehicle file.
         settings: Engine, its integration step, and control step.
         count: Number of vehicles.

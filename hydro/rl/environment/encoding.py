@@ -20,9 +20,9 @@ class Encoding:
     """Encoding of O observations as input of a network.
 
     Attributes:
-        scale: Typical size of each observation (O,), in its own unit; observations are divided by it.
-        fades: Mask (O,) of the observations encoded as exp(-x / scale) instead of x / scale: 1 at contact, 0
-            far away.
+        scale: Typical size of each observation (O,), in the unit of the observation.
+        fades: Mask (O,) of ranges, which become exp(-x / scale): 1 at contact, 0 far away.  All others become
+            x / scale.
     """
 
     scale: Array32

@@ -81,10 +81,10 @@ class FleetConfig:
 
     @classmethod
     def of(cls, choices: Mapping[str, Any]) -> FleetConfig:
-        """Return the config of some keyword arguments.
+        """Return the config with the values given by name in `choices`; other fields keep their defaults.
 
         Raises:
-            UsageError: A keyword does not exist.
+            UsageError: A name is no field of the config.
         """
         known = [each.name for each in fields(cls)]
         for name in choices:
@@ -93,7 +93,7 @@ class FleetConfig:
         return cls(**choices)
 
     def all_settings(self) -> Settings:
-        """Return the settings with the engine and the integrator.
+        """Return the settings of the fleet, with the config's own engine and integrator if given.
 
         Raises:
             UsageError: A setting, the engine or the integrator does not exist.
@@ -151,13 +151,13 @@ def _file(vehicle: str | Path) -> Path:
 
 
 def single_spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
-    """Return the observation and action space of one vehicle."""
+    """Return the spaces of the observations (O,), in SI units, and of the actions (6,) of one vehicle."""
     low, high = bounds(settings)
     return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 def encoded_space(space: spaces.Box, code: Encoding) -> spaces.Box:
-    """Return the space of encoded observations of a space."""
+    """Return the space of the observations of `space` after their encoding with `code`."""
     ends = np.sort([code(space.low.copy()), code(space.high.copy())], axis=0)
     return spaces.Box(*ends, dtype=np.float32)
 
@@ -191,7 +191,7 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episode; with a seed, the first episode of that seed."""
+        """Begin the next episode; if a seed is given, begin the first episode that belongs to the seed."""
         super().reset(seed=seed)
         restart = seed is not None or not self._begun
         self._begun = True
@@ -293,9 +293,12 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episodes of some vehicles; with a seed, the first episodes of that seed.
+        """Begin the next episode of each selected vehicle, or the first episode that belongs to a given seed.
 
         `options["reset_mask"]` selects the vehicles (N,); by default all.
+
+        Returns:
+            Observations of all vehicles (N, O), and an empty dict.
 
         Raises:
             UsageError: A seed is given per vehicle, or together with a mask.
@@ -365,7 +368,7 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
 
 
 def named(info: Info) -> dict[str, Any]:
-    """Return the outcome of a step by name; the terms of the reward are a dict of arrays (N,)."""
+    """Return the outcome of a step as a dict by name, its `reward_terms` as a dict of arrays (N,) by term."""
     terms = dict(zip(TERMS, info.reward_terms.T, strict=True))
     return info._asdict() | {"reward_terms": terms}
 

@@ -49,16 +49,17 @@ class Fleet:
     """Vehicles that fly their episodes in parallel.
 
     Attributes:
-        settings: All choices.
+        settings: Settings of world, sensors, reward, tasks and engine.
         plant: Simulator of the vehicles.
         count: Number of vehicles N.
         task: Task of episodes that begin from now on.
         level: Level of that task.
         led: Whether the target is a point ahead on a planned path instead of the goal.
         starts: Start of every vehicle's episode (N, 3), NED [m].
-        goals: Current position of its goal (N, 3), NED [m].
-        pillars: Axes of its pillars (N, P, 2), NaN in unused rows.
-        targets: Point that its observations show as the target (N, 3), NED [m].
+        goals: Current position of every vehicle's goal (N, 3), NED [m].
+        pillars: North and east of the axes of the P pillars of every vehicle's scene (N, P, 2) [m], NaN in
+            unused rows.
+        targets: Point that every vehicle's observations show as the target (N, 3), NED [m].
         guidance: Path planner and follower, if any.
     """
 
@@ -147,7 +148,7 @@ class Fleet:
         self.task, self.level, self.led = chosen, level, led
 
     def reset(self, mask: Mask | None = None, seed: int | None = None) -> Array32:
-        """Begin the next episode of some vehicles.
+        """Begin the next episode of each vehicle in a mask.
 
         Args:
             mask: Vehicles to reset (N,); by default all.
@@ -288,9 +289,9 @@ class Fleet:
         self._seen.append(mask, self._now)
 
     def _pass_waypoints(self, mask: Mask) -> NDArray[np.int64]:
-        """Return the row of each course that is the goal, after vehicles of a mask passed their waypoints.
+        """Give each vehicle of a mask that reached its waypoint the next one; return waypoint numbers (N,).
 
-        The distance from the new goal counts from here on, so that a change of the goal gives no reward.
+        Distances to the goal are reset to the new waypoint, so that a change of the goal gives no reward.
         """
         last = self._courses.shape[1] - 1
         away = np.linalg.norm(self.goals - self.plant.pose[:, :3], axis=1)
@@ -327,7 +328,7 @@ class Fleet:
         return parts | {"noise": np.frombuffer(generator, dtype=np.uint8).copy()}
 
     def restore(self, state: State) -> None:
-        """Continue from a `state` of a fleet with the same settings, bit for bit."""
+        """Continue, bit for bit, from a `state` of a fleet with the same settings."""
         changed = np.flatnonzero(self._changed)
         self._courses = np.zeros_like(state["fleet/_courses"], dtype=np.float64)
         for name in _STATE:

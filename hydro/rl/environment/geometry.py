@@ -21,7 +21,7 @@ _ROUNDS = 60  # bisections that find the distance to an ellipse to machine preci
 
 
 def tank(world: World) -> Array:
-    """Return the numbers of the tank (4,) [m]: length, width, depth, radius of the pillars."""
+    """Return the sizes of the tank (4,) [m]: length, width, depth, radius of the pillars."""
     return np.array([world.length, world.width, world.depth, world.pillar_radius])
 
 
@@ -60,7 +60,14 @@ def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillar
 
 @kernel
 def projection_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[float, float]:
-    """Return centre and half length [m] of an ellipsoid's projection on a world axis (its support)."""
+    """Return the centre [m] and the half length [m] of an ellipsoidal hull's projection on a world axis.
+
+    Args:
+        hull: From `hull_numbers`.
+        position: Position of CO (3,), NED [m].
+        R: Rotation from body to NED, flat (9,).
+        axis: World axis: 0 north, 1 east, 2 down.
+    """
     row = R[3 * axis : 3 * axis + 3]
     center = position[axis] + row[0] * hull[0] + row[1] * hull[1] + row[2] * hull[2]
     extent = math.sqrt((row[0] * hull[3]) ** 2 + (row[1] * hull[4]) ** 2 + (row[2] * hull[5]) ** 2)
@@ -71,15 +78,15 @@ def projection_kernel(hull: Array, position: Array, R: Array, axis: int) -> tupl
 def line_distance(hull: Array, R: Array, x: float, y: float) -> float:
     """Return the horizontal distance [m] from an ellipsoidal hull to a vertical line; 0 if it is pierced.
 
-    It is the distance of the point (x, y) from the ellipsoid's projection on the horizontal plane.  That
-    projection is the ellipse q^T S^-1 q = 1, where S is the sum of a_i^2 r_i r_i^T over the three semi-axes
-    a_i [m], and r_i are the horizontal parts of the body's axes.
+    The result is the distance of the point (x, y) from the ellipsoid's projection on the horizontal plane.
+    That projection is the ellipse q^T S^-1 q = 1 of horizontal vectors q [m], where S is the sum of
+    a_i^2 r_i r_i^T over the three semi-axes a_i [m], and r_i are the horizontal parts of the body's axes.
 
     Args:
         hull: Ellipsoid; its entries 3 to 5 are the semi-axes [m].
         R: Rotation from body to world, flat, (9,).
-        x: Place of the line from the hull's centre, north [m].
-        y: East [m].
+        x: Place of the line relative to the hull's centre, north [m].
+        y: Place of the line relative to the hull's centre, east [m].
     """
     xx = xy = yy = 0.0
     for i in range(3):

@@ -25,10 +25,10 @@ The window is limited because a path may cross itself.
 
 
 class Guidance:
-    """Planned paths of many vehicles, and the progress of each along its path.
+    """Planned paths of N vehicles, and the progress of each along its path.
 
     Attributes:
-        ways: Corners of every path (N, K, 3), NED [m]; the last corner is repeated.
+        ways: The K corners of every path (N, K, 3), NED [m]; shorter paths repeat their last corner.
         off: Distance of each vehicle from its path at the last call of `targets` (N,) [m].
     """
 
@@ -48,7 +48,14 @@ class Guidance:
         self._ahead = np.full((count, 3), np.nan)
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan new paths for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
+        """Plan new paths for the vehicles of a mask (N,).
+
+        Args:
+            mask: Vehicles that get a new path (N,).
+            starts: Starts (N, 3), NED [m].
+            goals: Goals (N, 3), NED [m].
+            pillars: North and east of the pillars' axes (N, P, 2) [m], NaN in unused rows.
+        """
         for k in np.flatnonzero(mask):
             way = plan(self._grid, starts[k], goals[k], pillars[k], self._world.pillar_radius)
             if (more := len(way) - self.ways.shape[1]) > 0:
@@ -64,8 +71,8 @@ class Guidance:
             positions: (N, 3), NED [m].
 
         Returns:
-            Smoothed points ahead (N, 3) and weighted cross-track costs (N,), eq. 9; rows outside the mask are
-            meaningless.
+            Smoothed points ahead (N, 3), NED [m], and weighted cross-track costs (N,) (eq. 9 of the paper).
+            Rows outside the mask have no meaning.
         """
         cost = np.zeros(len(positions))
         places = np.ascontiguousarray(positions)  # the kernel is compiled again for each layout of an array
@@ -93,14 +100,14 @@ def follow_kernel(
     cost: Array,
     lead: float,
 ) -> None:
-    """Update every vehicle's position along its path and the smoothed point ahead of it.
+    """Update every vehicle's position along its path and the smoothed point ahead of the vehicle.
 
     Args:
         mask: Vehicles to update (N,).
         positions: (N, 3), NED [m].
-        ways: Corners of the paths (N, K, 3).
+        ways: The K corners of each path (N, K, 3), NED [m].
         along: Arc length of each vehicle on its path (N,) [m]; rewritten.
-        ahead: Smoothed points ahead (N, 3), NaN at the beginning; rewritten.
+        ahead: Smoothed points ahead (N, 3), NED [m], NaN at the beginning; rewritten.
         off: Distances from the paths (N,) [m], written.
         cost: Unweighted cross-track costs (N,), written.
         lead: Arc length from a vehicle to the point ahead [m].
@@ -120,9 +127,16 @@ def follow_kernel(
 
 @jit
 def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float, float]:
-    """Return distance and arc length [m] of the point of a path (K, 3) nearest to a position.
+    """Find the point of a path nearest to a position, within a range of arc lengths.
 
-    The search is limited to arc lengths from `low` to `high` [m].
+    Args:
+        way: Corners of the path (K, 3), NED [m].
+        position: (3,), NED [m].
+        low: Least arc length of the point [m].
+        high: Greatest arc length of the point [m].
+
+    Returns:
+        Distance from the position to that point, and the point's arc length [m].
     """
     best, where, begun = np.inf, 0.0, 0.0
     for k in range(len(way) - 1):
@@ -140,7 +154,7 @@ def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float
 
 @jit
 def point_at(way: Array, place: float, out: Array) -> None:
-    """Write the point of a path (K, 3) at an arc length [m]; beyond the end, its last point."""
+    """Write the point of a path (K, 3) at an arc length `place` [m] into `out` (3,), at most the end."""
     out[:] = way[-1]
     for k in range(len(way) - 1):
         step = way[k + 1] - way[k]

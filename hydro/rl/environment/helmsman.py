@@ -29,8 +29,8 @@ class Manner(NamedTuple):
     Attributes:
         margin: Distance that the pilot's own paths keep from pillars, if there is room [m].
         pace: Factor on all speeds.
-        firmness: Proportional gain of roll, pitch and yaw [1/rad].  The gain on angular velocity is
-            proportional to its square root, so that the damping ratio stays.
+        firmness: Factor on the proportional gain of roll, pitch and yaw.  The gain on angular velocity grows
+            with its square root, so that the damping ratio stays.
     """
 
     margin: float = Grid.margin
@@ -42,13 +42,13 @@ PLAIN = Manner()  # baseline pilot
 
 
 def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
-    """Compute actions of a proportional law: towards the target, bow first, slower when near, and level.
+    """Compute actions of a proportional controller: level, bow towards the target, slower near the target.
 
-    The law flies to the target of the observation: the goal, or a point ahead on a planned path.  It knows
-    neither the vehicle nor the pillars.
+    The controller flies to the target of the observation: the goal, or a point ahead on a planned path.  It
+    knows neither the vehicle nor the pillars.
 
     Args:
-        seen: Observations (N, 36) of `rl.environment.observation`; the newest if there is a history.
+        seen: Observations (N, 36) of `rl.environment.observation`; if observations are stacked, the newest.
         manner: Tuning of the pilot.
 
     Returns:
@@ -60,16 +60,17 @@ def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
 
 
 def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
-    """Compute actions of the same law with the bow to the north, as docking requires."""
+    """Compute the actions (N, 6) of `helmsman`, but with the bow to the north, as docking requires."""
     w, x, y, z = seen[:, QUATERNION : QUATERNION + 4].T
     return _steer(seen, -np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)), manner)
 
 
 def fin_pilot(seen: Array32) -> Array32:
-    """Compute actions of a proportional law for vehicles that steer with fins: constant thrust, bow first.
+    """Compute actions of a proportional controller for vehicles that steer with fins, at constant thrust.
 
-    It turns to the bearing of the target, and pitches to its elevation, both about level axes.  A target
-    within the turning circle cannot be reached by turning: then it goes straight on until it can.
+    The controller turns to the bearing of the target and pitches to its elevation, both measured against the
+    horizontal plane.  A target inside the turning circle cannot be reached by turning, so the vehicle first
+    goes straight on until the target is outside.
 
     Args:
         seen: Observations (N, 36), as for `helmsman`.

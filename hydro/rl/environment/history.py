@@ -14,7 +14,7 @@ class History:
     """Values of N vehicles over their last steps, newest first.
 
     Attributes:
-        values: (N, depth, width).
+        values: The last `depth` steps of `width` numbers per vehicle (N, depth, width).
         late: Delay of each vehicle's values (N,) [steps].
     """
 
@@ -24,18 +24,28 @@ class History:
         self.late: Rows = np.zeros(count, dtype=np.int64)
 
     def fill(self, mask: Mask, values: NDArray[Any], late: Rows) -> None:
-        """Fill the history of some vehicles (N,) with values (N, width), and set their delays (N,)."""
+        """Set the delays of the vehicles of a mask, and all their past values to the same row of `values`.
+
+        Args:
+            mask: Vehicles (N,).
+            values: (N, width).
+            late: Delays (N,) [steps].
+        """
         self.values[mask] = values[mask, None]
         self.late[mask] = late[mask]
 
     def append(self, mask: Mask, values: NDArray[Any]) -> None:
-        """Append the values (N, width) of a new step of some vehicles (N,)."""
+        """Append values (N, width) of a new step for the vehicles of a mask (N,); drop their oldest."""
         if self.values.shape[1] > 1:
             self.values[mask, 1:] = self.values[mask, :-1]
         np.copyto(self.values[:, 0], values, where=mask[:, None])
 
     def arrived(self, steps: int = 1) -> NDArray[Any]:
-        """Return a copy of the last steps that have arrived, newest first (N, steps * width)."""
+        """Return the newest `steps` steps that are at least as old as the delay.
+
+        Returns:
+            Copy of the values (N, steps * width), newest first.
+        """
         if not self.late.any():
             return self.values[:, :steps].reshape(len(self.values), -1).copy()
         rows = self.late[:, None] + np.arange(steps)

@@ -16,12 +16,20 @@ class Guidance(Protocol):
     """Path planner and follower of a fleet."""
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan new paths for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
+        """Plan new paths for the vehicles of a mask (N,).
+
+        Args:
+            mask: Vehicles that get a new path (N,).
+            starts: Starts (N, 3), NED [m].
+            goals: Goals (N, 3), NED [m].
+            pillars: North and east of the pillars' axes (N, P, 2) [m], NaN in unused rows.
+        """
 
     def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
-        """Return target points (N, 3) and weighted cross-track costs (N,) at positions (N, 3).
+        """Return target points (N, 3) and weighted cross-track costs (N,) at positions (N, 3), NED [m].
 
-        It is called once per control step; rows outside the mask (N,) neither advance nor are read.
+        The fleet calls this method once per control step.  Vehicles outside the mask (N,) do not advance, and
+        their rows have no meaning.
         """
 
     def state(self) -> State:
@@ -37,14 +45,14 @@ class Info(NamedTuple):
     Totals cover the episode up to and including this step; they are final if the episode ends here.
 
     Attributes:
-        success: It arrived, or it held or followed its goal until the end of the episode.
-        collision: It touched something or broke the surface.
-        diverged: The simulation raised a warning, or its state is not finite.
+        success: The vehicle arrived, or held or followed its goal until the end of the episode.
+        collision: The vehicle touched an obstacle or broke the surface.
+        diverged: The simulation raised a warning, or the vehicle's state is not finite.
         distance: Distance to the goal at the end of the step [m].
-        overspeed: It moved faster than `Settings.overspeed`.
+        overspeed: The vehicle moved faster than `Settings.overspeed`.
         episode_return: Sum of rewards.
         episode_length: Number of steps.
-        episode_energy: Time of full thrust of all thrusters with the same energy [s].
+        episode_energy: Energy, as the time for which all thrusters at full thrust would use as much [s].
         episode_overspeed: Steps faster than `Settings.overspeed`.
         episode_error: Root mean square distance from the goal since settling [m], for tasks that hold or
             follow; otherwise 0.
@@ -71,11 +79,11 @@ class Step(NamedTuple):
     Attributes:
         obs: Observations to act on next (N, O); of the new episode if one ended.  O is 36 times
             `Settings.history`, the newest first.
-        reward: (N,).
+        reward: Reward of the step (N,).
         terminated: Success, collision or divergence (N,).
         truncated: Last step of an episode that ended by time alone (N,).
-        final_obs: Observations of the states that the step led to (N, O), before any new episode.
-        info: Further outcome and totals.
+        final_obs: Observations at the end of the step (N, O), before any new episode begins.
+        info: Outcome and totals of each vehicle.
     """
 
     obs: Array32

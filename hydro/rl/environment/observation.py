@@ -48,13 +48,13 @@ ENCODING = Encoding(
 
 
 def encoding(settings: Settings) -> Encoding:
-    """Return the encoding of all stacked observations of a policy; see `Settings.history`."""
+    """Return the encoding of stacked observations (O,); O is 36 times `Settings.history`."""
     times = settings.history
     return Encoding(np.tile(ENCODING.scale, times), np.tile(ENCODING.fades, times))
 
 
 def sigmas(noise: Noise) -> Array:
-    """Return the standard deviation of each observation's noise (36,)."""
+    """Return the standard deviation of each observation's noise (36,), in the unit of the observation."""
     sigma = np.zeros(OBSERVATIONS)
     sigma[VELOCITY : VELOCITY + 3] = noise.velocity
     sigma[RATE : RATE + 3] = noise.rate
@@ -64,7 +64,7 @@ def sigmas(noise: Noise) -> Array:
 
 
 def bounds(settings: Settings) -> tuple[Array32, Array32]:
-    """Return the least and greatest values (O,) of the stacked observations; sensors clip to them."""
+    """Return the least and greatest values (O,) of the stacked observations, the limits of the sensors."""
     low, high = _limits(settings)
     return np.tile(low, settings.history), np.tile(high, settings.history)
 

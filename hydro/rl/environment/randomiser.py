@@ -32,8 +32,8 @@ class Draw(NamedTuple):
     """Vehicle, biases and delays of one episode.
 
     Attributes:
-        vehicle: The vehicle in its water; None if it equals that of the file.
-        bias: Bias of each observation, in multiples of its noise.
+        vehicle: The vehicle with the water's current; None if nothing differs from the vehicle file.
+        bias: Bias of each observation, in multiples of the standard deviation of its noise.
         seen_late: Delay of the sensors [control steps].
         obeyed_late: Delay of the commands [control steps].
     """
@@ -111,7 +111,7 @@ class Randomiser:
         )
 
     def _draw_parameters(self, rng: np.random.Generator) -> Vehicle:
-        """Draw the vehicle's parameters from their covariance, or uniformly from a box."""
+        """Return the vehicle with parameters drawn from their covariance, or uniformly about their values."""
         if self.given.posterior and self._estimates is not None:
             return next(self._estimates.drawn(self._vehicle, 1, int(rng.integers(2**63))))
         assert self._box is not None
@@ -139,12 +139,12 @@ class Randomiser:
         return vehicle
 
     def _steps(self, seconds: float) -> int:
-        """Return the nearest number of control steps."""
+        """Return the number of control steps nearest to a time [s]."""
         return round(seconds / self._period)
 
 
 def _share(given: Randomisation, rng: np.random.Generator) -> float:
-    """Draw the share of a greatest value, uniform from 0 to 1; 1 if `given.full`."""
+    """Draw a fraction, uniform from 0 to 1; return 1 if `given.full` asks for the greatest values."""
     drawn = float(rng.random())
     return 1.0 if given.full else drawn
 
@@ -153,7 +153,7 @@ def _numbers(vehicle: Vehicle) -> Free:
     """Return the parameters of a vehicle's effects that its file does not mark as known.
 
     Raises:
-        UsageError: The file has none.
+        UsageError: The file has no such parameters.
     """
     own = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
     names = [name for name in own if not wholly_known(vehicle, name)]

@@ -36,7 +36,7 @@ SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]
 
 @functools.lru_cache(maxsize=64)
 def weights(reward: Reward) -> Array:
-    """Return the weights as a read-only array, in the order of the names above."""
+    """Return the weights as a read-only array (WEIGHTS,), at the indices SHAPING to HASTE."""
     array = np.array(dataclasses.astuple(reward), dtype=np.float64)
     array.flags.writeable = False
     return array
@@ -44,16 +44,28 @@ def weights(reward: Reward) -> Array:
 
 @kernel
 def shaping(w: Array, before: float, after: float) -> float:
-    """Return gamma phi(s_t) - phi(s_{t-1}); phi = -(distance / d_max) phi_s, distances to the goal [m]."""
+    """Return the shaping reward gamma phi(s_t) - phi(s_{t-1}), with the potential phi = -(d / d_max) phi_s.
+
+    Args:
+        w: Weights from `weights`: gamma, d_max [m] and phi_s.
+        before: Distance d to the goal before the step [m].
+        after: Distance d to the goal after the step [m].
+    """
     return float(w[SHAPING] / w[DISTANCE] * (before - w[DISCOUNT] * after))
 
 
 @kernel
 def posture(w: Array, R: Array, x: float, y: float) -> float:
-    """Return the heading and upright terms, each w (cos + 1) / 2.
+    """Return the sum of the heading and the upright reward, each its weight times (cos(angle) + 1) / 2.
 
-    The heading term takes the angle between the horizontal projections of the bow and of the vector to the
-    target (x, y), NED.  The upright term takes the angle between the body's z axis and the vertical.
+    The heading term takes the horizontal angle between the bow and the target; it is 0 close to the target.
+    The upright term takes the angle between the body's z axis and the vertical.
+
+    Args:
+        w: Weights from `weights`.
+        R: Rotation from body to NED, flat (9,).
+        x: North component of the vector to the target [m].
+        y: East component of the vector to the target [m].
     """
     gain = w[UPRIGHT] * 0.5 * (R[8] + 1.0)
     away, ahead = math.hypot(x, y), math.hypot(R[0], R[3])
@@ -64,7 +76,12 @@ def posture(w: Array, R: Array, x: float, y: float) -> float:
 
 @kernel
 def obstacle_cost(w: Array, least: float) -> float:
-    """Return the cost of the shortest range [m]: exponential from `near` to `far`, constant within `near`."""
+    """Return the cost of an obstacle's distance: exponential from `near` to `far`, constant within `near`.
+
+    Args:
+        w: Weights from `weights`, with the distances `near` and `far` [m] of `world.config.Reward`.
+        least: Shortest range of the sonar [m].
+    """
     if least < w[NEAR]:
         return float(NEAR_SHARE * w[COLLISION])
     if least > w[FAR]:
@@ -77,8 +94,8 @@ def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
     """Return the cost of energy, of large actions and of changing actions.
 
     Args:
-        w: Weights.
-        power: Share of the power of all thrusters at full thrust.
+        w: Weights from `weights`.
+        power: Power of all thrusters, as a share of their power at full thrust.
         action: Action (6,) in [-1, 1].
         before: Action of the previous step (6,).
     """
@@ -92,27 +109,33 @@ def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
 
 @kernel
 def cross_track_cost(error: float) -> float:
-    """Return e^2 below 1 m and 2 |e| - 1 beyond: similar to Huber's loss, once differentiable (eq. 9)."""
+    """Return the cost of a distance e [m] from the path: e^2 below 1 m, 2 |e| - 1 beyond (paper eq. 9)."""
     size = abs(error)
     return size * size if size < 1.0 else 2.0 * size - 1.0
 
 
 @kernel
 def distance_cost(w: Array, away: float) -> float:
-    """Return the cost of a distance `away` [m] from the goal, for tasks that hold or follow."""
+    """Return the cost of a distance `away` [m] from a goal to hold or follow, with weights `w`."""
     return float(w[HOLD] * cross_track_cost(away))
 
 
 @kernel
 def alignment(w: Array, R: Array, away: float) -> float:
-    """Return the reward for a bow to the north, w (cos + 1) / 2, within `close` of the dock [m]."""
+    """Return the reward for a bow to the north, its weight times (cos(heading) + 1) / 2, near the dock.
+
+    Args:
+        w: Weights from `weights`, with the distance `close` [m] beyond which the reward is 0.
+        R: Rotation from body to NED, flat (9,).
+        away: Distance from the dock [m].
+    """
     return float(w[ALIGNMENT] * 0.5 * (R[0] + 1.0)) if away < w[CLOSE] else 0.0
 
 
 @kernel
 def speed_cost(w: Array, speed: float, allowed: float, away: float) -> float:
-    """Return the cost of a speed [m/s] above the limit at a distance `away` [m] from the dock.
+    """Return the cost of the part of a speed [m/s] above the limit at a distance `away` [m] from the dock.
 
-    The limit is `allowed` [m/s] at the dock and rises with the distance.
+    The limit is `allowed` [m/s] at the dock and rises by SLOWER for each metre of distance.
     """
     return float(w[HASTE] * max(0.0, speed - allowed - SLOWER * away))

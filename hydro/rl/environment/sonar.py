@@ -25,11 +25,11 @@ def beams(sonar: Sonar, hull: Hull) -> Array:
     therefore the distance to a contact.
 
     Args:
-        sonar: The fan.
+        sonar: Angle, spacing and reach of the beams.
         hull: Ellipsoid that carries the sonar.
 
     Returns:
-        Origin x y z and direction x y z of every beam in the body (15, 6), FRD [m].
+        Origin x y z [m] and unit direction x y z of every beam in the body (15, 6), FRD.
     """
     number = np.linspace(-1.0, 1.0, BEAMS)
     azimuth = 0.5 * sonar.fan * np.sign(number) * np.abs(number) ** sonar.crowding
@@ -40,15 +40,15 @@ def beams(sonar: Sonar, hull: Hull) -> Array:
 
 @kernel
 def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: float) -> float:
-    """Return the distance [m] along a unit ray from `origin`, NED, to the first surface; at most `reach`.
+    """Return the distance [m] along a ray to the first wall, floor or pillar; at most `reach`.
 
     The water's surface gives no echo.  From inside a pillar or outside the tank the distance is 0.
 
     Args:
-        origin: x y z [m].
-        ray: Direction, a unit vector.
-        tank: Numbers of `rl.environment.geometry.tank`.
-        pillars: x y of the pillars' axes (P, 2), NaN in unused rows, which come last.
+        origin: x y z, NED [m].
+        ray: Direction, NED, a unit vector.
+        tank: Sizes of the tank from `rl.environment.geometry.tank`.
+        pillars: x y of the pillars' axes (P, 2) [m], NaN in unused rows, which come last.
         reach: Greatest range [m].
     """
     nearest = reach
@@ -79,12 +79,12 @@ def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Arr
     """Return the range of one beam of a vehicle [m].
 
     Args:
-        beam: Origin and direction of the beam in the body (6,), FRD [m].
+        beam: Origin [m] and unit direction of the beam in the body (6,), FRD.
         reach: Greatest range [m].
-        tank: Numbers of `rl.environment.geometry.tank`.
+        tank: Sizes of the tank from `rl.environment.geometry.tank`.
         position: Position of CO (3,), NED [m].
-        R: Rotation from body to NED (9,).
-        pillars: (P, 2).
+        R: Rotation from body to NED, flat (9,).
+        pillars: x y of the pillars' axes (P, 2) [m], NaN in unused rows, which come last.
     """
     here = position[0], position[1], position[2]
     origin, ray = displaced(here, R, beam[:3]), displaced((0.0, 0.0, 0.0), R, beam[3:])
@@ -93,7 +93,7 @@ def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Arr
 
 @kernel
 def displaced(point: Point, R: Array, vector: Array) -> tuple[float, float, float]:
-    """Return a point, NED, displaced by a vector in body axes (3,)."""
+    """Return a point (3,), NED [m], moved by a vector in body axes (3,) [m]; R (9,) rotates body to NED."""
     x, y, z = vector[0], vector[1], vector[2]
     return (
         point[0] + R[0] * x + R[1] * y + R[2] * z,

@@ -57,7 +57,7 @@ POWER = 1.5  # exponent of an ideal propeller's power as a function of its thrus
 
 
 def make_rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
-    """Build the constants by which a step is judged, for a thruster table (n, columns)."""
+    """Build the constants that decide collisions, excess speed and energy; `table` has a row per thruster."""
     limits = np.array([settings.overspeed, settings.period])
     return Rules(hull_numbers(vehicle.hull), tank(settings.world), table, limits)
 
@@ -73,7 +73,7 @@ def sense_kernel(
         senses: Sensors.
         motion: Motion; the rotation is written.
         scenes: Tasks.
-        noise: Standard normal (N, 36); scratch afterwards.
+        noise: Standard normal (N, 36); overwritten.
         nearest: Shortest sonar range without noise (N,) [m], written.
         out: Observations (N, 36), written.
     """
@@ -101,7 +101,7 @@ def power_share(table: Array, thrust: Array) -> float:
     """Return the power of all thrusters as a share of their power at full thrust.
 
     Args:
-        table: Thruster table (n, columns) of `vehicle.thrusters`.
+        table: Table of `core.vehicle.thrusters`, one row per thruster (n, columns).
         thrust: Thrust of each thruster (n,) [N].
     """
     total = 0.0
@@ -126,7 +126,7 @@ def step_kernel(
     """Compute rewards, ends of episodes and totals of all vehicles; `episodes` and `outcome` are written.
 
     Args:
-        rules: Constants by which a step is judged.
+        rules: Constants that decide collisions, excess speed and energy.
         motion: Motion after the step.
         scenes: Tasks.
         episodes: State of the episodes before the step; updated.
@@ -185,13 +185,13 @@ def mark_ends(
     """Write the flags of one vehicle: arrived, collided, diverged, too fast, terminated, truncated.
 
     Args:
-        rules: Constants by which a step is judged.
+        rules: Constants that decide collisions and excess speed.
         motion: Motion of all vehicles after the step.
         scenes: Tasks of all vehicles.
         k: Index of the vehicle.
-        away: Its distance from the goal [m].
-        totals: Totals of its episode, such as its age in control steps.
-        flags: Flags of all vehicles, (flags, N); column `k` is written.
+        away: Distance of the vehicle from its goal [m].
+        totals: Totals of the vehicle's episode (TOTALS,), such as its age in control steps.
+        flags: Flags of all vehicles (FLAGS, N); column `k` is written.
     """
     ends, velocity = scenes.ends[k], motion.velocity[k]
     failed = bool(motion.diverged[k])
@@ -211,7 +211,14 @@ def mark_ends(
 
 @kernel
 def within_limits(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
-    """Return whether a vehicle at a distance `away` [m] from its goal is within all limits of its task."""
+    """Return whether a vehicle meets all limits of its task: distance, speed, angular velocity and tilt.
+
+    Args:
+        ends: Limits (6,), in the order of `tasks.task.Ends`.
+        pose: x y z [m] and quaternion (w, x, y, z) from FRD to NED (7,).
+        velocity: u v w [m/s] p q r [rad/s] (6,).
+        away: Distance from the goal [m].
+    """
     if away > ends[RADIUS] or length(velocity[:3]) > ends[SPEED] or length(velocity[3:]) > ends[TURNING]:
         return False
     return bool(2.0 * math.acos(min(abs(pose[3]), 1.0)) <= ends[TILT])
@@ -219,7 +226,12 @@ def within_limits(ends: Array, pose: Array, velocity: Array, away: float) -> boo
 
 @kernel
 def root_mean_square(totals: Array, ends: Array) -> float:
-    """Return the root mean square distance from the goal since settling [m]; infinite before settling."""
+    """Return the root mean square distance from the goal since the settling time [m]; before, infinity.
+
+    Args:
+        totals: Totals of the episode (TOTALS,), in the order of `rl.environment.blocks`.
+        ends: End conditions (6,), in the order of `tasks.task.Ends`.
+    """
     counted = totals[AGE] - math.floor(ends[SETTLING])
     return math.sqrt(totals[ERROR] / counted) if ends[SETTLING] >= 0.0 and counted > 0.0 else math.inf
 

@@ -18,12 +18,14 @@ class WrenchSettings:
 
     Attributes:
         lead: Time by which the network is evaluated ahead, as a share of the control step.  Half a step
-            centres the held wrench in the interval in which it acts; the paper states none, which is 0.
-        ratio: q dt^3 / R of the filter that estimates nu_dot.  Above 1 it follows every sample.
-        beta: Weight of the old value in the low-pass, 0 for none; None for that of the preset.
-        clip: Greatest wrench of an axis in multiples of the thrusters' greatest, 0 for no limit; None for
-            that of the preset.
-        deadband: Speed below which the wrench fades [m/s, rad/s], 0 for none; None for that of the preset.
+            centres the held wrench in the interval in which it acts; the paper states no lead, that is 0.
+        ratio: q dt^3 / R of the filter that estimates the body acceleration nu_dot, with the jerk density q,
+            the sample time dt and the noise variance R.  Above 1 the filter follows every sample.
+        beta: Weight of the old value in the low-pass, 0 for no low-pass; None for the preset's weight.
+        clip: Greatest wrench of an axis in multiples of the thrusters' greatest, 0 for no limit; None for the
+            preset's limit.
+        deadband: Speed below which the wrench fades [m/s, rad/s], 0 for no fading; None for the preset's
+            speed.
     """
 
     lead: float = 0.5
@@ -50,11 +52,11 @@ class WrenchSettings:
                 raise UsageError(f"wrench.{name} is {value:g}; give 0 or more")
 
     def design(self, period: float) -> Design:
-        """Return the filter for nu_dot at a control step [s]."""
+        """Return the design of the filter for the acceleration nu_dot, at a control step `period` [s]."""
         return Design(period, (self.ratio,) * 6, (0.0,) * 6)
 
     def conditioning(self, name: str, vehicle: Vehicle) -> Conditioning:
-        """Return the filter and limits of a network's wrench: a preset, changed by these settings.
+        """Return the low-pass and limits of a network's wrench: a preset, changed by the values given here.
 
         Args:
             name: Name of the preset.

@@ -159,7 +159,7 @@ class GpuFleet:
         return torch.zeros(shape, dtype=torch.float64, device=self.device)
 
     def reset(self, mask: Tensor | None = None) -> Tensor:
-        """Begin the next episode of some vehicles (N,), by default of all; return observations (N, 36)."""
+        """Begin the next episode of the vehicles of a mask (N,) or of all; return observations (N, 36)."""
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
         self._launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
@@ -207,7 +207,14 @@ class GpuFleet:
 
 
 def _drawn(task: Task, level: int, settings: Settings, count: int, seed: int) -> list[Scene]:
-    """Draw the scenes of a fleet's first episodes: row r is vehicle r % N in its episode r // N.
+    """Draw the scenes of a fleet's first episodes: row r belongs to vehicle r % N in its episode r // N.
+
+    Args:
+        task: Task of the scenes.
+        level: Level of the task.
+        settings: Settings of world and tasks.
+        count: Number of vehicles N.
+        seed: Seed of the fleet.
 
     Raises:
         UsageError: The task has a current, a moving goal or a planned path.

@@ -20,12 +20,12 @@ from hydro.rl.environment.step import distance, score, sense
 
 
 class Pool(NamedTuple):
-    """Pool of scenes drawn in advance; each vehicle flies one per episode.
+    """Pool of S scenes drawn in advance, each with up to P pillars; each vehicle flies one scene per episode.
 
     Attributes:
         poses: Initial poses (S, 7), see `sim.plant.Plant`.
         goals: (S, 3), NED [m].
-        pillars: (S, P, 2), NaN in unused rows.
+        pillars: x y of the pillars' axes (S, P, 2) [m], NaN in unused rows.
     """
 
     poses: Array
@@ -67,7 +67,7 @@ class View(NamedTuple):
 
     Attributes:
         mask: Vehicles to observe (N,).
-        noise: Standard normal (N, 36); scratch afterwards.
+        noise: Standard normal (N, 36); overwritten.
         out: Observations (N, 36), written.
     """
 

@@ -29,7 +29,7 @@ WARM_UP = 3
 
 
 class Captured:
-    """Update recorded as one CUDA graph: its hundreds of launches would take longer than the arithmetic."""
+    """Update of the networks recorded as one CUDA graph, which saves the time of hundreds of launches."""
 
     def __init__(
         self, work: Callable[[TensorDict], Losses], batch: TensorDict, generator: torch.Generator
@@ -93,7 +93,7 @@ class DeviceLearner:
 
     @torch.no_grad()
     def advance(self) -> None:
-        """Simulate one control step with sampled actions, then run the updates."""
+        """Simulate one control step with sampled actions, then run the updates of the networks."""
         seen = self._now["observation"]
         actions = self._explored(seen)
         done, self._now = self.env.step_and_maybe_reset(self._now.set("action", actions))
@@ -136,7 +136,7 @@ class DeviceLearner:
         self._replay.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
 
     def update(self) -> Losses:
-        """Run one update; return the losses before it."""
+        """Run one update of the networks; return the losses before the update."""
         batch = self._replay.sample(self.config.batch)
         self.updates += 1
         if self.env.device.type != "cuda" or self.updates <= WARM_UP:
@@ -159,7 +159,9 @@ class DeviceLearner:
 
     @torch.no_grad()
     def success(self, env: Batch, steps: int) -> float:
-        """Return the success rate of one episode per vehicle with the averaged policy, without exploration.
+        """Return the share of vehicles that reach their goal in one episode each, without exploration.
+
+        The moving average of the policy acts.
 
         Args:
             env: Environment of the evaluation, separate from that of the training.
@@ -178,7 +180,7 @@ class DeviceLearner:
         return float(arrived.float().mean())
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """Return the averaged policy with a description of its training."""
+        """Return the moving average of the policy, with a description of its training."""
         learnt = self._average.state_dict().items()
         weights = {name: each.cpu().numpy().copy() for name, each in learnt}
         return Policy(self.config.layers, self._encoding, weights, training)

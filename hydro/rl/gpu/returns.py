@@ -27,7 +27,7 @@ class Horizon(Window[Transition]):
     """Window of n-step returns for tensors."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
-        """Combine a step and the following ones into one n-step transition."""
+        """Combine the first step with the later ones of its episode into one n-step transition."""
         rewards, steps, following = first.rewards, first.steps, first.following
         terminated, ended = first.terminated, first.ended
         for each in later:

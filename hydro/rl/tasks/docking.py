@@ -36,12 +36,15 @@ class Docking(Task):
                 return Scene(start, rng.uniform(-np.pi, np.pi), dock[None], nowhere())
 
     def reward(self, settings: Settings) -> Reward:
-        """Add the alignment reward and the cost of haste; halve the weight of the heading."""
+        """Return the weights of an open-water task, with an alignment reward and a cost of haste.
+
+        The alignment takes half of the weight of the heading.
+        """
         given = super().reward(settings)
         half = 0.5 * given.heading
         return replace(given, heading=half, alignment=half, haste=HASTE)
 
     def ends(self, settings: Settings) -> Ends:
-        """Require the limits of pose and speed."""
+        """Return end conditions that also limit tilt, speed and angular velocity at the dock."""
         given = settings.docking
         return Ends(self.steps(settings), given.within, given.tilt, given.speed, given.turning)

@@ -17,7 +17,7 @@ TRIES = 200  # greatest number of forests drawn until one meets all conditions
 class Forest(Task):
     """Pillars at random places between both ends of the tank, with a planned path.
 
-    The full margin of the planner leaves a path, and a pillar blocks the straight line.
+    A path that keeps the full margin of the planner exists, and a pillar blocks the straight line.
     """
 
     name = "forest"
@@ -52,14 +52,20 @@ class Forest(Task):
         )
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights with the costs of nearness to obstacles."""
+        """Return the weights of the reward, with the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 
 def _random_pillars(settings: Settings, count: int, ends: Array, rng: np.random.Generator) -> Array:
-    """Draw random axes (P, 2) that keep their distances from each other and from the ends (2, 2).
+    """Draw random axes of pillars (P, 2) [m], NED, that keep their distances from each other and from `ends`.
 
-    They are fewer than `count` if the tank is full.
+    P is less than `count` if the tank is full.
+
+    Args:
+        settings: Sizes of the tank and least distances.
+        count: Wanted number of pillars.
+        ends: North and east of start and goal (2, 2) [m].
+        rng: Random generator.
     """
     world, forest = settings.world, settings.forest
     found = np.empty((0, 2))
@@ -73,7 +79,7 @@ def _random_pillars(settings: Settings, count: int, ends: Array, rng: np.random.
 
 
 def _blocked(settings: Settings, pillars: Array, ends: Array) -> bool:
-    """Return whether a pillar blocks the straight line from end to end (2, 2)."""
+    """Return whether a pillar (P, 2) blocks the straight line between start and goal, `ends` (2, 2) [m]."""
     way = ends[1] - ends[0]
     share = np.clip((pillars - ends[0]) @ way / (way @ way), 0.0, 1.0)
     off = np.hypot(*(ends[0] + share[:, None] * way - pillars).T)
@@ -81,10 +87,10 @@ def _blocked(settings: Settings, pillars: Array, ends: Array) -> bool:
 
 
 def _connected(grid: Grid, radius: float, pillars: Array, ends: Array) -> bool:
-    """Return whether a path with the full margin connects the ends (2, 2).
+    """Return whether a path with the full margin connects start and goal, the rows of `ends` (2, 2) [m].
 
-    It does if both ends lie in the same connected component of free cells.  Cells that touch only at a corner
-    are not connected, as in the planner.
+    A path exists if both lie in the same connected component of free cells.  Cells that touch only at a
+    corner are not connected, as in the planner.
     """
     pieces, _ = ndimage.label(grid.free(pillars, radius))
     first, last = (pieces[grid.of(end)] for end in ends)

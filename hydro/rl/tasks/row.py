@@ -38,15 +38,15 @@ class PillarRow(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights with the costs of nearness to obstacles."""
+        """Return the weights of the reward, with the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 
 def course(settings: Settings, pillars: int) -> float:
-    """Return the least length [m] of a course with a number of pillars; 0 without pillars.
+    """Return the least length [m] of a course past `pillars` pillars, with the settings' spacing; 0 for none.
 
     Raises:
-        UsageError: The tank is too short.
+        UsageError: The course is longer than the tank.
     """
     length = 2.0 * settings.row.run_up + (pillars - 1) * settings.row.spacing if pillars else 0.0
     room = settings.world.length - 2.0 * settings.task.margin

@@ -51,12 +51,19 @@ class Slalom(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights with the costs of nearness to obstacles."""
+        """Return the weights of the reward, with the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 
 def _baffle(settings: Settings, north: float, reach: float, from_west: bool) -> Array:
-    """Return the axes of the pillars of one baffle (P, 2); the last one is its end."""
+    """Return north and east of the axes of the P pillars of one baffle (P, 2) [m].
+
+    Args:
+        settings: Radius and spacing of the pillars, width of the tank.
+        north: North coordinate of the baffle [m].
+        reach: Length of the baffle from its wall [m].
+        from_west: Whether the baffle starts at the west wall.
+    """
     radius, gap = settings.world.pillar_radius, settings.slalom.gap
     east = np.arange(reach - radius, -radius, -gap)[::-1]
     return np.column_stack([np.full(len(east), north), east if from_west else settings.world.width - east])

@@ -34,10 +34,10 @@ class StationKeeping(Task):
         return Scene(start, rng.uniform(-np.pi, np.pi), place[None], nowhere(), current)
 
     def reward(self, settings: Settings) -> Reward:
-        """Add the cost of the distance, and remove the reward for the heading."""
+        """Return the weights of an open-water task, with a cost of the distance and no heading reward."""
         return replace(super().reward(settings), hold=HOLD, heading=0.0)
 
     def ends(self, settings: Settings) -> Ends:
-        """Count the error after the settling time."""
+        """Return the end conditions: the root mean square error after the settling time decides success."""
         station = settings.station
         return Ends(self.steps(settings), station.within, settling=station.settling / settings.period)

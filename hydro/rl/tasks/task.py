@@ -27,7 +27,7 @@ class Scene(NamedTuple):
         start: x y z of CO, NED (3,) [m]; the vehicle is level and at rest.
         heading: Initial psi [rad].
         course: Position of the goal at every control step (K, 3), NED [m]; after the last row it stays there.
-            With `passed`, the waypoints in order.
+            If `passed` is above 0, the K waypoints in order instead.
         pillars: x y of the pillars' axes (P, 2) [m].
         current: Velocity of the water (3,), NED [m/s].
         passed: Distance at which a waypoint is passed and the next one becomes the goal [m]; 0 for a goal
@@ -70,11 +70,11 @@ class Ends(NamedTuple):
 
 
 class Task(ABC):
-    """Task; a new one is a class in its own file and an entry in `registry`.
+    """Task of an episode; a new task is a class in its own file and an entry in `registry`.
 
     Attributes:
         name: Name of the task.
-        levels: Unit of its level, in the plural; empty if it has only one level.
+        levels: Unit of its level, in the plural; empty if the task has only one level.
         most: Greatest level.
         guided: Whether the target is a point ahead on a planned path instead of the goal.
         patience: Time limit in multiples of `settings.task.steps`; about twice the time of the hand-written
@@ -92,20 +92,20 @@ class Task(ABC):
         """Return a random scene of one episode; level 0 is open water if the task has levels."""
 
     def lead(self, settings: Settings) -> float:
-        """Return the time by which the target in the observation is ahead of the goal [s]."""
+        """Return how far ahead in time the observation's target is, compared with the goal [s]."""
         return 0.0
 
     def reward(self, settings: Settings) -> Reward:
         """Return the weights of the terms of `rl.environment.reward`.
 
-        The default removes the costs of nearness, because there are no obstacles.  It scales the reward of
-        success with the time limit, because a longer episode leaves more time for loitering.
+        The default removes the costs of being close to obstacles, because there are none.  It scales the
+        reward of success with the time limit, because a longer episode leaves more time for loitering.
         """
         given = settings.reward
         return replace(given, obstacle=0.0, near=0.0, success=self.patience * given.success)
 
     def ends(self, settings: Settings) -> Ends:
-        """Return the end conditions; by default within `settings.task.radius` of the goal."""
+        """Return the end conditions; by default success within `settings.task.radius` of the goal."""
         return Ends(self.steps(settings), settings.task.radius)
 
     def steps(self, settings: Settings) -> int:
@@ -116,7 +116,7 @@ class Task(ABC):
         """Check that a level exists.
 
         Raises:
-            UsageError: It is not within 0 and `most`.
+            UsageError: The level is not within 0 and `most`.
         """
         if not 0 <= level <= self.most:
             choice = f"choose 0 to {self.most} {self.levels}" if self.levels else "the only level is 0"
@@ -124,7 +124,7 @@ class Task(ABC):
 
 
 def with_obstacles(task: Task, settings: Settings) -> Reward:
-    """Return the weights of a task with obstacles."""
+    """Return the weights of the reward of a task with obstacles, including the costs of their nearness."""
     given = settings.reward
     return replace(given, success=task.patience * given.success)
 
@@ -135,7 +135,7 @@ def generator(seed: int, vehicle: int, episode: int) -> np.random.Generator:
 
 
 def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
-    """Draw start, heading and goal; the goal lies at a random distance in a random direction."""
+    """Draw a scene without pillars; the goal lies at a random distance and direction from the start."""
     task, world = settings.task, settings.world
     low = np.full(3, task.margin)
     high = np.array([world.length, world.width, world.depth]) - task.margin
@@ -148,14 +148,22 @@ def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
 
 
 def depths(settings: Settings, rng: np.random.Generator) -> tuple[float, float]:
-    """Draw depths of start and goal of a course along the tank, at most one metre apart [m]."""
+    """Draw the depths of start and goal [m], at most one metre apart, within the settings' margins."""
     shallow, deep = settings.task.margin, settings.world.depth - settings.task.margin
     depth = rng.uniform(shallow, deep)
     return depth, min(max(depth + rng.uniform(-1.0, 1.0), shallow), deep)
 
 
 def along(settings: Settings, ends: Array, pillars: Array, south: bool, rng: np.random.Generator) -> Scene:
-    """Make a scene from the first to the second of two ends (2, 3), or in reverse to lead south."""
+    """Make the scene of a course along the tank.
+
+    Args:
+        settings: Greatest angle between the course and the initial heading.
+        ends: South and north end of the course (2, 3), NED [m].
+        pillars: x y of the pillars' axes (P, 2) [m].
+        south: Whether the course leads from the north end to the south end.
+        rng: Generator of the initial heading.
+    """
     start, goal = ends[::-1] if south else ends
     heading = np.pi * south + rng.uniform(-settings.task.slant, settings.task.slant)
     return Scene(start, float(heading), goal[None], pillars)

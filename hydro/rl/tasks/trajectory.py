@@ -23,10 +23,14 @@ class Trajectory(Task):
 
     @abstractmethod
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw the corners of one round of the figure (CORNERS, 3) about the origin, closed or open [m]."""
+        """Draw the corners of the figure (CORNERS, 3) about the origin, NED [m].
+
+        A figure is closed if its last corner lies next to the first; otherwise the point returns the same
+        way.
+        """
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw figure, position and speed; the vehicle starts near the point, bow along the figure."""
+        """Draw figure, position and speed; the vehicle starts near the point, heading along the figure."""
         world, task = settings.world, settings.task
         corners = self.figure(settings, rng)
         turn, shift = rng.choice([-1.0, 1.0]), rng.integers(CORNERS)
@@ -40,7 +44,13 @@ class Trajectory(Task):
         return Scene(start, float(heading), course, nowhere())
 
     def _at_constant_speed(self, settings: Settings, corners: Array, speed: float) -> Array:
-        """Return positions of the point at every control step (K, 3), in closed rounds at one speed [m/s]."""
+        """Return positions of the point to follow at every control step (K, 3) [m], round after round.
+
+        Args:
+            settings: Control step and time limit.
+            corners: Corners of the figure (CORNERS, 3) [m].
+            speed: Speed of the point [m/s].
+        """
         lead = round(settings.trajectory.lead / settings.period)
         steps = self.steps(settings) + lead + 1
         closed = (
@@ -59,15 +69,15 @@ class Trajectory(Task):
         return bool(np.linalg.norm(corners[-1] - corners[0]) < 2.0 * step)
 
     def lead(self, settings: Settings) -> float:
-        """Return the lead with which a proportional law does not lag behind [s]."""
+        """Return the lead of the target at which a proportional controller keeps up with the point [s]."""
         return settings.trajectory.lead
 
     def reward(self, settings: Settings) -> Reward:
-        """Add the cost of the distance."""
+        """Return the weights of an open-water task, with a cost of the distance from the moving point."""
         return replace(super().reward(settings), hold=HOLD)
 
     def ends(self, settings: Settings) -> Ends:
-        """Count the error after the settling time, once the vehicle has gathered speed."""
+        """Return the end conditions: the root mean square error after the settling time decides success."""
         given = settings.trajectory
         return Ends(self.steps(settings), given.within, settling=given.settling / settings.period)
 

@@ -12,9 +12,9 @@ from hydro.rl.world.config import Reward, Settings
 
 
 class WaypointCourse(Task):
-    """Course through waypoints in order; the next one becomes the goal when the vehicle is near enough.
+    """Course through waypoints in order; the next waypoint becomes the goal when the vehicle is near enough.
 
-    A vehicle that steers with fins can fly it in a tank of some turning circles, see `config.Waypoints`.
+    A vehicle that steers with fins needs a tank several turning circles wide, see `config.Waypoints`.
     """
 
     name = "waypoints"
@@ -54,7 +54,7 @@ class WaypointCourse(Task):
         return replace(given, obstacle=0.0, near=0.0, success=times * given.success)
 
     def ends(self, settings: Settings) -> Ends:
-        """Require the distance of a waypoint from the last one too."""
+        """Return the end conditions; the last waypoint is reached at the same distance as the others."""
         return Ends(self.steps(settings), nearness(settings))
 
 
@@ -67,7 +67,7 @@ def limits(settings: Settings) -> tuple[Array, Array]:
 
 
 def leg_lengths(settings: Settings) -> tuple[float, float]:
-    """Return the least and greatest length of a leg [m], shortened to fit into the tank."""
+    """Return the least and greatest distance of successive waypoints [m], shortened to fit the tank."""
     course = settings.waypoints
     low, high = limits(settings)
     share = min(1.0, float(high[0] - low[0]) / (course.count * course.leg[1]))
@@ -75,5 +75,5 @@ def leg_lengths(settings: Settings) -> tuple[float, float]:
 
 
 def nearness(settings: Settings) -> float:
-    """Return the distance at which a waypoint is passed [m]: at most a quarter of a leg."""
+    """Return the distance at which a waypoint is passed [m]: at most a quarter of the shortest leg."""
     return min(settings.waypoints.within, 0.25 * leg_lengths(settings)[0])

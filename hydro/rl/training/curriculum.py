@@ -44,9 +44,9 @@ class CurriculumProgress:
 
     @property
     def share(self) -> float:
-        """Return the success rate of the last training episodes at this level; 0 before the first.
+        """Return the success rate of the last training episodes at the current level; 0 before the first.
 
-        An examination does not change it, unlike the window that decides on the next examination.
+        An examination leaves this rate unchanged, but empties the window that triggers examinations.
         """
         return sum(self._recent) / len(self._recent) if self._recent else 0.0
 
@@ -57,7 +57,7 @@ class CurriculumProgress:
         return full and sum(self._window) / self.config.window >= self.config.ready
 
     def note(self, success: bool) -> None:
-        """Record the end of a training episode at this level."""
+        """Record whether a training episode at the current level succeeded."""
         self._window.append(bool(success))
         self._recent.append(bool(success))
 
@@ -74,14 +74,14 @@ class CurriculumProgress:
         return passed
 
     def forget(self, level: tuple[str, int]) -> None:
-        """Mark a passed level as not passed."""
+        """Mark a passed level as not passed, and forget the results of training episodes."""
         self.passed.remove(level)
         self._window.clear()
         self._recent.clear()
 
     @property
     def ends(self) -> dict[str, int]:
-        """Return the last level of every task, in order."""
+        """Return the last level of every task by the task's name, in order."""
         return dict(self.config.levels)
 
     def state(self) -> dict[str, Any]:

@@ -20,10 +20,10 @@ from hydro.rl.training.returns import Transition
 
 
 def demonstrations(fleet: Fleet, manner: Manner = PLAIN) -> Iterator[Transition]:
-    """Fly for the time of one episode, one episode after the other, and yield every step.
+    """Fly with the expert for the time limit of one episode, and yield the transition of every step.
 
-    The expert follows a planned path, even if the policy only observes the goal; the path makes it better
-    near pillars.
+    Vehicles that finish early begin further episodes.  The expert follows a planned path, even if the policy
+    only observes the goal; the path makes it better near pillars.
 
     Args:
         fleet: Vehicles that have not flown yet, with task and level set.
@@ -71,25 +71,28 @@ class Disturbed:
 
 
 def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[tuple[Array32, Array32]]:
-    """Fly with an actor for the time of one episode, and yield observations with the expert's actions.
+    """Fly with an actor for the time limit of one episode; yield each step's observations and expert actions.
 
     Args:
         fleet: As for `demonstrations`.
         actor: Policy or pilot that flies.
         manner: Tuning of the expert.
+
+    Yields:
+        Observations (N, O), and the actions (N, 6) that the expert would take there.
     """
     for observations, expert, _, _ in _fly(fleet, actor, manner):
         yield observations, expert
 
 
 def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
-    """Fly with an actor for the time of one episode, and yield observations with its own actions."""
+    """Fly with an actor for an episode's time limit; yield its observations (N, O) and actions (N, 6)."""
     for observations, _, done, _ in _fly(fleet, actor):
         yield observations, done
 
 
 def mastered(fleet: Fleet) -> float:
-    """Return the share of vehicles whose first goal the expert reaches.
+    """Return the share of vehicles in which the expert succeeds in the first episode.
 
     Args:
         fleet: As for `demonstrations`.
@@ -106,7 +109,7 @@ def mastered(fleet: Fleet) -> float:
 def _fly(
     fleet: Fleet, actor: Actor | None = None, manner: Manner = PLAIN
 ) -> Iterator[tuple[Array32, Array32, Array32, Step]]:
-    """Fly for the time of one episode, with the expert by default.
+    """Fly for the time limit of one episode, by default with the expert.
 
     Yields:
         Observations (N, O), actions of the expert and of the actor (N, 6), and the result of the step.

@@ -22,7 +22,7 @@ class Watch:
     """Monitor of the losses and evaluations of one training.
 
     Attributes:
-        exploded: Whether the critic's loss has met the definition.
+        exploded: Whether the critic's loss has met the definition of divergence in the module's docstring.
         broken: Whether a loss was not finite.
         episodes: Number of episodes that ended in numerical divergence.
     """

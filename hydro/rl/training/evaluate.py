@@ -33,11 +33,11 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
         fleet: One vehicle per episode, with task and level set.
         spare: Number of failures allowed; the next failure stops all flights.  Unfinished episodes are then
             dropped.
-        paths: Whether to plan the paths of tasks that arrive, for their tracking errors; this takes longer
-            than the flights.  If some episodes are unfinished, there are no tracking errors either.
+        paths: Whether to plan the paths of tasks that arrive, for their tracking errors; planning takes
+            longer than the flights.  If an episode is unfinished, there are no tracking errors either.
 
     Returns:
-        The episodes, a table of kind `episodes`.
+        A table of kind `episodes`, one row per finished episode.
     """
     observations = fleet.reset()
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
@@ -76,12 +76,12 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
 def _path_errors(
     chart: Guidance, scenes: tuple[Array, Array, Array], flown: Array, lengths: NDArray[np.int64]
 ) -> Array:
-    """Return root mean square distances of flights from the paths of the planner (N,) [m].
+    """Return the root mean square distances of N flights from their planned paths (N,) [m].
 
     Args:
         chart: Path planner and follower.
         scenes: Starts and goals (N, 3) and pillars (N, P, 2), NED [m].
-        flown: Positions after every step (K + 1, N, 3), the starts first.
+        flown: Positions before the first and after every one of the K steps (K + 1, N, 3), NED [m].
         lengths: Number of steps of every flight (N,); the last step, which ends it, does not count.
     """
     every = np.ones(len(lengths), dtype=np.bool_)
@@ -100,10 +100,11 @@ def alternating(way: Array, pillars: Array) -> float | None:
 
     Args:
         way: Positions along a flight (K, 3), NED [m].
-        pillars: Axes of the pillars (P, 2), NaN in unused rows.
+        pillars: North and east of the pillars' axes (P, 2) [m], NaN in unused rows.
 
     Returns:
-        1 for a flight that weaves through all, 0 for one around them; None if fewer than two are passed.
+        1 for a flight that weaves through all obstacles, 0 for a flight around them all; None if fewer than
+        two are passed.
     """
     standing = pillars[np.isfinite(pillars).all(axis=1)]
     sides = []
@@ -209,6 +210,6 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
 
 
 def interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share."""
+    """Return Wilson's 95 % confidence interval, low and high, of the probability of success."""
     found = scipy.stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
     return float(found.low), float(found.high)

@@ -30,7 +30,7 @@ SPREAD = 0.2
 
 
 class ExpertLabels:
-    """Labelled observations of all levels so far."""
+    """Observations labelled with actions of the expert, for all levels so far."""
 
     def __init__(self) -> None:
         """Start without labels."""
@@ -53,7 +53,7 @@ class ExpertLabels:
         self._labels.pop(level, None)
 
     def batches(self, count: int, generator: torch.Generator) -> Iterator[tuple[Tensor, Tensor]]:
-        """Draw batches of encoded observations (ROWS, O) and actions (ROWS, A).
+        """Draw `count` batches of ROWS encoded observations (ROWS, O) and their actions (ROWS, A).
 
         Levels are drawn in proportion to their numbers of labels, but the level added last makes up at least
         half.
@@ -87,9 +87,9 @@ def imitate(network: nn.Module, labels: ExpertLabels, batches: int, generator: t
     """Train a policy by least squares on labels, with a learning rate that decreases linearly.
 
     Args:
-        network: Encoded observations to mean and scale of the normal under the tanh; the scale is driven to
-            SPREAD.
-        labels: Labels.
+        network: Policy network from encoded observations to mean and standard deviation of the action before
+            the tanh; the standard deviation is trained towards SPREAD.
+        labels: Encoded observations with actions of the expert.
         batches: Number of batches.
         generator: Generator of the batches.
     """

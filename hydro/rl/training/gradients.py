@@ -25,7 +25,7 @@ NOT_COMPUTED = math.nan
 
 
 class Values(NamedTuple):
-    """Losses of an update and quantities of its state; see `training.sac.Losses`."""
+    """Losses of an update and quantities of its state, with the meaning of `training.sac.Losses`."""
 
     critic: Tensor
     actor: Tensor
@@ -41,8 +41,8 @@ class Layer(NamedTuple):
     Attributes:
         weight: (out, in).
         bias: (out,).
-        scale: Of the normalisation (out,), if there is one.
-        shift: (out,).
+        scale: Factor of the layer normalisation (out,); None without normalisation.
+        shift: Offset of the layer normalisation (out,); None without normalisation.
     """
 
     weight: Tensor
@@ -52,7 +52,14 @@ class Layer(NamedTuple):
 
 
 class Passed(NamedTuple):
-    """Intermediate results of a layer: its input, its linear output, mean and inverse deviation of a norm."""
+    """Intermediate results of a layer for B inputs.
+
+    Attributes:
+        given: Input (B, in).
+        linear: Output before the normalisation (B, out).
+        mean: Mean over the outputs (B, 1), if the layer is normalised.
+        deviation: Inverse standard deviation over the outputs (B, 1), if the layer is normalised.
+    """
 
     given: Tensor
     linear: Tensor
@@ -84,7 +91,12 @@ class Perceptron:
         return passed[-1].linear, passed
 
     def backward(self, passed: Sequence[Passed], back: Tensor) -> None:
-        """Write the gradients of the parameters for the derivative with respect to the output (B, out)."""
+        """Write the gradients of the parameters.
+
+        Args:
+            passed: Intermediate results of `forward`.
+            back: Derivative of the loss with respect to the output (B, out).
+        """
         for number in reversed(range(len(self._layers))):
             layer, at, gradient = self._layers[number], passed[number], self._gradients[number]
             if layer.scale is not None and gradient.scale is not None and gradient.shift is not None:
@@ -97,7 +109,13 @@ class Perceptron:
                 back = torch.ops.aten.threshold_backward(back @ layer.weight, at.given, 0.0)
 
     def to_inputs(self, passed: Sequence[Passed], back: Tensor, first: int) -> Tensor:
-        """Return the derivative with respect to the inputs from number `first` on."""
+        """Return the derivative of the loss with respect to the inputs, without the leading `first` inputs.
+
+        Args:
+            passed: Intermediate results of `forward`.
+            back: Derivative of the loss with respect to the output (B, out).
+            first: Index of the first input of the result.
+        """
         for number in reversed(range(len(self._layers))):
             layer, at = self._layers[number], passed[number]
             if layer.scale is not None:
@@ -117,15 +135,15 @@ def _through_norm(layer: Layer, at: Passed, back: Tensor, *, parameters: bool) -
 
 
 class Sampled(NamedTuple):
-    """Sampled actions and the intermediate results of their derivatives.
+    """Sampled actions and the intermediate results of their derivatives; B observations, A action components.
 
     Attributes:
         actions: (B, A).
         density: Log density of the actions (B,).
         passed: Intermediate results of the layers.
         noise: Standard normal (B, A).
-        scale: Scale of the normal under the tanh (B, A).
-        biased: Argument of the softplus that gives the scale (B, A).
+        scale: Standard deviation of the normal distribution before the tanh (B, A).
+        biased: Argument of the softplus that gives `scale` (B, A).
     """
 
     actions: Tensor
@@ -205,14 +223,25 @@ class Critics:
         return torch.stack([each.squeeze(-1) for each in values]), list(passed)
 
     def backward(self, passed: Sequence[Sequence[Passed]], values: Tensor) -> None:
-        """Set the gradients of the parameters for the derivative with respect to the values (2, B)."""
+        """Set the gradients of the parameters.
+
+        Args:
+            passed: Intermediate results of `forward`.
+            values: Derivative of the loss with respect to the values of both critics (2, B).
+        """
         for critic, at, back in zip(self._both, passed, values, strict=True):
             critic.backward(at, back[:, None])
         for parameter, gradient in self._pairs:
             parameter.grad = gradient
 
     def to_actions(self, passed: Sequence[Sequence[Passed]], values: Tensor, observations: int) -> Tensor:
-        """Return the derivative with respect to the actions (B, A), which follow the observations."""
+        """Return the derivative of the loss with respect to the actions (B, A), summed over both critics.
+
+        Args:
+            passed: Intermediate results of `forward`.
+            values: Derivative of the loss with respect to the values of both critics (2, B).
+            observations: Number of observations, which precede the actions in the input.
+        """
         both = zip(self._both, passed, values, strict=True)
         return sum(
             (critic.to_inputs(at, back[:, None], observations) for critic, at, back in both),

@@ -57,7 +57,11 @@ def unpack(packed: Packed) -> dict[str, Tensor]:
 
 
 def _link(seen: NDArray[Any], following: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Return the row of `seen` (K, O) equal to each of `following` (K, O), and those without a match."""
+    """Find the row of `seen` equal to each row of `following`, both (K, O).
+
+    Returns:
+        Row numbers (K,), UNLINKED where no row is equal, and the rows of `following` without an equal row.
+    """
     number = {row.tobytes(): k for k, row in enumerate(np.ascontiguousarray(seen))}
     found = [number.get(row.tobytes(), UNLINKED) for row in np.ascontiguousarray(following)]
     link = np.array(found, dtype=np.int64)
@@ -81,7 +85,7 @@ def _write(columns: dict[str, NDArray[Any]]) -> Tensor:
 
 
 def _read(content: Tensor) -> dict[str, NDArray[Any]]:
-    """Read the columns of `_write`, (K, numbers of a row) each."""
+    """Read the bytes of `_write` as arrays by name, each (K, numbers of a row)."""
     table = pq.read_table(pa.py_buffer(content.numpy().tobytes()))
     parts: dict[str, list[NDArray[Any]]] = {}
     for name in table.column_names:

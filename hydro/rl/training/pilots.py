@@ -22,11 +22,11 @@ Actor = Callable[[Array32], Array32]
 
 
 def pilot_of(task: Task, manner: Manner = PLAIN, *, fins: bool = False) -> Actor:
-    """Return the hand-written controller that serves as baseline of a task; it sees only the observation.
+    """Return the hand-written controller that serves as baseline of a task; it takes only observations.
 
     Args:
         task: The task.
-        manner: Tuning of a pilot of thrusters.
+        manner: Tuning of a pilot that steers with thrusters.
         fins: Whether the vehicle steers with fins alone (`action.steered_by_fins`).
     """
     if fins:
@@ -35,7 +35,7 @@ def pilot_of(task: Task, manner: Manner = PLAIN, *, fins: bool = False) -> Actor
 
 
 class WithMap:
-    """Pilot with a map: it flies to a point ahead on its own planned path, whatever the observation shows.
+    """Pilot with a map, which flies along its own planned path, whatever target the observation shows.
 
     Attributes:
         begun: Vehicles (N,) whose episode has begun since the last call.

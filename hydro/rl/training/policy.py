@@ -18,7 +18,14 @@ from hydro.rl.environment.encoding import Encoding
 
 
 def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = False) -> nn.Module:
-    """Make linear layers with ReLU between them, and layer normalisation on request."""
+    """Make a multilayer perceptron with ReLU, and with layer normalisation if `norm` is true.
+
+    Args:
+        inputs: Number of inputs.
+        outputs: Number of outputs.
+        widths: Widths of the hidden layers.
+        norm: Whether to normalise the hidden layers.
+    """
     shapes = [{"normalized_shape": width} for width in widths]
     normed = {"norm_class": nn.LayerNorm, "norm_kwargs": shapes} if norm else {}
     made: nn.Module = MLP(
@@ -28,7 +35,10 @@ def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = F
 
 
 def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
-    """Make the network from encoded observations (..., O) to mean and scale (..., A) under the tanh."""
+    """Make the policy network from encoded observations (..., O) to mean and standard deviation (..., A).
+
+    They describe the normal distribution of the A action components before the tanh.
+    """
     return nn.Sequential(layers(observations, 2 * actions, widths), NormalParamExtractor())
 
 
@@ -39,7 +49,7 @@ class Policy:
     Attributes:
         widths: Widths of the hidden layers.
         encoding: Encoding of observations (O,) for the network.
-        weights: Tensors of `network` by name.
+        weights: Tensors of the module that `network` makes, by name.
         training: Description of the training; JSON values.
     """
 
@@ -88,7 +98,7 @@ class EncodedPolicy(nn.Module):
         self.register_buffer("fades", torch.from_numpy(policy.encoding.fades.copy()))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """Return the median of the policy's distribution."""
+        """Return the actions (N, A) without exploration: the median of the policy's distribution."""
         mean, _ = self.layers(encoded(observations, self.scale, self.fades)).chunk(2, dim=-1)
         actions: Tensor = mean.tanh()
         return actions

@@ -14,15 +14,15 @@ from hydro.core.columns import Array32, Mask
 
 
 class Transition(NamedTuple):
-    """Transition of N vehicles, of one step or n steps.
+    """Transition of N vehicles over one step or n steps; O observations and A action components each.
 
     Attributes:
-        observations: Observations before it (N, O).
-        actions: (N, A); of n steps, the first.
-        rewards: (N,); of n steps, their discounted sum.
+        observations: Observations before the transition (N, O).
+        actions: Actions of the first step (N, A).
+        rewards: Discounted sum of the rewards (N,).
         terminated: Whether the episode terminated (N,).
         ended: Whether the episode terminated or was truncated (N,).
-        following: Observations after it, before any new episode (N, O).
+        following: Observations after the transition, before any new episode (N, O).
         steps: Number of steps (N,).
     """
 
@@ -39,7 +39,7 @@ Step = TypeVar("Step")
 
 
 class Window(ABC, Generic[Step]):
-    """Window over the last steps that returns n-step transitions."""
+    """Window over the last n steps that combines them into n-step transitions."""
 
     def __init__(self, steps: int, discount: float) -> None:
         """Make an empty window of n steps with the discount gamma per step."""
@@ -59,14 +59,14 @@ class Window(ABC, Generic[Step]):
 
     @abstractmethod
     def _together(self, first: Step, later: Sequence[Step]) -> Step:
-        """Combine a step and the following ones into one n-step transition."""
+        """Combine the first step with the later ones of its episode into one n-step transition."""
 
 
 class Horizon(Window[Transition]):
     """Window of n-step returns for arrays."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
-        """Combine a step and the following ones into one n-step transition."""
+        """Combine the first step with the later ones of its episode into one n-step transition."""
         rewards, steps = first.rewards.copy(), first.steps.copy()
         terminated, ended, following = first.terminated.copy(), first.ended.copy(), first.following.copy()
         for each in later:

@@ -80,10 +80,10 @@ def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact |
 
 
 def config_of(run: Artefact) -> TrainingConfig:
-    """Return the settings in the table of a run.
+    """Return the settings stored in the table of a run.
 
     Raises:
-        DataError: Another version with other settings wrote the table.
+        DataError: The table was written by a version with other settings.
     """
     given = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
     given = ADDED | given
@@ -99,7 +99,7 @@ def config_of(run: Artefact) -> TrainingConfig:
 
 
 def changed(config: TrainingConfig, given: Mapping[str, str]) -> TrainingConfig:
-    """Return a config with some settings replaced.
+    """Return a copy of a config with the named settings replaced.
 
     Args:
         config: The config.
@@ -112,7 +112,7 @@ def changed(config: TrainingConfig, given: Mapping[str, str]) -> TrainingConfig:
 
 
 def current_name(name: str) -> str:
-    """Return the present name of a setting; earlier versions called some groups otherwise."""
+    """Return the present dotted name of a setting, given its name in this or an earlier version."""
     group, dot, rest = name.partition(".")
     return f"{RENAMED.get(group, group)}{dot}{rest}"
 
@@ -199,7 +199,7 @@ class Folder:
         return table.read(self.path / EVALUATIONS, "evaluations")
 
     def run(self) -> Artefact:
-        """Return the table of the settings.
+        """Return the table of the training's settings.
 
         Raises:
             DataError: The table is missing or broken.
@@ -216,7 +216,7 @@ class Folder:
         return table.read(self.path / COVARIANCE, "covariance") if there else None
 
     def learnt(self) -> dict[str, Any]:
-        """Return the state of the learner, as a start for another training.
+        """Return the state of the learner in the checkpoint, from which another training can start.
 
         Raises:
             DataError: The checkpoint is missing or broken.
@@ -227,7 +227,7 @@ class Folder:
         return learner
 
     def policy(self, task: str | None = None) -> tuple[Policy, Artefact]:
-        """Return a policy and its artefact.
+        """Return a policy of the training, and the table that stores it.
 
         Args:
             task: Return the policy that passed this task, if one did; by default the current policy.
@@ -261,7 +261,7 @@ class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
-    """Make the table of a policy's tensors."""
+    """Make the table of a policy's tensors, with the table `run` of its training's settings as source."""
     tensors = policy.weights
     frame = pl.DataFrame(
         {
@@ -281,7 +281,7 @@ def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
 
 
 def policy_of(artefact: Artefact) -> Policy:
-    """Return the policy in an artefact of kind `policy`.
+    """Return the policy stored in a table of kind `policy`.
 
     Raises:
         DataError: The footer does not describe a policy.
@@ -321,7 +321,7 @@ def _read_state(path: Path) -> dict[str, Any]:
 
 
 def _interned(nested: Any) -> Any:
-    """Return the same values with equal texts as one object.
+    """Return a copy of nested values in which equal texts are one object.
 
     Pickle writes an object once and refers to it afterwards.  Texts read back from a file are other objects
     than those of the program.  Without interning, a continued training would write other bytes than an
@@ -337,7 +337,7 @@ def _interned(nested: Any) -> Any:
 
 
 def _each(nested: Any, kind: type, convert: Any) -> Any:
-    """Convert every value of a kind in nested dicts and lists."""
+    """Replace every value of type `kind` in nested dicts and lists by the result of `convert`."""
     if isinstance(nested, kind):
         return convert(nested)
     if isinstance(nested, dict):

@@ -43,7 +43,7 @@ class Losses(NamedTuple):
 
     Attributes:
         critic: Mean squared error of both critics, summed.
-        actor: Mean of alpha log pi - Q.
+        actor: Mean of alpha log pi - Q, with the policy's density pi and the smaller critic's value Q.
         temperature: log alpha times (entropy - target entropy); alpha falls while the entropy exceeds its
             target.
         alpha: Temperature.
@@ -109,7 +109,7 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
         self.__dict__["_targets"] = _leaves(self.target_qvalue_network_params)
 
     def sample(self, observations: Tensor) -> tuple[Tensor, Tensor]:
-        """Sample actions (B, A) of the policy with their log density (B,), reparameterised."""
+        """Sample actions (B, A) of the policy by reparameterisation, with their log density (B,)."""
         mean, scale = self._policy(observations)
         noise = torch.randn(mean.shape, generator=self._generator, device=mean.device)
         latent = mean + scale * noise
@@ -118,7 +118,7 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
         return latent.tanh(), (log_density - log_slope).sum(-1)
 
     def forward(self, batch: TensorDict) -> Losses:
-        """Return the losses of a batch of transitions.
+        """Return the losses of a batch of B transitions.
 
         Args:
             batch: `observation` (B, O), `action` (B, A) and `steps_to_next_obs` (B, 1); under `next` the
@@ -145,11 +145,11 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
 
 
 def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Tensor:
-    """Return the values of both critics (2, B).
+    """Return the values of both critics (2, B) for B observations and actions.
 
     Args:
-        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last; a normalisation after a
-            layer has (2, out) for both.
+        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last.  A normalisation after a
+            layer adds its factor and its offset, (2, out) each.
         observations: (B, O).
         actions: (B, A).
     """
@@ -169,7 +169,7 @@ class Learner:
     """Learner of a policy from transitions and labels.
 
     Attributes:
-        network: Policy network: encoded observations to mean and scale of the normal under the tanh.
+        network: Policy network: encoded observations to mean and standard deviation before the tanh.
         loss: SAC loss with critics and temperature.
         updates: Updates so far.
     """
@@ -255,11 +255,11 @@ class Learner:
         The buffer holds transitions over `horizon` steps, so the newest one starts that many steps back.
 
         Args:
-            observations: (N, O).
+            observations: Observations before the step (N, O).
             actions: (N, A).
             rewards: (N,).
-            terminated: (N,).
-            truncated: (N,).
+            terminated: Episodes that ended by success, collision or divergence (N,).
+            truncated: Episodes that ended by time alone (N,).
             following: Observations after the step (N, O).
         """
         once, ended = np.ones(len(rewards), dtype=np.int64), terminated | truncated
@@ -268,7 +268,7 @@ class Learner:
             self._keep(made, self._replay)
 
     def add_demonstrations(self, steps: Iterable[Transition], level: Level) -> None:
-        """Store demonstrations, step by step of N vehicles, in a buffer of their own.
+        """Store the expert's transitions at a level, one per step of N vehicles, in a separate buffer.
 
         Their actions are also labels for imitation; see `add_labels`.
         """
@@ -282,12 +282,12 @@ class Learner:
     def add_labels(
         self, labels: Iterable[tuple[Array32, Array32]], level: Level, *, replace: bool = False
     ) -> None:
-        """Store labels of a level for imitation, step by step: observations (N, O) and actions (N, A).
+        """Store labels of a level for imitation.
 
         Args:
-            labels: The labels.
-            level: The level.
-            replace: Whether they replace earlier labels of the level.
+            labels: Pairs of observations (N, O) and actions (N, A), one pair per step.
+            level: Task and level.
+            replace: Whether the new labels replace earlier labels of the level.
         """
         if replace:
             self._labels.forget(level)
@@ -296,7 +296,7 @@ class Learner:
                 self._labels.add(level, self._encoding(observations), actions)
 
     def clone(self, batches: int) -> None:
-        """Train the policy on all labels, and set its average to the result; see `expert_labels.imitate`."""
+        """Train the policy by imitation of all labels, and set its moving average to the result."""
         imitate(self.network, self._labels, batches, self._generators["batches"])
         self._average.module.load_state_dict(self.network.state_dict())
 
@@ -324,9 +324,9 @@ class Learner:
         return torch.cat(parts) if len(parts) > 1 else parts[0]
 
     def update(self) -> Losses:
-        """Run one update; return the losses before it.
+        """Run one update of the networks; return the losses before the update.
 
-        The losses of the actor are NaN in an update that leaves it unchanged, see `SACConfig.delay`.
+        The losses of the actor are NaN in an update that leaves the actor unchanged, see `SACConfig.delay`.
         """
         losses = self._gradients(self._batch(), actor=self.updates % self.config.delay == 0)
         self._optimiser.step()
@@ -357,7 +357,7 @@ class Learner:
         """Load policy, critics and temperature from the `state` of another learner.
 
         Raises:
-            DataError: Its networks have other layers.
+            DataError: The other learner's networks have other layers.
         """
         try:
             self.loss.load_state_dict(learnt["loss"])

@@ -56,7 +56,7 @@ class Training:
         curves: Points of the curves so far, rows of a table `curves`.
         evaluations: Evaluations so far, rows of a table `evaluations`.
         task_policies: Policies that passed the last level of a task, by task, since this object was made.
-            They are kept, because learning the next task may undo the success.
+            They are stored separately, because learning the next task may spoil the current policy at it.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class Training:
         return self.steps - self._examined >= every if every else self.curriculum.ready
 
     def policy(self, examined: Level | None = None) -> Policy:
-        """Return the policy so far, labelled with a level, by default the current one."""
+        """Return the policy so far, described by the level that it passed, by default the current level."""
         task, level = examined or self.curriculum.level
         return self._learner.policy(
             {
@@ -262,7 +262,8 @@ class Training:
     ) -> float:
         """Return the success rate at a level, by default the current one, without exploration.
 
-        An examination stops as soon as a failure decides it.  An evaluation of the same step is not repeated.
+        An examination stops as soon as too many episodes failed.  An evaluation already made at the same
+        training step is not repeated.
         """
         task, number = level or self.curriculum.level
         who = {"recipe": self.config.recipe, "condition": self.config.condition, "seed": self.config.seed}
@@ -289,7 +290,7 @@ class Training:
         return float(found["success"])
 
     def _record(self) -> None:
-        """Add a point to the curves; it replaces one at the same step."""
+        """Add a point to the curves; a point at the same step is replaced."""
         self._recorded = self.steps
         if self.curves and self.curves[-1]["steps"] == self.steps:
             self.curves.pop()

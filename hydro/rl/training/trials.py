@@ -21,7 +21,7 @@ class Trial:
         words: Description of its difference from the nominal setting.
         change: Function that applies the difference to the settings.
         planless: Whether the planned path is hidden.
-        posterior: Whether it requires a covariance of the vehicle file's parameters.
+        posterior: Whether the test requires a covariance of the vehicle file's parameters.
     """
 
     words: str
@@ -30,16 +30,21 @@ class Trial:
     posterior: bool = False
 
     def of(self, settings: Settings) -> Settings:
-        """Return the settings of the test, without other randomisation."""
+        """Return settings changed for this test, with the random differences of the training switched off."""
         return self.change(replace(settings, randomise=Randomisation()))
 
     def suits(self, task: Task, *, estimates: bool) -> bool:
-        """Return whether a task can be flown in this setting; `estimates`: a covariance is available."""
+        """Return whether a task can be tested in this setting.
+
+        Args:
+            task: The task.
+            estimates: Whether a covariance of the vehicle file's parameters is available.
+        """
         return (task.guided or not self.planless) and (estimates or not self.posterior)
 
 
 def _randomised(**what: float | bool) -> Callable[[Settings], Settings]:
-    """Return a function that sets the randomisation."""
+    """Return a function that replaces the random differences of settings by those given by name."""
     randomise = Randomisation(**what)  # type: ignore[arg-type]
     return lambda settings: replace(settings, randomise=randomise)
 
@@ -65,10 +70,15 @@ TRIALS = {
 
 
 def trials_of(names: list[str], task: Task, *, estimates: bool) -> dict[str, Trial]:
-    """Return test settings of policies by their names; for `all`, every one that suits a task.
+    """Return test settings by their names; the name `all` stands for every setting that suits the task.
+
+    Args:
+        names: Names of test settings, or `all`.
+        task: Task to test.
+        estimates: Whether a covariance of the vehicle file's parameters is available.
 
     Raises:
-        UsageError: A name is unknown, or its trial does not suit the task.
+        UsageError: A name is unknown, or its setting does not suit the task.
     """
     if EVERY in names:
         return {name: one for name, one in TRIALS.items() if one.suits(task, estimates=estimates)}

@@ -1,4 +1,4 @@
-"""Changes of settings by name: nested dataclasses as values by dotted name, such as `task.steps`."""
+"""Settings in nested dataclasses, read and changed by dotted name, such as `task.steps`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ T = TypeVar("T")
 
 
 def flat(config: Any) -> dict[str, str]:
-    """Return the settings of a dataclass as JSON values by dotted name."""
+    """Return all settings of a dataclass as JSON texts by dotted name, such as `{"task.steps": "500"}`."""
     return dict(_flat(msgspec.to_builtins(config)))
 
 
 def built(kind: type[T], choices: Mapping[str, str]) -> T:
-    """Build a dataclass from all its settings, JSON values by dotted name.
+    """Build a dataclass of type `kind` from JSON texts by dotted name, one for each of its settings.
 
     Raises:
         msgspec.MsgspecError: A value is not JSON, or has the wrong type.
@@ -36,7 +36,11 @@ def built(kind: type[T], choices: Mapping[str, str]) -> T:
 
 
 def changed(config: T, choices: Mapping[str, str]) -> T:
-    """Return a config with some settings replaced, JSON values by dotted name.
+    """Return a copy of a config, with the settings in `choices` replaced.
+
+    Args:
+        config: Dataclass, possibly with nested dataclasses.
+        choices: JSON texts by dotted name, such as `{"task.steps": "200"}`.
 
     Raises:
         UsageError: A name is unknown, or its value is invalid.
@@ -54,7 +58,12 @@ def changed(config: T, choices: Mapping[str, str]) -> T:
 
 
 def merged(config: T, choices: Mapping[str, Any]) -> T:
-    """Return a config with some settings replaced, as Python values in nested mappings or by dotted name.
+    """Return a copy of a config, with the settings in `choices` replaced.
+
+    Args:
+        config: Dataclass, possibly with nested dataclasses.
+        choices: Python values by name, either nested, `{"task": {"steps": 200}}`, or dotted,
+            `{"task.steps": 200}`.
 
     Raises:
         UsageError: A name is unknown, or its value is invalid.
@@ -67,7 +76,7 @@ def merged(config: T, choices: Mapping[str, Any]) -> T:
 
 
 def _flat(nested: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Flatten nested settings to dotted names and JSON values."""
+    """Flatten nested settings to pairs of dotted name and JSON text; `prefix` precedes every name."""
     found: list[tuple[str, str]] = []
     for name, value in nested.items():
         if isinstance(value, Mapping):

@@ -59,12 +59,18 @@ class Grid:
         return int(x), int(y)
 
     def centres(self, cells: NDArray[np.int64]) -> Array:
-        """Return x, y (K, 2) [m] of the centres of cells (K, 2)."""
+        """Return the centres x, y [m] (K, 2) of K cells, given by their indices (K, 2)."""
         places: Array = self.cell * (cells.astype(np.float64) + 0.5)
         return places
 
     def free(self, pillars: Array, radius: float, share: float = 1.0) -> Cells:
-        """Return a mask of cells whose centres keep a share of the margins from pillars (P, 2) and walls."""
+        """Return a mask (X, Y) of the cells whose centres keep their distance from pillars and walls.
+
+        Args:
+            pillars: x y of the pillars' axes (P, 2) [m].
+            radius: Radius of the pillars [m].
+            share: Factor on both margins, `margin` and `wall`.
+        """
         x, y = (self.cell * (np.arange(count, dtype=np.float64) + 0.5) for count in self.shape)
         wall = share * self.wall
         inside = ((x >= wall) & (x <= self.length - wall))[:, None] & ((y >= wall) & (y <= self.width - wall))
@@ -101,8 +107,8 @@ def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radi
         radius: Radius of the pillars [m].
 
     Returns:
-        Corners of the path (K, 3), K >= 2, from start to goal.  Cells of A* are dropped if a straight line
-        within one cell of the margin replaces them.
+        Corners of the path (K, 3), NED [m], K >= 2, from start to goal.  Corners are dropped where a straight
+        line keeps the margin, up to one cell.
 
     Raises:
         DataError: No path exists without any margin.
@@ -123,9 +129,14 @@ def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radi
 
 
 def astar(free: Cells, start: tuple[int, int], goal: tuple[int, int]) -> NDArray[np.int64]:
-    """Return the cells (K, 2) of a shortest path between two cells of a grid (X, Y); empty if none exists.
+    """Return the indices (K, 2) of the cells on a shortest path between two cells; empty if no path exists.
 
     A cell has eight neighbours.  A diagonal step costs sqrt(2) and requires both adjacent cells to be free.
+
+    Args:
+        free: Mask of the free cells (X, Y).
+        start: Indices of the first cell.
+        goal: Indices of the last cell.
     """
     return astar_kernel(free, _NEIGHBOURS, start[0], start[1], goal[0], goal[1])
 
@@ -198,7 +209,7 @@ def _sift_down(keys: Array, cells: NDArray[np.int64], size: int) -> None:
 
 @jit
 def _back(came: NDArray[np.int64], last: int, ny: int) -> NDArray[np.int64]:
-    """Return the path to a cell, first cell first."""
+    """Return the indices (K, 2) of the cells that lead to the cell `last`, first cell first."""
     count, cell = 1, last
     while came[cell] >= 0:
         cell = came[cell]
@@ -213,7 +224,13 @@ def _back(came: NDArray[np.int64], last: int, ny: int) -> NDArray[np.int64]:
 
 @jit
 def shorten_kernel(way: Array, pillars: Array, apart: float) -> NDArray[np.int64]:
-    """Return the rows of a path (K, 2) that remain if each corner connects to the furthest visible one."""
+    """Return the rows of a path that remain if each corner is joined to the furthest corner in free sight.
+
+    Args:
+        way: Corners x y of the path (K, 2) [m].
+        pillars: x y of the pillars' axes (P, 2) [m].
+        apart: Least distance of the path from the pillars' axes [m].
+    """
     kept = np.empty(len(way), np.int64)
     kept[0], count, k = 0, 1, 0
     while k < len(way) - 1:
@@ -227,7 +244,7 @@ def shorten_kernel(way: Array, pillars: Array, apart: float) -> NDArray[np.int64
 
 @jit
 def _clear(a: Array, b: Array, pillars: Array, apart: float) -> bool:
-    """Return whether the line from a to b keeps a distance `apart` from all pillars."""
+    """Return whether the line from a to b, (2,) each, keeps `apart` [m] from all pillars' axes (P, 2)."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     for p in range(len(pillars)):

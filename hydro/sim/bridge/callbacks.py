@@ -82,7 +82,10 @@ FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
 
 @within
 def _write_motion(data: int, vehicle: Array, P: Array, s: Array) -> None:
-    """Write the state of motion `s` (`core.effects.layout`), and P (9,), z-up world to body FRD."""
+    """Write a vehicle's state of motion into `s`, and the rotation from z-up world to FRD into P (9,).
+
+    The layout of `s` is that of `core.effects.layout`.
+    """
     s[layout.TIME] = number(data, structs.TIME)
     body, dof = int(vehicle[water.AT_BODY]), int(vehicle[water.AT_DOF])
     xmat, xpos, qvel = (
@@ -125,7 +128,10 @@ def _network_input(vehicle: Array) -> int:
 
 @within
 def _add_body_wrench(P: Array, tau: Array, force: Array) -> None:
-    """Add T^T tau to `force` (6,): a body wrench (FRD, about CO) as MuJoCo's generalised force."""
+    """Add a body wrench tau (6,) [N, N m], FRD about CO, to MuJoCo's generalised force `force` (6,).
+
+    The result is force + T^T tau, where T maps MuJoCo's velocity to nu and P (9,) is its translational part.
+    """
     for j in range(3):
         force[j] += P[j] * tau[0] + P[3 + j] * tau[1] + P[6 + j] * tau[2]
     force[3] += tau[3]
@@ -135,7 +141,7 @@ def _add_body_wrench(P: Array, tau: Array, force: Array) -> None:
 
 @within
 def _add_transport(A: Array, nu: Array, tau: Array) -> None:
-    """Add A [omega x v; 0] to `tau` (6,), for an inertia A (36,)."""
+    """Add A [omega x v; 0] to `tau` (6,), for an inertia A (36,), row by row, and nu = (v, omega)."""
     x = nu[4] * nu[2] - nu[5] * nu[1]
     y = nu[5] * nu[0] - nu[3] * nu[2]
     z = nu[3] * nu[1] - nu[4] * nu[0]
@@ -145,7 +151,10 @@ def _add_transport(A: Array, nu: Array, tau: Array) -> None:
 
 @within
 def _add_coriolis(A: Array, factor: float, nu: Array, part: Array, tau: Array) -> None:
-    """Add factor C(nu) nu to `tau` (6,), for an inertia A (36,); `part` (6,) is scratch."""
+    """Add factor C(nu) nu to `tau` (6,), with the Coriolis matrix C of an inertia A (36,), row by row.
+
+    `part` (6,) is overwritten.
+    """
     for i in range(6):
         part[i] = 0.0
     coriolis_kernel(A, nu, part)
@@ -155,7 +164,7 @@ def _add_coriolis(A: Array, factor: float, nu: Array, part: Array, tau: Array) -
 
 @within
 def _add_to_mass(data: int, vehicle: Array, P: Array, scratch: Array) -> bool:
-    """Add one vehicle's inertia to M; return whether its rows of M have been factored again."""
+    """Add one vehicle's inertia to MuJoCo's mass matrix M; return whether its rows were factored again."""
     at, rows, dof = (
         int(vehicle[water.AT_INERTIA]),
         int(vehicle[water.AT_ROWS]),
@@ -174,7 +183,7 @@ def _add_to_mass(data: int, vehicle: Array, P: Array, scratch: Array) -> bool:
 
 @within
 def _add_forces(model: int, data: int, vehicle: Array) -> bool:
-    """Add one vehicle's inertia and forces; return whether M has been factored with its inertia."""
+    """Add one vehicle's inertia and forces; return whether MuJoCo's M was factored including the inertia."""
     room = stack()
     P, s, tau, scratch = (
         part(room, 0, 9),
@@ -219,14 +228,19 @@ def _add_forces(model: int, data: int, vehicle: Array) -> bool:
 
 @within
 def _subtract_held(held: Array, tau: Array) -> None:
-    """Subtract a held wrench, which is on the left-hand side of the balance."""
+    """Subtract the wrench that a residual network holds for a control step from `tau`, in place.
+
+    Args:
+        held: Held wrench (6,), on the left-hand side of the equations of motion.
+        tau: Wrench on the right-hand side (6,).
+    """
     for i in range(6):
         tau[i] -= held[i]
 
 
 @within
 def _has_added_mass(model: int, data: int, vehicle: Array) -> bool:
-    """Check whether MuJoCo's M may already contain a vehicle's added inertia."""
+    """Return whether MuJoCo's mass matrix M may already contain a vehicle's added inertia."""
     mass = numbers(model, structs.SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
     A = part(vehicle, int(vehicle[water.AT_INERTIA]), 36)
     return stale(A, mass, numbers(data, structs.M, int(vehicle[water.AT_ROWS]), ENTRIES))
@@ -259,8 +273,8 @@ def _passive(model: int, data: int) -> None:
 def _delay_commands(model: int, data: int, vehicle: Array) -> None:
     """Set the delayed commands of this step.
 
-    Under RK4, the last stage of a step has the time of the next step's first stage.  A delay by time alone
-    would let it see the next command, so delays are rounded to whole steps.
+    Under RK4, the last stage of a step has the time of the next step's first stage.  If delays were applied
+    by time alone, this stage would see the next command, so delays are rounded to whole steps.
     """
     program, first = program_of(vehicle), int(vehicle[water.AT_ACTUATOR])
     read = number(data, structs.TIME) + 0.5 * number(model, structs.TIMESTEP)
@@ -274,7 +288,7 @@ def _delay_commands(model: int, data: int, vehicle: Array) -> None:
 
 @jit
 def _begin(data: int, vehicle: Array, renew: bool) -> None:
-    """Initialise internal states at the start, and start a control step if it is due."""
+    """Initialise internal states before the first step, and start a control step if `renew` is true."""
     room = stack()
     P, s = part(room, 0, 9), part(room, S, layout.MOTION)
     _write_motion(data, vehicle, P, s)
@@ -324,7 +338,7 @@ def _sensor(model: int, data: int, _stage: int) -> None:
 
 @kernel
 def _internal_rates(data: int, vehicle: Array) -> None:
-    """Write the rates of the internal states of a vehicle."""
+    """Write the time derivatives of the internal states of a vehicle's effects into `mjData.act_dot`."""
     program, at = program_of(vehicle), int(vehicle[water.AT_STATES])
     count = int(program[STATE_COUNT])
     room = stack()

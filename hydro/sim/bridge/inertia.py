@@ -25,7 +25,7 @@ def add_inertia(A: Array, P: Array, half: Array, M: Array) -> None:
     """Add T^T A T to a lower triangle M (21,), for an inertia A (36,) and T = diag(P, F).
 
     P (9,) takes z-up world components to body FRD.  F is the diagonal matrix of `HALF_TURN`, a half turn
-    about x between FLU and FRD axes.  `half` (18,) is scratch.
+    about x between FLU and FRD axes.  `half` (18,) is overwritten.
     """
     for i in range(6):
         for j in range(3):
@@ -78,10 +78,10 @@ def factor(M: Array, L: Array, inverse: Array) -> bool:
 
 @within
 def stale(A: Array, mass: float, M: Array) -> bool:
-    """Check whether M (21,) may already contain an added inertia A (36,), as after a repeated velocity stage.
+    """Return whether M (21,) may already contain an added inertia A (36,), as after a second velocity stage.
 
     The translational part of M is the body's mass times the identity, and the trace of the added part does
-    not depend on the attitude.
+    not depend on the attitude.  So the trace shows whether A was added.
     """
     added = A[0] + A[7] + A[14]
     found = M[0] + M[2] + M[5] - 3.0 * mass
@@ -89,7 +89,12 @@ def stale(A: Array, mass: float, M: Array) -> bool:
 
 
 def is_packed(rows: Array, lengths: Array) -> bool:
-    """Check whether rows (6,) of M with these addresses and lengths are one lower triangle."""
+    """Return whether six rows of M are stored as one contiguous lower triangle.
+
+    Args:
+        rows: Addresses of the rows (6,).
+        lengths: Numbers of stored entries of the rows (6,).
+    """
     return bool(
         np.array_equal(lengths, np.arange(1, 7)) and np.array_equal(rows - rows[0], [0, 1, 3, 6, 10, 15])
     )

@@ -138,7 +138,7 @@ def add_vehicle(
 
 
 def _point_inertia(mass: float, at: Array) -> Array:
-    """Return the inertia of a point mass about the origin, (3, 3)."""
+    """Return the inertia (3, 3) [kg m^2] of a point mass [kg] at a place (3,) [m] about the origin."""
     inertia: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
     return inertia
 
@@ -175,7 +175,11 @@ def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
 
 
 def _check_inertia(inertia: Array, vehicle: str) -> None:
-    """Check that a rigid body can have an inertia: no principal moment exceeds the sum of the others."""
+    """Check that no principal moment of inertia exceeds the sum of the other two, as in any rigid body.
+
+    Raises:
+        DataError: A principal moment is too large; `vehicle` is the name in the message.
+    """
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
         raise DataError(
@@ -252,7 +256,7 @@ def _add_thruster(
 
 
 def _add_clock(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, carries: int) -> None:
-    """Add a sensor that triggers the callback once per step, and an actuator for states if needed."""
+    """Add a sensor that triggers the callback once per step, and an actuator for internal states, if any."""
     spec.add_sensor(
         name=name, type=mujoco.mjtSensor.mjSENS_USER, dim=1, needstage=mujoco.mjtStage.mjSTAGE_POS
     )

@@ -69,7 +69,10 @@ def _refuse_settings(model: mujoco.MjModel) -> None:
 
 
 def _write_addresses(model: mujoco.MjModel, name: str) -> None:
-    """Store the addresses of body, velocity and states in a vehicle's field, and its own in the actuators."""
+    """Store the addresses of a vehicle's body, velocity and states in its numeric field.
+
+    The actuators of the vehicle get the address of the field.
+    """
     field = model.numeric(PREFIX + name)
     data = np.array(field.data)
     if data[water.AT_MAGIC] != water.MAGIC or data[water.AT_VERSION] != water.VERSION:

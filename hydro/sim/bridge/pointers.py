@@ -40,7 +40,7 @@ def _load(kind: Any) -> Any:
 
 
 def inlined(function: F) -> F:
-    """Compile a function that returns a view inline in its caller, so that no view is returned."""
+    """Compile a function that returns a view inline in its caller, because a view cannot be returned."""
     return numba.njit(function, inline="always")  # type: ignore[no-any-return]
 
 
@@ -97,7 +97,7 @@ def _view(context: Any, builder: Any, kind: Any, data: Any, length: Any) -> Any:
 
 
 def _of_a_field(kind: Any) -> Any:
-    """Return the code of `numbers` and `integers`."""
+    """Return signature and code of `numbers` or `integers`, for numbers of the array type `kind`."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         struct, at, start, length = arguments
@@ -110,7 +110,7 @@ def _of_a_field(kind: Any) -> Any:
 
 
 def _of_an_array(kind: Any, whole: Any) -> Any:
-    """Return the code of `part` and `singles`."""
+    """Return signature and code of `part` or `singles`: views of type `kind` into arrays of type `whole`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = make_array(whole)(context, builder, arguments[0])

@@ -76,14 +76,14 @@ class Water:
 
     @property
     def activations(self) -> int:
-        """Number of MuJoCo activations of this vehicle, without the thrusters' lags."""
+        """Number of MuJoCo activations of this vehicle, without the lag states of the thrusters."""
         count = self.program.states
         if self.control is not None:
             count += self.control.states
         return count + 1 if count else 0
 
     def encode(self, held: int = -1) -> Array:
-        """Return the numeric field's data; `held` is the start of the held wrench in `userdata`."""
+        """Return the content of the numeric field; `held` is the index of the held wrench in `userdata`."""
         header = np.zeros(HEADER)
         header[[AT_MAGIC, AT_VERSION]] = MAGIC, VERSION
         header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR, AT_ROWS]] = UNKNOWN
@@ -114,10 +114,14 @@ def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
 
 
 def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
-    """Return the thrusters alone, with actuator effects; `added_mass` adds M_A to the mass matrix.
+    """Return the water forces of a vehicle's thrusters alone, including effects on thrusters.
 
-    MuJoCo's C_RB stays and there is no C_A, which is part of a residual model (paper eq. 6).  With
-    `ellipsoid`, MuJoCo's fluid model acts on the hull.
+    MuJoCo's own C_RB stays.  There is no C_A, which is part of a residual model (paper eq. 6).
+
+    Args:
+        vehicle: Vehicle file.
+        added_mass: Add M_A to the mass matrix.
+        ellipsoid: Let MuJoCo's fluid model act on the hull.
     """
     inertia = _some(inertia_matrix(vehicle)) if added_mass else None
     return Water(assemble(_thrusters_only(vehicle)), inertia=inertia, ellipsoid=ellipsoid)
@@ -130,7 +134,7 @@ def residual(
     effects: bool = False,
     beside: Sequence[Mapping[str, Any]] = (),
 ) -> Water:
-    """Return a residual model and the terms outside its label: M_A in the mass matrix, no C_RB (paper eq. 5).
+    """Return the water forces of a residual model and the terms outside its label: M_A, and no C_RB (eq. 5).
 
     With `effects`, the label excluded all effects (`labels --subtract effects`): they act, including C_A.
     C_RB is not an effect, so the label and the model include it in both cases.  Without a `control`, the
@@ -146,7 +150,8 @@ def residual(
         tau_all = tau - g - M_A nu_r_dot - N(nu_r, nu_r_dot) + C_RB(nu_r) nu_r.
 
     The inputs of the network are nu_r and nu_r_dot, and its share of C_RB is cancelled at nu_r.  M_A is in
-    the mass matrix, with [omega x R^T v_c; 0] on the right.
+    the mass matrix, with [omega x R^T v_c; 0] on the right, where v_c is the velocity of the current (NED)
+    and R rotates FRD to NED.
     """
     inertia = _some(inertia_matrix(vehicle))
     alone = msgspec.structs.replace(vehicle, effect=tuple(beside))
@@ -164,7 +169,7 @@ def residual(
 
 
 def _thrusters_only(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with its actuator effects alone."""
+    """Return the vehicle with only those of its effects that act on thrusters."""
     kept = tuple(effect for effect in vehicle.effect if CATALOGUE[effect["name"]].kind == "actuator")
     return msgspec.structs.replace(vehicle, effect=kept)
 

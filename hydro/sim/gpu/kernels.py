@@ -33,11 +33,11 @@ class Sizes(NamedTuple):
     """Sizes for which a kernel is compiled.
 
     Attributes:
-        states: Internal states of the effects.
+        states: Number of internal states of the effects.
         thrusters: Number of thrusters.
         past: Number of stored commands.
-        work: Workspace of the residual network, 0 without one.
-        scratch: Further buffer of its control.
+        work: Length of the residual network's workspace, 0 without a network.
+        scratch: Length of the further buffer of the network's control step.
     """
 
     states: int
@@ -53,7 +53,7 @@ class Sizes(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Start states of some of N vehicles.
+    """Start states of the vehicles of a mask, for a fleet of N.
 
     Attributes:
         mask: Vehicles that start, (N,).
@@ -79,7 +79,7 @@ def launch(kernel: Any, count: int, *blocks: Any) -> None:
 
 @functools.cache
 def _network_step(sizes: Sizes) -> Any:
-    """Return a device function that starts a control step of the network and holds its wrench."""
+    """Return a device function that evaluates the network at a control step and holds its wrench."""
     room, more = max(1, sizes.work), max(1, sizes.scratch)
 
     @cuda.jit(device=True)  # type: ignore[untyped-decorator]

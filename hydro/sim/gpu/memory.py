@@ -1,8 +1,8 @@
 """Arrays on the device, and checks for a GPU.
 
-On a GPU they provide `__cuda_array_interface__`: torch and other libraries use them without a copy.  In the
-simulator of numba-cuda (`NUMBA_ENABLE_CUDASIM=1`), which runs the same kernels without a GPU, they are numpy
-arrays.
+On a GPU the arrays provide `__cuda_array_interface__`: torch and other libraries use them without a copy.  In
+the simulator of numba-cuda (`NUMBA_ENABLE_CUDASIM=1`), which runs the same kernels without a GPU, they are
+numpy arrays.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> Any:
 
 
 def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
-    """Return an array that GPU kernels can use: device arrays share their memory, host arrays are copied.
+    """Return an array that GPU kernels can use: a device array shares its memory, a host array is copied.
 
     Args:
         values: Array on the device, of any library, or on the host.

@@ -22,8 +22,8 @@ from hydro.sim.plant import Readings, Snapshot
 class GpuPlant:
     """Vehicles on a GPU: a `sim.plant.Plant` whose arrays are on the device.
 
-    `pose`, `velocity`, `specific_force`, `thrust` and `diverged` are described there.  `reset` and `step`
-    rewrite them in place.  They provide `__cuda_array_interface__`, so
+    `sim.plant.Plant` describes `pose`, `velocity`, `specific_force`, `thrust` and `diverged`.  `reset` and
+    `step` rewrite them in place.  They provide `__cuda_array_interface__`, so
     `torch.as_tensor(plant.pose, device="cuda")` is the same memory.  There are no contacts and no waves.
     """
 
@@ -85,17 +85,17 @@ class GpuPlant:
                 numbers may differ.
 
         Raises:
-            DataError: There is none, or one cannot be simulated or is too different.
+            DataError: The pool is empty, or a vehicle cannot be simulated or is too different.
         """
         if not vehicles:
             raise DataError("the pool has no vehicles; give at least one")
         self._upload([self._craft(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace some vehicles, see `sim.plant.Plant`, and drop vehicles of a pool that are no longer used.
+        """Replace vehicles by index, see `sim.plant.Plant`, and drop unused vehicles of a pool.
 
         Raises:
-            DataError: One cannot be simulated or is too different.
+            DataError: A vehicle cannot be simulated or is too different.
         """
         changes = {number: self._craft(vehicle) for number, vehicle in vehicles.items()}
         self._upload(*assigned(self._crafts_on_host, memory.host(self.kind), changes))
@@ -111,7 +111,7 @@ class GpuPlant:
         self._crafts_on_host, self._crafts = crafts, crafts_of(crafts, kind, memory.put)
 
     def reset(self, mask: ArrayLike, pose: ArrayLike, velocity: ArrayLike) -> None:
-        """Start some vehicles at given states; see `sim.plant.Plant`.
+        """Start the vehicles of a mask at a pose and velocity; see `sim.plant.Plant`.
 
         Args:
             mask: Vehicles that start, (N,), on the device or host, like the other arguments.
@@ -136,7 +136,7 @@ class GpuPlant:
         """Simulate one control step with held commands (N, n), on the device or host; see `Plant`.
 
         Raises:
-            DataError: They have another shape.
+            DataError: The commands have another shape.
         """
         from hydro.sim.gpu.kernels import Orders
 
@@ -145,7 +145,10 @@ class GpuPlant:
     def _argument(
         self, name: str, values: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike = np.float64
     ) -> Any:
-        """Return an argument for kernels; a check of shape and type keeps them from reading other memory."""
+        """Return an argument as a device array, after a check of its shape and type.
+
+        Without the check, a kernel could read other memory.
+        """
         array = memory.seen(values, dtype)
         if tuple(array.shape) != shape or array.dtype != dtype:
             raise DataError(

@@ -25,12 +25,12 @@ INDEPENDENT_KINDS = frozenset({"actuator", "sensor"})
 
 
 def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
-    """Return the `[[effect]]` tables that act in addition to a network with added-mass labels.
+    """Return the `[[effect]]` tables that act in addition to a network whose labels exclude added mass only.
 
     Args:
         vehicle: Vehicle that is simulated.
-        labelled: Vehicle of the network's labels.  If it is unknown (None), it is assumed to have all effects
-            of this file that cannot be added to a network.
+        labelled: Vehicle of the network's labels.  If it is unknown (None), all effects of `vehicle` that
+            cannot be added to a network are assumed to be in the labels.
 
     Raises:
         DataError: The files differ in effects that cannot be added to the network.
@@ -59,17 +59,17 @@ def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
 
 
 def _depends_on_pose(effect: Table) -> bool:
-    """Check whether an effect's wrench adds to the network's, because it depends only on the pose."""
+    """Return whether an effect's wrench depends only on the pose, so that it adds to that of the network."""
     record = CATALOGUE[effect["name"]]
     return record.family in POSE_FAMILIES and record.kind == "wrench"
 
 
 def _is_uniform_current(effect: Table) -> bool:
-    """Check whether an effect moves the water uniformly; a current with its own wrench does not."""
+    """Return whether an effect is a uniform current without a wrench of its own."""
     record = CATALOGUE[effect["name"]]
     return record.kind == "flow" and record.kernel is None
 
 
 def _values(effect: Table) -> dict[str, Any]:
-    """Return an effect without the bookkeeping of fits."""
+    """Return the table of an effect without the entries that a fit adds, such as standard errors."""
     return {key: value for key, value in effect.items() if key not in BOOKKEEPING or key == "name"}

@@ -73,7 +73,7 @@ class Conditioning:
 
     @property
     def keep(self) -> float:
-        """Weight of the old filtered value in every step."""
+        """Weight of the old filtered value in every step, 0 without low-pass."""
         if self.beta is None:
             return 0.0
         return self.beta if self.weighs == "old" else 1.0 - self.beta
@@ -84,10 +84,12 @@ class Conditioning:
 
 
 class Counts(NamedTuple):
-    """Number of control steps in which each part acted.
+    """Number of control steps in which each part of the conditioning changed the network's wrench.
 
-    `steps`: all control steps.  `clipped` (6,): steps in which an axis was clipped.  `held_back`: steps in
-    which the dead band reduced the wrench.
+    Attributes:
+        steps: All control steps.
+        clipped: Steps in which each axis was clipped (6,).
+        held_back: Steps in which the dead band reduced the wrench.
     """
 
     steps: int
@@ -101,9 +103,9 @@ OFF = Conditioning()
 def preset(name: str, vehicle: Vehicle) -> Conditioning:
     """Return a conditioning by name: none, the paper's with either meaning of beta = 0.9, or one part of it.
 
-    The paper gives neither limits nor a width.  Limits are twice the greatest wrench of the thrusters on an
-    axis, since a steady residual balances the thrusters; an axis without thrust has no limit.  The dead band
-    is 0.02 m/s and 0.02 rad/s.
+    The paper gives neither limits nor the width of the dead band.  Limits are twice the greatest wrench of
+    the thrusters on an axis, since a steady residual balances the thrusters; an axis without thrust has no
+    limit. The dead band is 0.02 m/s and 0.02 rad/s.
 
     Args:
         name: `off`; `paper-old`, where beta weighs the old value; `paper-new`; `paper`, which is `paper-new`,
@@ -165,7 +167,13 @@ def condition_kernel(
 
 @kernel
 def _moving(nu: Array, linear: float, angular: float) -> float:
-    """Return the share of the wrench that passes the dead band."""
+    """Return the factor 0 to 1 by which the dead band scales a wrench: 3 s^2 - 2 s^3.
+
+    Args:
+        nu: Velocity (6,) [m/s, rad/s]; s = min(1, |(v / linear, omega / angular)|).
+        linear: Velocity at which the full wrench acts [m/s]; 0 for no dead band.
+        angular: Angular velocity at which the full wrench acts [rad/s].
+    """
     if linear == 0.0:
         return 1.0
     square = 0.0

@@ -1,15 +1,15 @@
 """Residual network inside the simulation, evaluated per control step and held until the next (paper III-B).
 
 Each control step runs a Kalman filter for nu_dot, the network, and the conditioning of its wrench.  The
-wrench is on the left-hand side of the balance, like the label.
+wrench is on the left-hand side of the equations of motion, like the label.
 
 A wrench held for 40 ms is 20 ms late on average, and late drag is too small while the vehicle accelerates.
-So the network is evaluated half a control step ahead, at nu + nu_dot dt/2: the held wrench is that of the
-middle of the interval in which it acts.
+So the network is evaluated half a control step ahead, at nu + nu_dot dt/2 with the control step dt: the held
+wrench is that of the middle of the interval in which it acts.
 
 A passive model (`learn.networks.structured`) is not held as a wrench, because a wrench that was right 40 ms
-ago can add energy.  Its D is held, its inertia is constant, and the wrench follows the velocity between
-control steps.  A conditioning that changes the held wrench loses this property.
+ago can add energy.  Its damping matrix D is held, its inertia is constant, and the wrench follows the
+velocity between control steps.  A conditioning that changes the held wrench loses this property.
 
 All states between control steps are MuJoCo activations.  So they are saved, copied, reset and rolled out with
 the rest of the state.
@@ -104,17 +104,17 @@ class Control:
 
     @property
     def states(self) -> int:
-        """Number of states of one vehicle's control."""
+        """Number of states between control steps of one vehicle's network."""
         return self.past + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
 
     @property
     def scratch(self) -> int:
-        """Number of scratch entries of a control step, without the workspace of the network."""
+        """Length of the buffer that a control step overwrites, without the workspace of the network."""
         return OWN_SCRATCH + self.network.inputs + SCRATCH
 
     @property
     def past(self) -> int:
-        """Index of the past velocities in the states."""
+        """Index of the first past velocity in the states."""
         return UNCONDITIONED if self.conditioning == OFF else STATES
 
     def encode(self) -> Array:
@@ -153,18 +153,24 @@ class Control:
 
 
 def line_padding(blocks: Sequence[Array]) -> Array:
-    """Return the padding after some blocks that aligns the next one to a cache line."""
+    """Return zeros that extend blocks to a multiple of a cache line, so that the next block is aligned."""
     return np.zeros(-sum(map(len, blocks)) % CACHE_LINE)
 
 
 @within
 def due(block: Array, states: Array, time: float) -> bool:
-    """Check whether a control step is due."""
+    """Return whether the next control step begins at or before `time` [s]."""
     return bool(time >= (states[TICK] - CLOCK_TOLERANCE) * block[AT_PERIOD])
 
 
 def steps_since(states: Array, begun: Array, period: float) -> Array:
-    """Return the control steps of vehicles with states (V, STATES) since the time `begun` [s], (V,)."""
+    """Return the number of control steps of each vehicle since its start (V,).
+
+    Args:
+        states: States of V vehicles (V, STATES).
+        begun: Start time of each vehicle (V,) [s].
+        period: Control step [s].
+    """
     tick = states[:, TICK]
     return np.asarray(np.where(tick > 0.0, tick - np.floor(begun / period + CLOCK_TOLERANCE), 0.0))
 
@@ -186,9 +192,11 @@ class Tables(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Buffers of a control step: the network's workspace, (`Network.room`,), and scratch.
+    """Buffers of a control step, which it overwrites.
 
-    Scratch has (`Control.scratch`,) numbers.
+    Attributes:
+        work: Workspace of the network, (`Network.room`,).
+        scratch: Further buffer, (`Control.scratch`,).
     """
 
     work: Array32
@@ -210,7 +218,7 @@ def tables_of(block: Array, weights: Array32) -> Tables:
 
 @jit
 def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
-    """Start a control step from a block of parameters: `renew` with its own buffers."""
+    """Start a control step from a block of parameters: call `renew` with new buffers."""
     room = Room(
         np.empty(int(block[AT_ROOM]), np.float32), np.empty(OWN_SCRATCH + int(block[AT_INPUTS]) + SCRATCH)
     )
@@ -275,7 +283,7 @@ def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> 
 
 @kernel
 def hold(block: Array, states: Array, inertia: Array, s: Array) -> None:
-    """Write the held wrench after a state of motion, in the layout of `core.simulation.held`.
+    """Write the held wrench into a state of motion, in the layout of `core.simulation.held`.
 
     Args:
         block: Parameters of the control.
@@ -317,7 +325,7 @@ def attend(
 
 @within
 def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
-    """Subtract the wrench at velocity nu (6,) from `tau` (6,); `part` (6,) is scratch."""
+    """Subtract the network's wrench at the velocity nu (6,) from `tau` (6,); `part` (6,) is overwritten."""
     for i in range(6):
         tau[i] -= states[HELD + i]
     if block[AT_INERTIA] > 0.0:
@@ -332,7 +340,14 @@ def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> No
 
 @kernel
 def _add_passive(block: Array, passive: Array, nu: Array, tau: Array) -> None:
-    """Add D nu + C(nu) nu to `tau` (6,), with the held D."""
+    """Add D nu + C(nu) nu of a passive model to `tau` (6,), with the held damping matrix D.
+
+    Args:
+        block: Parameters of the control, with the inertia of C.
+        passive: States of the passive model, with D.
+        nu: Velocity (6,) [m/s, rad/s].
+        tau: Wrench (6,) [N, N m], changed in place.
+    """
     begin = int(block[AT_INERTIA])
     coriolis_kernel(block[begin : begin + 36], nu, tau)
     for i in range(6):

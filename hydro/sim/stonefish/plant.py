@@ -73,10 +73,10 @@ class StonefishPlant:
         return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace some vehicles; see `sim.plant.Plant`.
+        """Replace vehicles by index; see `sim.plant.Plant`.
 
         Raises:
-            DataError: Stonefish cannot represent a part of one, or it has other thrusters.
+            DataError: Stonefish cannot represent a part of a vehicle, or the number of thrusters differs.
         """
         for number, vehicle in vehicles.items():
             subject = self._subject(vehicle)
@@ -84,7 +84,7 @@ class StonefishPlant:
             self._pending[number] = _Process(subject.scenario, self._ticks)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start some vehicles at given states; see `Plant`.
+        """Start the vehicles of a mask at a pose and velocity; see `Plant`.
 
         Raises:
             DataError: The program fails.
@@ -107,7 +107,7 @@ class StonefishPlant:
             self._read(k, self._vehicles[k].answers())
 
     def _read(self, k: int, rows: Iterator[Row]) -> None:
-        """Update the arrays of a vehicle from the last of its answers, or mark it as diverged."""
+        """Update the arrays of vehicle `k` from the last of its program's answers, or mark it as diverged."""
         *_, last = rows
         if not all(np.isfinite(part).all() for part in last):
             self.diverged[k] = True
@@ -153,7 +153,7 @@ class _Process:
         self._late = Delays(scenario.table, ticks)
 
     def begin(self, first: Array, launch: Launch) -> None:
-        """Request a start at a pose and velocity (13,)."""
+        """Request a start of the simulation at a pose (7,) and velocity (6,), joined as `first` (13,)."""
         self._program = self._program or launch(self.scenario)
         self.first, self.told, self._late = first, [], Delays(self.scenario.table, self._ticks)
         self._program.reset(first)

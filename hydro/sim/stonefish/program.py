@@ -64,7 +64,7 @@ def installed() -> str:
     """Return the path of the program.
 
     Raises:
-        UsageError: It is not installed.
+        UsageError: The program is not installed.
     """
     named = os.environ.get(VARIABLE)
     found = shutil.which(named or NAME)
@@ -121,18 +121,18 @@ class Program:
         self.close()
 
     def reset(self, state: Array) -> None:
-        """Request a start at a pose and velocity (13,); `answer` returns the result."""
+        """Request a start at a pose (7,) and velocity (6,), joined as (13,); `answer` returns the result."""
         self._ask(f"reset {_numbers(state)}")
 
     def hold(self, ticks: int, setpoints: Array) -> None:
-        """Request some ticks with setpoints (n,); `answer` returns the result."""
+        """Request `ticks` steps of Stonefish with thruster setpoints (n,); `answer` returns the result."""
         self._ask(f"hold {ticks} {_numbers(setpoints)}")
 
     def greet(self) -> str:
         """Wait until the program has loaded; return the version of Stonefish.
 
         Raises:
-            DataError: It fails, or does not have the expected protocol.
+            DataError: The program fails, or does not have the expected protocol.
         """
         self.version = self.version or self._greeting()
         return self.version
@@ -190,7 +190,7 @@ class Program:
         """Return the next line of the program.
 
         Raises:
-            DataError: It has ended, reports an error, or gives no answer in time, and is then ended.
+            DataError: The program has ended, reports an error, or does not answer in time and is then ended.
         """
         line = self._read()
         if line.startswith("error "):
@@ -219,7 +219,7 @@ class Program:
         return line.decode(errors="replace")
 
     def _last_error_line(self) -> str:
-        """Return the last line of its stderr."""
+        """Return the last line that the program wrote to stderr."""
         self._log.seek(0)
         lines = self._log.read().decode(errors="replace").split("\n")
         said = [line.strip() for line in lines if line.strip()]
@@ -239,7 +239,7 @@ def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[s
 
 
 def _version(text: str) -> tuple[int, ...]:
-    """Return a version as numbers; empty if it is not a version."""
+    """Return a version such as `1.2.3` as numbers; empty if the text is not a version."""
     parts = text.split(".")
     return tuple(map(int, parts)) if all(part.isdecimal() for part in parts) else ()
 

@@ -39,7 +39,7 @@ class StonefishTeacher:
     Attributes:
         pilot: Embedded simulator of the vehicle, with the allocation of demands and the errors of the DVL.
         scenario: Scenario for Stonefish.
-        launch: Starts the program with a scenario.
+        launch: Function that starts the program with a scenario.
     """
 
     pilot: Teacher
@@ -67,10 +67,10 @@ class StonefishTeacher:
         return self.pilot.ignored
 
     def version(self) -> str:
-        """Return the version of Stonefish, which has then loaded the scenario.
+        """Start the program with the scenario, and return the version of Stonefish.
 
         Raises:
-            DataError: It refuses the scenario, or the program fails.
+            DataError: Stonefish refuses the scenario, or the program fails.
             UsageError: The program is not installed.
         """
         with self.launch(self.scenario) as program:
@@ -127,19 +127,19 @@ def fly(
     nu: ArrayLike = (0.0,) * 6,
     launch: Launch = Program,
 ) -> tuple[Array, Array]:
-    """Simulate a vehicle for some rows of 1/50 s.
+    """Simulate a vehicle for N = `rows` rows of 1/50 s.
 
     Args:
         given: Scenario of the vehicle.
         command: Function of the number of a row and the state there, (13,), that returns effective commands,
             (n,).
-        rows: Number of rows.
-        eta: Pose of CO at the first row, (6,), NED and Euler angles.
-        nu: Velocity over ground at the first row, (6,), body axes.
-        launch: Starts the program.
+        rows: Number of rows N.
+        eta: Pose of CO at the first row, (6,), NED [m] and Euler angles [rad].
+        nu: Velocity over ground at the first row, (6,), body axes [m/s, rad/s].
+        launch: Function that starts the program.
 
     Returns:
-        Motion (N, 12) x … psi, u … r, and the commands (N, n).
+        Motion (N, 12), x to psi [m, rad] and u to r [m/s, rad/s], and the commands (N, n).
 
     Raises:
         DataError: The motion diverges, or the program fails.

@@ -70,10 +70,10 @@ class Scenario:
     """Scenario of a vehicle for Stonefish.
 
     Attributes:
-        text: The scenario.
+        text: Text of the `.scn` file.
         hull: Mesh of the hull, as a Wavefront OBJ file.
-        pushing: Indices (k,) of the commands of thrusters, without those of servos.
-        table: Thruster table (k, columns) of these, with all effects of the vehicle.
+        pushing: Indices (k,) of the commands of the k thrusters, without those of servos.
+        table: Thruster table (k, columns) of these thrusters, with all effects of the vehicle.
     """
 
     text: str
@@ -88,7 +88,7 @@ class Scenario:
         return folder / SCENARIO
 
     def setpoints(self, commands: ArrayLike) -> Array:
-        """Return setpoints (k,) of effective commands (n,), see `recording.supply`."""
+        """Return setpoints of the k thrusters (k,), from effective commands (n,); see `recording.supply`."""
         return _setpoints(self.table, np.asarray(commands, dtype=np.float64)[self.pushing])
 
 
@@ -108,7 +108,14 @@ class Delays:
         self._past = np.zeros((int(self._whole.max(initial=0)) + 2, len(table)))
 
     def felt(self, setpoints: Array) -> Iterator[tuple[int, Array]]:
-        """Yield the parts of the next step: ticks, and the delayed setpoints (k,) during them."""
+        """Yield the parts of the next step between changes of delayed setpoints.
+
+        Args:
+            setpoints: Setpoints that are given from now on (k,).
+
+        Yields:
+            Number of ticks of the part, and the delayed setpoints (k,) that act during it.
+        """
         self._past[:-1] = self._past[1:]
         self._past[-1] = setpoints
         each = np.arange(len(setpoints))
@@ -165,7 +172,7 @@ def _setpoints(table: Array, commands: Array) -> Array:
 
 
 def _laws(vehicle: Vehicle, listed: list[Entry]) -> list[Law]:
-    """Return the weights: the laws of effects with a force.
+    """Return the constant forces of the vehicle's weights and payloads.
 
     Raises:
         DataError: An effect is not a weight, payload or current, nor of thrusters or sensors.
@@ -184,7 +191,7 @@ def _laws(vehicle: Vehicle, listed: list[Entry]) -> list[Law]:
 
 
 def _depends_on_motion(found: Law) -> bool:
-    """Check whether a force depends on the motion."""
+    """Return whether a force law has terms that depend on the velocity."""
     return any(one.any() for one in (found.linear, found.sized, found.plain))
 
 
@@ -211,9 +218,14 @@ def _with_payloads(vehicle: Vehicle, listed: list[Entry]) -> RigidBody:
 
 
 def _buoyancy(vehicle: Vehicle, laws: list[Law], body: RigidBody) -> tuple[float, Array]:
-    """Return the buoyancy B [N] reduced by constant weights, and B times its centre about CO [N m].
+    """Return the buoyancy B [N] reduced by constant weights, and B times its centre about CO (3,) [N m].
 
     Payloads state their weight in water.  Stonefish adds the weight of their dry mass, so B compensates it.
+
+    Args:
+        vehicle: The vehicle.
+        laws: Constant forces of weights and payloads.
+        body: Rigid body including the dry mass of payloads.
     """
     lift = vehicle.buoyancy.force
     moment = lift * np.array(vehicle.buoyancy.center)
@@ -231,7 +243,7 @@ def _water(vehicle: Vehicle, listed: list[Entry]) -> Array:
     """Return the velocity of the water (3,), NED [m/s].
 
     Raises:
-        DataError: It varies in space or time.
+        DataError: The velocity varies in space or time.
     """
     flow = current(vehicle, listed)
     if flow[3:].any():
@@ -256,7 +268,7 @@ def _body(link: ET.Element, body: RigidBody) -> None:
 
 
 def _principal(inertia: Array) -> tuple[Array, Array]:
-    """Return principal moments (3,) and axes (3, 3) as columns; a diagonal matrix stays as it is.
+    """Return principal moments (3,) [kg m^2] and axes (3, 3) as columns; a diagonal matrix stays as it is.
 
     Of all permutations of the axes, the one with the smallest rotation is returned.
     """
@@ -274,7 +286,7 @@ def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
     """Add position, rotor and thrust model of one thruster.
 
     Raises:
-        DataError: It has a torque about its own axis, or loses thrust to the flow.
+        DataError: The thruster has a torque about its own axis, or loses thrust to the flow.
     """
     force, moment = row[UNIT_FORCE], row[UNIT_MOMENT]
     size = float(np.linalg.norm(force))
