@@ -75,7 +75,7 @@ class Errors:
         return self._ahead.of(self._logged(vehicle))
 
     def _logged(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle; on simulated manoeuvres without errors of its sensors, which are not simulated."""
+        """Return the vehicle; on simulated manoeuvres without errors of sensors, which are not simulated."""
         if self._recorded:
             return vehicle
         kept = (table for table in vehicle.effect if CATALOGUE[table["name"]].kind != "sensor")

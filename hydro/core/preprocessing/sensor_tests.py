@@ -116,7 +116,7 @@ class KinematicTest:
         return self.chance(np.zeros_like(self.estimate))
 
     def distance(self, claimed: Array) -> float:
-        """Return the squared Mahalanobis distance of the estimate from claimed values (p,): a Wald statistic."""
+        """Return the squared Mahalanobis distance of the estimate from claimed values, (p,): a Wald test."""
         away = self.estimate - claimed
         return float(away @ np.linalg.solve(self.covariance, away))
 

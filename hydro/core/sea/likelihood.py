@@ -48,7 +48,7 @@ DEPTHS = 500
 AXES, DEGREE = 3, 3
 """Number of axes; degree of the polynomial that gives the log of a continuum from the log of frequency."""
 PEAK_PRIOR = (0.8, 0.8)
-"""Prior mean and standard deviation of log of the peak enhancement (Hasselmann et al. 1973)."""
+"""Prior mean and standard deviation of the log of the peak enhancement (Hasselmann et al. 1973)."""
 SHAPE_PRIOR = 4.0
 """Prior standard deviation of each polynomial coefficient of a log continuum except the constant."""
 LEAST_CONTINUUM = 1e-5  # lower bound of a continuum, relative to the mean square of all coefficients
@@ -90,7 +90,7 @@ class Coefficients:
 
     @cached_property
     def powers(self) -> Array:
-        """Legendre polynomials of the log frequency, with the tested range scaled to [-1, 1], (F, DEGREE + 1)."""
+        """Legendre polynomials of the log frequency, the tested range scaled to [-1, 1], (F, DEGREE + 1)."""
         low, high = math.log(self.slowest), math.log(FASTEST * 2.0 * math.pi / PERIODS[0])
         return np.asarray(legvander((2.0 * np.log(self.omega) - low - high) / (high - low), DEGREE))
 
@@ -241,7 +241,7 @@ def _sea(seen: Coefficients, f: Array, sea: Array) -> tuple[float, Array, Array]
 
 
 def _orbit(way: float) -> Any:
-    """Return the orbit (north, east, down) of a wave that travels in the direction `way` [rad], complex (3,)."""
+    """Return the orbit (north, east, down) of a wave that travels in direction `way` [rad], complex (3,)."""
     return np.array([math.cos(way), math.sin(way), -1j])
 
 

@@ -94,7 +94,7 @@ class SeaState:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the effect `ocean_waves` by parameter name, rounded to a hundredth of their standard errors."""
+        """Values of the effect `ocean_waves` by parameter, rounded to 0.01 times their standard errors."""
         digits = 2 - np.floor(np.log10(np.sqrt(np.diag(self.spread)) + 1e-12)).astype(int)
         names = (one.name for one in WAVES.parameters)
         each = zip(names, self.values.tolist(), digits.tolist(), strict=True)
