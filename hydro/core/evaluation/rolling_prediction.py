@@ -26,11 +26,11 @@ MEASURED = "measured"
 RESTART_INTERVAL = 20.0
 """Time between restarts [s]."""
 SHOWN_SECONDS = 120.0
-"""Length of a session that is shown [s], from its first row."""
+"""Length of the part of a session that is shown, from its first row [s]."""
 MOST_SESSIONS = 12
-"""Maximum number of sessions that are shown, the first ones."""
+"""Maximum number of sessions that are shown, the first of a recording."""
 FEW_DRAWS = 40
-"""Number of vehicles drawn for a band."""
+"""Number of vehicles drawn from the covariance for a band."""
 SHOWN_RATE = 10.0
 """Minimum rate of the rows in a plot [Hz], fast enough for a vehicle's motion."""
 
@@ -43,9 +43,10 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
         raw: Raw table of the measured motion and commands.
 
     Returns:
-        A replay table in float32: `session`, `variant` (`measured` and those of `vehicles`), `t`, pose in NED
+        A replay table in float32: `session`, `variant` (`measured` and the keys of `vehicles`), `t`, pose in
+        NED
         [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
-        `measured`, null for the others.  A variant lacks the rows in which its motion diverges.
+        `measured`, null for other variants.  A variant lacks the rows in which its motion diverges.
 
     Raises:
         DataError: The recording does not fit a vehicle.
@@ -116,7 +117,7 @@ def _thinned(record: Recording) -> Rows:
 
 
 def _predicted(vehicle: Vehicle, record: Recording) -> Array:
-    """Return pose and velocity as a vehicle would log them, (N, 12); NaN where they diverge."""
+    """Return pose and velocity as a vehicle would log them, (N, 12); NaN where its motion diverges."""
     model, length = candidate(vehicle), max(round(RESTART_INTERVAL / record.dt), 1)
     eta, nu = smoothed(record)
     calm = body_states(eta, nu)

@@ -1,8 +1,9 @@
 """Score tests, gains and standard errors of groups of columns of a linearised problem.
 
-A group of columns is tested given the columns that are in the model already: its gain, and the p-value of
-that gain. The p-value is found by flipping the signs of whole blocks of the score (Hemerik, Goeman and Finos
-2020). This needs independent blocks, but no noise model.
+A column is the derivative of the prediction by one parameter.  A group of columns is tested given the columns
+that are in the model already: its gain, the squared residual that it explains in addition, and the p-value of
+that gain.  The p-value is found by flipping the signs of whole blocks of the score (Hemerik, Goeman and Finos
+2020).  This needs independent blocks, but no noise model.
 """
 
 from __future__ import annotations
@@ -61,12 +62,12 @@ class Evidence:
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
-        """Return the least-squares coefficients of p columns alone in the model, times `size`, (p,)."""
+        """Return the least-squares coefficients of p columns, without all others, times `size`, (p,)."""
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def gain(self, given: Columns, group: Columns) -> float:
-        """Return how much a group of columns, added to the given ones, reduces the squared residual."""
+        """Return how much a group of columns, added to the given columns, reduces the squared residual."""
         return self._explained([*given, *group]) - self._explained(given)
 
     def scores(self, columns: Columns) -> Array:
@@ -76,7 +77,7 @@ class Evidence:
         return left
 
     def _explained(self, columns: Columns) -> float:
-        """Return the squared residual that the least-squares amounts of some columns explain."""
+        """Return the squared residual that the least-squares fit of the given columns explains."""
         found = self.solve(columns)
         matrix = self.total[np.ix_(columns, columns)]
         return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
@@ -103,19 +104,25 @@ def p_values(
     The statistic of a group is m^T V^-1 m, with m its score against the model without it.  It is converted to
     a normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
     that white noise gives it.  The reason is that the fit's share of a block depends on the signs of the
-    others (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for wide groups, and
+    other blocks (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for wide groups,
+    and
     where few blocks have most of the leverage.
 
     A block is as long as the residual with the group of largest gain is correlated.  The reason is that the
-    part that this group explains is not noise.  Of a group with several shapes the shape with the largest
-    statistic counts, chosen again in every flip; a choice made beforehand would bias the test.  The same
-    holds for the parts of a shape with more than half as many columns as there are blocks.
+    part that this group explains is not noise.  Of a group with several shapes (alternative sets of columns),
+    the
+    shape with the largest statistic counts, chosen again in every flip; a choice made beforehand would bias
+    the
+    test.  The same holds for the parts of a shape with more than half as many columns as there are blocks.
 
     Args:
         evidence: Linearised problem.
         given: Columns in the model already.
-        groups: Columns of each shape of each group.
+        groups: Columns of each shape of each group, by the group's name.
         seed: Seed of the flips.
+
+    Returns:
+        p-value by name; the least is 1 / (FLIPS + 1).
     """
     if not groups:
         return {}
@@ -138,7 +145,12 @@ def p_values(
 
 
 def _deviates(form: Array, columns: int) -> Array:
-    """Convert quadratic forms of so many columns, of which the first is observed, to normal deviates."""
+    """Convert quadratic forms to normal deviates; the first form is the observed one.
+
+    Args:
+        form: Quadratic forms, (F,).
+        columns: Number of columns in each.
+    """
     form = form * (columns / max(float(form[1:].mean()), 1e-300))
     with np.errstate(divide="ignore"):
         tail = np.log(scipy.special.chdtrc(columns, form))

@@ -1,8 +1,10 @@
 """Linearised least-squares problem, kept as one Gram matrix per piece of data.
 
-With the residual e and the columns X (derivatives of the prediction by each parameter), a piece is the Gram
-matrix of [X, e].  Sums of pieces give estimates.  Their scatter gives standard errors that hold for
-correlated residuals and imperfect models.  Any subset of columns or pieces gives another problem at no cost.
+A piece is a part of the data, such as a shot.  With the residual e and the columns X (derivatives of the
+prediction by each parameter), its Gram matrix is [X, e]^T [X, e].  Sums over pieces give estimates.  The
+scatter of pieces gives standard errors that hold for correlated residuals and imperfect models.  Any subset
+of
+columns or pieces gives another problem at no cost.
 """
 
 from __future__ import annotations
@@ -23,14 +25,15 @@ CORRELATION_TIMES = 10
 
 @dataclass(frozen=True)
 class Normal:
-    """Gram matrices of the whitened, projected problem.
+    """Linearised, whitened least-squares problem with P parameters in S pieces of data.
 
     Attributes:
         gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction
             diverges.
         freedom: Number of independent residuals per piece, one number or (S,).
-        channels: Sum of squares of each measured channel's residual, (S, C).
-        follow: Response of the eliminated unknowns of a piece to each column and to the residual, (S, Q, P +
+        channels: Sum of squared residuals of each of C measured channels, (S, C).
+        follow: Response of the Q eliminated unknowns of a piece to each column and to the residual, (S, Q, P
+            +
             1); Q may be 0.
         compared: Samples of each channel in each piece, (S, C); None if all have the same number.
     """
@@ -69,7 +72,7 @@ class Normal:
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:
-        """Return the squared residual of each piece that linearity predicts after a step (P,), (S,)."""
+        """Return the squared residual of each piece after a step (P,), as linearity predicts, (S,)."""
         across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
         left: Array = self.gram[:, -1, -1] - across
         return left
@@ -114,12 +117,12 @@ class Normal:
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
-    """Eliminate the unknowns of single pieces from least-squares problems e = Z z + X p.
+    """Eliminate the unknowns z that belong to single pieces from problems e = Z z + X p.
 
     Args:
         gram: Gram matrix [Z, X, e]^T [Z, X, e] of each piece, (S, first + P + 1, first + P + 1).
         first: Number of unknowns z of each piece; the P parameters p are common to all pieces.
-        known: Prior information on them, (first,) or (S, first); unknowns that a piece does not determine
+        known: Prior information on z, (first,) or (S, first); unknowns that a piece does not determine
             stay in place.
 
     Returns:
@@ -136,12 +139,12 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
 def taken(gram: Array, first: int, known: Array) -> Array:
     """Return the degrees of freedom that the eliminated unknowns of each piece use, (S,).
 
-    It is `first` if the data alone determine the unknowns, and less if the prior does.
+    The number is `first` if the data alone determine the unknowns, and less if the prior does.
 
     Args:
         gram: Gram matrices of the pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
         first: Number of unknowns that are eliminated from each piece.
-        known: Prior information on them, (S, first).
+        known: Prior information on the unknowns, (S, first).
     """
     own = gram[:, :first, :first]
     size = 1.0 / np.sqrt(np.einsum("sii->si", own) + known)
@@ -197,12 +200,14 @@ def block_length(scores: Array) -> int:
 
 
 def covariance(normal: Normal, prior: Array) -> Array:
-    """Return the covariance of the estimate at its minimum.
+    """Return the covariance of the estimate at the minimum of the squared residual.
 
-    It combines two variances, of which the larger one counts for each parameter.  The first is that of white
-    residuals of the observed size.  The second is the delete-one-block jackknife of the linearised problem
-    (the sandwich with leverage correction, Cameron and Miller 2015), which needs neither whiteness nor a true
-    model.  The prior applies where the data hold no information.
+    Two variances are computed for each parameter, and the larger counts.  The first is that of white
+    residuals of
+    the observed size.  The second is the delete-one-block jackknife of the linearised problem (the sandwich
+    with
+    leverage correction, Cameron and Miller 2015), which needs neither whiteness nor a true model.  The prior
+    applies where the data hold no information.
 
     Args:
         normal: The problem at the estimate.
@@ -252,7 +257,10 @@ def _root(information: Array) -> Array:
 
 
 def _decomposed(information: Array) -> tuple[Array, Array, Array]:
-    """Return roots of the diagonal (..., P), and positive eigenvalues and eigenvectors of the scaled rest."""
+    """Return roots of the diagonal, eigenvalues and eigenvectors of the correlations of matrices (..., P, P).
+
+    Eigenvalues are made positive against rounding errors.
+    """
     diagonal = np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny)
     sizes = np.sqrt(diagonal)
     values, ways = np.linalg.eigh(information / (sizes[..., :, None] * sizes[..., None, :]))

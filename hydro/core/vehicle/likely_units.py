@@ -29,7 +29,7 @@ UNBALANCE = 0.3
 THRUST = (1e-4, 10.0)
 """Sum of all thrusts over the weight: small ROVs have 4, a glider 1e-2."""
 INERTIA = (1e-3, 2.0)
-"""Sum of the moments of inertia over m d^2/2, m the mass, d the box's diagonal: 1 with the mass at corners."""
+"""Sum of the moments of inertia over m d^2/2, m the mass, d the box's diagonal: 1 for mass at corners."""
 REACH = 3.0
 """Maximum distance of thrusters and centres from the box's middle over its diagonal; includes booms."""
 RATE = (0.5, 2000.0)
