@@ -180,6 +180,7 @@ def _search(found: Balance, start: tuple[int, ...], tried: dict[tuple[int, ...],
 
 
 def _remembered(found: Balance, column: tuple[int, ...], tried: dict[tuple[int, ...], Order]) -> Order:
+    """Return the evaluation of an order of columns, from `tried` if it is there."""
     if column not in tried:
         tried[column] = _order(found, column)
     return tried[column]
@@ -201,7 +202,7 @@ def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
 
 
 def _order(found: Balance, column: tuple[int, ...]) -> Order:
-    """Evaluate all combinations of signs of one order of the columns, without couplings."""
+    """Evaluate all combinations of thruster signs for one order of the columns, without couplings."""
     count, fit = len(column), _Fit.of(found, column)
     whole, slope, _ = fit.summed()
     signs = _signs(whole, slope)

@@ -478,7 +478,7 @@ class _Terms:
         )
 
     def _lever(self, axis: int, nu: Array) -> Array:
-        """Return the extra velocity at a DVL half a hull's size forward, starboard or below, (K, 3)."""
+        """Return the velocity on an axis at a DVL half a hull's size forward, starboard and below, (K, 3)."""
         hull = self.vehicle.hull
         places = 0.5 * np.diag([hull.length, hull.width, hull.height])
         return np.cross(nu[:, None, 3:], places)[:, :, axis]

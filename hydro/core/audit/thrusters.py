@@ -188,7 +188,7 @@ class ThrusterAudit:
         return f"put the columns of [commands] in the map in the order {order}"
 
     def _unseen(self) -> Iterator[str]:
-        """Yield a sentence for the thrusters without a result."""
+        """Yield sentences on the thrusters for which the audit has no result."""
         if idle := _places(self.idle):
             yield f"{_thrusters(idle)} did not run: no result for {_it(idle)}"
         grouped = set(idle)
@@ -393,9 +393,10 @@ def _places(mask: Mask) -> tuple[int, ...]:
 
 
 def _thrusters(indices: Sequence[int], word: str = "thruster") -> str:
-    """Return numbers in a sentence: `thrusters 1, 2 and 5`."""
+    """Return thruster numbers from 1 in words: `thrusters 1, 2 and 5` for the indices 0, 1 and 4."""
     return f"{word}{'s' if len(indices) > 1 else ''} {listed([str(i + 1) for i in indices])}"
 
 
 def _it(indices: Sequence[int]) -> str:
+    """Return "it" for one thruster, "them" for several."""
     return "it" if len(indices) == 1 else "them"

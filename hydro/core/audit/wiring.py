@@ -44,7 +44,7 @@ class Wiring:
         return tuple(i for i, column in enumerate(self.column) if column != i)
 
     def drives(self) -> Iterator[tuple[int, int]]:
-        """Yield column and sign of each thruster."""
+        """Yield command column and sign of each thruster."""
         return zip(self.column, self.sign, strict=True)
 
     def exchanges(self) -> Iterator[tuple[int, ...]]:

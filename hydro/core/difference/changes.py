@@ -250,4 +250,5 @@ def _common(key: str, value: Any, unit: Unit) -> str:
 
 
 def _behind(unit: str) -> str:
+    """Return a unit after a blank; empty without unit."""
     return f" {unit}" if unit else ""

@@ -443,4 +443,5 @@ def _terms(vehicle: Vehicle) -> list[dict[str, Any]]:
 
 
 def _count(vehicle: Vehicle) -> int:
+    """Return the number of terms in the formula of a vehicle."""
     return len(_terms(vehicle))

@@ -64,6 +64,7 @@ def physfeat_kernel(x: Array, out: Array) -> None:
 
 @jit
 def _physfeat_columns(states: Array, out: Array) -> None:
+    """Write the features of many states (N, 12) to `out` (N, 45)."""
     for k in range(states.shape[0]):
         physfeat_kernel(states[k], out[k])
 

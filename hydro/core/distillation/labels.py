@@ -236,7 +236,7 @@ def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) 
 
 
 def _require_no_isolated_rows(raw: pl.DataFrame, bounds: Rows) -> None:
-    """Raise if a row is isolated between gaps, because it has no acceleration."""
+    """Refuse a recording with a row between two gaps, because such a row has no acceleration."""
     isolated = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
     if isolated.size:
         raise DataError(
@@ -246,7 +246,10 @@ def _require_no_isolated_rows(raw: pl.DataFrame, bounds: Rows) -> None:
 
 
 def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
-    """Raise if labels are not finite; a bad value spreads over its segment, so name the first bad row."""
+    """Refuse labels that are not finite.
+
+    A bad raw value spreads over its segment, so the message names the first bad row.
+    """
     broken = ~np.isfinite(out[-6:]).all(axis=0)
     if broken.any():
         row = int(np.argmax(broken))

@@ -247,7 +247,7 @@ def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | Non
 def _forces(
     vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, t: ArrayLike, commands: Array
 ) -> tuple[Array, bool]:
-    """Return the wrench of the effects (N, 6), and whether it depends on position."""
+    """Return the wrench of the effects, (N, 6), and whether this wrench depends on position."""
     forces = effect_forces(vehicle, pose, nu, bounds, t, commands)
     displaced = pose.copy()
     displaced[:, :3] += DISPLACEMENT

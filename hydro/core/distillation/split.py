@@ -139,7 +139,7 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str
 
 
 def _content(labels: pl.DataFrame) -> Array:
-    """Return the raw values, row after row, as little-endian float64, with -0 as 0."""
+    """Return the raw values that a block's hash covers, row after row, as little-endian float64."""
     commands = sum(name.startswith(COMMAND) for name in labels.columns)
     names = (*CONTENT, *command_columns(commands))
     content = np.empty((labels.height, len(names)), "<f8")
@@ -153,6 +153,7 @@ def _content(labels: pl.DataFrame) -> Array:
 def _divide(
     labels: pl.DataFrame, bounds: Rows, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
 ) -> pl.DataFrame:
+    """Return the labelled rows with the columns `block` and `part`, after marking guard rows."""
     rows = smoother_reach(labels) if guard is None else guard
     of_row = np.repeat(np.arange(len(bounds)), bounds[:, 1] - bounds[:, 0])
     part = is_test[of_row].astype(np.uint8)
@@ -166,6 +167,7 @@ def _divide(
 
 
 def _table(ids: list[str], is_test: NDArray[np.bool_]) -> pl.DataFrame:
+    """Return the table of all blocks with their parts, sorted, each id once."""
     table = pl.DataFrame({"block": ids, "part": PARTS.gather(is_test.astype(np.uint8))})
     return table.unique().sort("block")
 

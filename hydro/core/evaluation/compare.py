@@ -156,7 +156,7 @@ class _Lines:
             yield from self._family(family)
 
     def place(self, place: failure_regimes.Place, rank: int | None) -> Line:
-        """Return the row of one place on one axis."""
+        """Return the row of the table for one place on one axis, with its rank."""
         family = Family("place", (place.words,), np.where(place.met, 0, -1), doing=False)
         line = next(line for line in self._family(family) if line["axis"] == self.misfit.axes[place.axis])
         return line | {"share": place.share, "rank": rank}
@@ -202,7 +202,7 @@ class _Lines:
             squares: Sums of squared errors, (B, K, A).
 
         Returns:
-            (K, A + 1) each, with all axes together last; NaN where there is no interval.
+            (K, A + 1) each, with all axes together last; NaN for a condition within a single block.
         """
         blocks, count, axes = squares.shape
         nothing = np.full((count, axes + 1), np.nan)

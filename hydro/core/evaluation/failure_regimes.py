@@ -105,9 +105,13 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """Return the mask of pieces (P,) of each place in `wanted`, by its words.
+    """Return the mask of the pieces of time in which each of several places is met, (P,), by its words.
 
-    A place whose words match no condition, or pair of conditions, of `families` is left out.
+    Args:
+        wanted: Words of the places, such as "while turning left".
+        families: Families of conditions.  A place whose words match no condition, or pair of conditions, of
+            these
+            families is left out.
     """
     tried, found = list(conditions(families)), dict[str, Mask]()
     free = [c for c in tried if not c.family.alone]
@@ -121,7 +125,7 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """Return the words for several conditions that hold at the same time."""
+    """Return the words for conditions that hold at the same time: "while turning left below 1 m/s"."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 

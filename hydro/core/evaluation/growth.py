@@ -127,20 +127,22 @@ def _beside(nu: Array, axis: int, against: int) -> Array:
 
 
 def _numbers(block: Rows) -> Rows:
+    """Return the block of each piece, renumbered from 0 without gaps, (P,)."""
     return np.asarray(np.unique(block, return_inverse=True)[1], np.int64)
 
 
 def _grams(tried: Array, beside: Array, number: Rows) -> Array:
-    """Return the products of every candidate column with itself and with the other columns, block by block.
+    """Return the products of every candidate column with itself and with the other columns, by block.
 
     Args:
-        tried: A column for each power, (P, G).
-        beside: Other columns and the force, (P, K + 1).
-        number: Block of each row, from 0.
+        tried: A column for each of G powers, (P, G).
+        beside: K other columns, and the force, (P, K + 1).
+        number: Block of each row, from 0, (P,).
 
     Returns:
-        (B, G + K + 1, K + 2): the first G rows hold the products of a candidate column with the other columns
-        and with itself, the rest those of the other columns with one another.
+        (B, G + K + 1, K + 2): the first G rows hold the products of a candidate column with the other
+        columns,
+        the force and itself; the rest hold those of the other columns and the force with one another.
     """
     blocks, out = int(number.max()) + 1, []
     for k in range(blocks):
@@ -151,7 +153,13 @@ def _grams(tried: Array, beside: Array, number: Rows) -> Array:
 
 
 def _profile(gram: Array) -> tuple[Array, Array, Array]:
-    """Return residual, coefficient and share of the force's square of each candidate column, (G,) each."""
+    """Return residual, coefficient and share of each candidate column, (G,) each.
+
+    The residual is that of a fit with all other columns; the share is that of the force's square.
+
+    Args:
+        gram: Sum of `_grams` over blocks, (G + K + 1, K + 2).
+    """
     powers, count = len(POWERS), gram.shape[1] - 2
     within = gram[powers:, : count + 1]
     held = within[:count, :count] + RIDGE * np.diag(np.diag(within)[:count])
@@ -165,6 +173,10 @@ def _profile(gram: Array) -> tuple[Array, Array, Array]:
 
 
 def _drawn(gram: Array) -> Array:
-    """Return the best powers of resampled recordings, (SAMPLES,)."""
+    """Return the best powers of recordings resampled from blocks, (SAMPLES,).
+
+    Args:
+        gram: Products by block, from `_grams`.
+    """
     drawn = weights(len(gram), SAMPLES, 0)
     return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])

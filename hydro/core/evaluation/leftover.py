@@ -121,9 +121,12 @@ def with_samples(record: Recording) -> Mask:
 
 
 def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
-    """Return the velocity of CO relative to the water, nu_r in body axes, (N, 6) [m/s, rad/s].
+    """Return the velocity of CO through the water at every row, body axes, (N, 6) [m/s, rad/s].
 
-    The current is that of the model.
+    Args:
+        model: Vehicle, with its current and DVL errors.
+        record: Recording of N rows.
+        motion: Smoothed motion of the recording.
     """
     flow = constants_of(model.program.flat)[FLOW]
     return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu), record.t)
@@ -165,7 +168,7 @@ class Means:
         return cls(force, velocity, rows[some], pieces.block[some])
 
     def code(self, against: int) -> Rows:
-        """Return the bin of each piece by velocity component `against`, 0 to 5, (P,); bins have equal counts."""
+        """Return the bin of each piece by velocity component `against`, 0 to 5, (P,); counts are equal."""
         speed = self.velocity[:, against]
         edges = np.quantile(speed, np.arange(1, BINS) / BINS)
         code: Rows = np.searchsorted(edges, speed, side="right")

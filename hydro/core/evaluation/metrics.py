@@ -109,7 +109,7 @@ def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, floa
 
 
 def _interval(drawn: Array | None) -> tuple[float, float]:
-    """Return the percentile interval of bootstrap values; NaN where a draw left a value undefined."""
+    """Return the 95 % interval of bootstrap values; NaN if a value is undefined."""
     if drawn is None or not np.isfinite(drawn).all():
         return np.nan, np.nan
     low, high = interval(drawn)
@@ -122,7 +122,13 @@ def consecutive(rows: int, length: int) -> NDArray[np.int64]:
 
 
 def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
-    """Return sums of every block, arrays of shape (B, 6)."""
+    """Return the sums over each of B blocks, arrays (B, 6).
+
+    Args:
+        truth: Measured values, (N, 6).
+        predicted: Predicted values, (N, 6).
+        group: Block of each row, from 0, (N,).
+    """
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
     error = predicted - truth

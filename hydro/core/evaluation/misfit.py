@@ -54,5 +54,5 @@ class Misfit:
 
 
 def counted(values: Array, seen: Mask | None) -> Array:
-    """Return values (N, C) where there is a sample, and 0 elsewhere."""
+    """Return values (N, C) of rows with a sample, and 0 elsewhere; `seen` None means samples everywhere."""
     return values if seen is None else values * seen

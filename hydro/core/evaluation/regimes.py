@@ -183,6 +183,7 @@ def phrase(several: Sequence[tuple[str, bool]]) -> str:
 
 
 def _sessions(pieces: Pieces, names: Sequence[str]) -> Family:
+    """Return the family of conditions "in session NAME"."""
     different = list(dict.fromkeys(names))
     number = np.array([different.index(name) for name in names], np.int64)
     words = tuple(f"in session {name}" for name in different)
@@ -204,6 +205,7 @@ def _manoeuvres(motion: Array) -> Iterator[Family]:
 
 
 def _drift(nu: Array) -> Family:
+    """Return the family of directions of motion in the horizontal body plane, in sectors of 45 degrees."""
     sector = np.round(np.arctan2(nu[:, 1], nu[:, 0]) / (0.25 * np.pi)).astype(np.int64) % 8
     sideways = ("moving right", "moving left")
     return Family(

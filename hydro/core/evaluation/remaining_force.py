@@ -77,6 +77,7 @@ class Leftover:
         )
 
     def _steepest(self) -> list[int]:
+        """Return the velocities with growth, by number, the steepest growth first."""
         grown = [
             (power, i) for i, power in enumerate(self.powers) if power is not None and power > SAME_POWER
         ]
@@ -137,5 +138,6 @@ def growth(speed: Array, square: Array) -> float | None:
 
 
 def _mean(misfit: Misfit, axis: int) -> Array:
+    """Return the mean squared force beyond the noise in each piece of time on an axis, (P,)."""
     mean: Array = (misfit.squares - misfit.noise)[:, axis] / misfit.rows
     return mean

@@ -103,6 +103,16 @@ class Ahead:
     """
 
     def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
+        """Smooth a recording, and take the weights of the axes from the first vehicle.
+
+        Args:
+            raw: Raw table of the measured motion and commands.
+            vehicle: First vehicle.
+
+        Raises:
+            DataError: The recording does not fit the vehicle, or no session lasts AHEAD seconds without a
+                gap.
+        """
         self.record = record = recording(vehicle, raw)
         self.motion, self.pieces = Motion.of(record), Pieces.of(record)
         self.weight: Array | None = None
@@ -222,7 +232,7 @@ def last_samples(errors: Array, seen: Mask | None) -> Array:
 
 
 def root_mean_square(errors: Array) -> Array:
-    """Return the root mean square of each column of (S, C), ignoring NaN, (C,); NaN if all are NaN."""
+    """Return the root mean square of each column of errors (S, C) without NaN, (C,); NaN if all are NaN."""
     there = np.isfinite(errors)
     squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
     return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)

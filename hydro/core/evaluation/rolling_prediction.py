@@ -80,11 +80,13 @@ def restarted_bands(
         vehicle: Vehicle.
         estimates: Estimated values of the vehicle.
         raw: Raw table of the measured motion and commands.
-        draws: Number of vehicles drawn.
+        draws: Number of vehicles to draw.
         seed: Seed of the draws.
 
     Returns:
-        The bands table in float32, with the rows of `restarted` without those in which the motion diverges.
+        The bands table of `simulation.bands` in float32, with the rows of `restarted`, except those in which
+        the
+        motion diverges.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -104,14 +106,14 @@ def restarted_bands(
 
 
 def _heads(raw: pl.DataFrame) -> pl.DataFrame:
-    """Return the first SHOWN_SECONDS of the first sessions."""
+    """Return the first SHOWN_SECONDS of the first MOST_SESSIONS sessions."""
     since = pl.col("t") - pl.col("t").first().over("session")
     first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
     return raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
 
 
 def _thinned(record: Recording) -> Rows:
-    """Return evenly spaced rows of each segment, from its first, at SHOWN_RATE or faster."""
+    """Return evenly spaced rows of each segment, from its first row on, at SHOWN_RATE or faster."""
     every = max(int(1.0 / (SHOWN_RATE * record.dt) + 1e-9), 1)
     return np.concatenate([np.arange(a, b, every, dtype=np.int64) for a, b in record.segments])
 

@@ -31,13 +31,13 @@ FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class Evidence:
-    """Linearised least-squares problem with P columns X of unit size and residual e, in S pieces.
+    """Linearised least-squares problem with P columns X of unit size and residual e, in S pieces of data.
 
     Attributes:
         matrix: X^T X of each piece, (S, P, P).
         score: X^T e of each piece, (S, P).
         error: e^T e of each piece, (S,).
-        size: Divisor of each column, (P,).
+        size: Norm by which each column was divided, (P,).
     """
 
     matrix: Array
@@ -47,7 +47,7 @@ class Evidence:
 
     @classmethod
     def of(cls, normal: Normal) -> Evidence:
-        """Scale the columns of a problem, and drop pieces whose prediction diverges."""
+        """Return a problem with columns scaled to unit size, without pieces whose prediction diverges."""
         kept = np.isfinite(normal.gram[:, -1, -1])
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
@@ -164,12 +164,21 @@ def _deviates(form: Array, columns: int) -> Array:
 def _forms(
     evidence: Evidence, given: Columns, group: Columns, starts: NDArray[np.int64], signs: Array
 ) -> Array:
-    """Return m^T V^-1 m of a group's score under each row of signs, (F,), with the V of unit white noise.
+    """Return the statistic m^T V^-1 m of a group's score under each of F rows of signs, (F,).
 
     White noise gives a block's score s_b the covariance A_b.  The fit to the given columns X leaves
-    s_b - A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  The
-    sum of g_b P (s_b - A_bX T_X^-1 s_X) has the covariance P T P^T - C T_X^-1 C^T for g_b^2 = 1.  C is the
-    sum of g_b P A_bX.  It is 0 where all signs are as observed.
+    s_b - A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  With
+    signs
+    g_b, m is the sum of g_b P (s_b - A_bX T_X^-1 s_X).  Its covariance V is P T P^T - C T_X^-1 C^T for unit
+    white
+    noise.  C is the sum of g_b P A_bX, which is 0 where all signs are as observed.
+
+    Args:
+        evidence: Linearised problem.
+        given: Columns in the model already, X.
+        group: Columns of the group.
+        starts: First piece of each block.
+        signs: Sign of each block in each flip, (F, blocks).
     """
     both, own = np.array([*given, *group]), len(given)
     blocks = np.add.reduceat(evidence.matrix[:, both[:, None], both], starts, axis=0)

@@ -97,7 +97,7 @@ def turned(attitude: Array) -> Array:
 
 
 def _turned_back(attitude: Array, correction: Array) -> Array:
-    """Return phi, theta, psi (N, 3) after small turns (N, 3) about body axes [rad]."""
+    """Return phi, theta, psi, (N, 3) [rad], of attitudes after small turns about body axes, (N, 3) [rad]."""
     turn = scipy.spatial.transform.Rotation
     R = turn.from_euler("ZYX", attitude[:, ::-1]) * turn.from_rotvec(correction)
     return euler_from_quaternion(np.roll(R.as_quat(), 1, axis=1))

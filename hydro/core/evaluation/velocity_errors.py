@@ -30,7 +30,7 @@ class Squares:
 
     @property
     def mean(self) -> Array:
-        """Mean squared error on each axis, (6,)."""
+        """Mean squared error on each axis, (6,) [m^2/s^2, rad^2/s^2]."""
         average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
         return average
 
@@ -38,7 +38,7 @@ class Squares:
         """Return the root mean square error over all axes [m/s].
 
         Args:
-            weights: Weight of each axis, (6,).
+            weights: Weight of a square on each axis, (6,), from `evaluation.weights`.
         """
         return float(np.sqrt(weights @ self.mean))
 

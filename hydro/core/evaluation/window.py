@@ -28,7 +28,7 @@ class Windows:
     """
 
     def __init__(self, record: Recording) -> None:
-        """Smooth the recording once."""
+        """Smooth the motion of a recording once for all windows."""
         self.record = record
         self.eta, self.nu = smoothed(record)
         self._first, self._states = body_states(self.eta, self.nu), body_states(record.eta, record.nu)

@@ -134,17 +134,17 @@ class Yardstick:
     def misfits(
         self, record: Recording, motion: Motion, pieces: Pieces, horizon: float, velocity: Misfit
     ) -> list[tuple[str, Misfit]]:
-        """Return the errors of the simple predictors.
+        """Return the errors of the three simple predictors over the same predictions as those of a model.
 
         Args:
             record: Recording.
             motion: Smoothed motion of the recording.
             pieces: Pieces of time over which squares are summed.
             horizon: Length of a prediction [s].
-            velocity: Errors of the model's predictions at the same horizon.
+            velocity: Velocity errors of the model at the same horizon.
 
         Returns:
-            Name and errors of each predictor, on the same predictions.
+            Name and errors of each predictor.
         """
         starts, _, lengths = laid(record, horizon)
         rows = starts[:, None] + np.arange(lengths[0])
@@ -296,7 +296,12 @@ def _matrix(damped: Sequence[Damped]) -> Array:
 
 
 def _fitted(record: Recording, tau: Array) -> tuple[Damped, ...]:
-    """Fit every axis, and halve the cross terms until the motion without thrust does not grow."""
+    """Fit every axis; halve the cross terms until slow motion without thrust does not grow.
+
+    Args:
+        record: Training recording.
+        tau: Wrench of the thrusters in every row, (N, 6).
+    """
     fold = _folds(record)[_window_starts(record)]
     damped = [_least_squares(record, tau, axis, fold) for axis in range(6)]
     while _grows(damped):
@@ -353,8 +358,15 @@ def _without(record: Recording, fold: Rows, number: int) -> Recording:
 def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damped:
     """Fit damping, thrust, delay and cross terms of one axis to its changes of velocity over WINDOW.
 
-    Integrals need no derivative of noisy samples.  Cross terms are kept if they lower the error of held-out
-    windows, those of another `fold`, (W,).
+    Integrals need no derivative of noisy samples.  Cross terms are kept if they lower the error of windows
+    that
+    were held out.
+
+    Args:
+        record: Training recording.
+        tau: Wrench of the thrusters in every row, (N, 6).
+        axis: Number of the axis.
+        fold: Fold of each window, (W,).
     """
     nu, steady = record.nu[:, axis], np.ones(record.rows)
     others = np.delete(np.arange(6), axis)
@@ -402,11 +414,13 @@ def _triangle(windows: Array) -> Array:
 def _bounded(windows: Array) -> tuple[float, Array]:
     """Fit nonnegative parameters by least squares, with a ridge on cross terms.
 
-    Returns the squared residual, up to a constant, and the parameters, (K,).
-
     Args:
-        windows: Regressors and change of velocity, (W, K + 1), or their `_triangle`; regressors beyond PLAIN
+        windows: K regressors and the change of velocity, (W, K + 1), or their `_triangle`; regressors beyond
+            PLAIN
             are cross terms.
+
+    Returns:
+        Squared residual, up to a constant, and the parameters, (K,).
     """
     columns, change = windows[:, :-1], windows[:, -1:]
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
@@ -431,7 +445,7 @@ def _over_windows(rates: Array, record: Recording) -> Array:
 
 
 def _window_rows(record: Recording) -> int:
-    """Return the number of steps in a window: WINDOW, or the longest segment where that is shorter."""
+    """Return the number of steps in a window: WINDOW, or the longest segment if it is shorter."""
     longest = int(np.diff(record.segments).max())
     return max(min(round(WINDOW / record.dt), longest - 1), 1)
 

@@ -255,7 +255,7 @@ def _utility(groups: Sequence[Sequence[Rival]], total: Sequence[Pairs]) -> float
 
 
 def _sum_of(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
-    """Sum the Gram matrices of several manoeuvres."""
+    """Return the Gram matrices of each group of models, summed over manoeuvres."""
     first = options[0].grams
     return [
         {pair: np.sum([one.grams[k][pair] for one in options], axis=0) for pair in grams}

@@ -70,7 +70,7 @@ class Manoeuvre:
 
     @property
     def seconds(self) -> float:
-        """Duration [s]."""
+        """Duration of the manoeuvre [s]."""
         return len(self.commands) / LOG_RATE
 
     def thrusting(self, share: float, powers: Array) -> Manoeuvre:
@@ -187,7 +187,10 @@ def _stiffness(vehicle: Vehicle) -> float:
 
 
 def _greatest_wrench(vehicle: Vehicle, program: Program, mixed: Mixing) -> Array:
-    """Return the greatest demanded wrench on each axis, (6,) [N, N m]."""
+    """Return the largest wrench that a manoeuvre may demand on each axis, (6,) [N, N m].
+
+    It is the authority of the thrusters, or less where the vehicle would overturn.
+    """
     limits = wrench_limits(program, NO_HULL, np.full(2, _stiffness(vehicle)))
     # Without damping, no greatest wrench follows from the speed limits: use the authority.
     return np.where(limits > 0.0, np.minimum(mixed.authority, limits), mixed.authority)
@@ -226,6 +229,7 @@ def _single_thrusters(thrusters: int, rows: int) -> Array:
 
 
 def _manoeuvre(mixed: Mixing, name: str, words: str, demand: Array) -> Manoeuvre:
+    """Return the manoeuvre whose commands give the demanded wrench (N, 6) [N, N m] in each row."""
     commands = np.zeros((len(demand), len(mixed.table)))
     for tau, row in zip(demand, commands, strict=True):
         mixing_kernel(mixed.allocation, mixed.table, tau, row)

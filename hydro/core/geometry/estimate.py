@@ -142,7 +142,7 @@ def estimate(
 
 
 def _check(known: Known) -> None:
-    """Refuse impossible numbers."""
+    """Refuse data of a vehicle with impossible numbers."""
     positive = {"mass": known.mass, "water density": known.density, "gravity": known.gravity}
     if known.buoyancy is not None:
         positive["buoyancy"] = known.buoyancy

@@ -176,7 +176,7 @@ def _broken(values: Array, variance: Array, there: Mask, last: int) -> Fitted:
 
 
 def _least_squares(values: Array, variance: Array, there: Mask, columns: Sequence[Array]) -> Fitted:
-    """Fit columns (N,) to the estimates of one parameter."""
+    """Fit a sum of columns (N,) to the estimates of one parameter, weighted by their variances."""
     design = np.column_stack(columns)
     weight = np.where(there, 1.0 / variance, 0.0)
     known = np.where(there, values, 0.0)

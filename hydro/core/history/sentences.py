@@ -50,7 +50,7 @@ def headline(found: Sequence[str], dives: int, baseline: int) -> str:
 
 
 def limits() -> str:
-    """Return a sentence on the expected number of false alarms of the change test."""
+    """Return a sentence on the expected number of false alarms of a history."""
     return (
         f"Expected number of false alarms, over all parameters: at most one in {1.0 / LEVEL:.0f} unchanged "
         "dives. Intervals (±) are of 95 %."

@@ -68,7 +68,7 @@ class Candidate:
 
 
 def candidate(vehicle: Vehicle) -> Candidate:
-    """Compile a vehicle.
+    """Compile a vehicle for comparison with a recording.
 
     Raises:
         DataError: An effect is not valid in the catalogue.
@@ -224,6 +224,7 @@ def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: 
 def _accelerate_along(
     flat: Array, eta: Array, nu: Array, t: Array, commands: Array, rotors: Array, memory: Array, out: Array
 ) -> None:
+    """Write the acceleration at every row of a motion to `out` (K, 6)."""
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
     for k in range(out.shape[0]):
         move(flat, eta[k], nu[k], t[k], s)

@@ -94,9 +94,9 @@ class Answers(NamedTuple):
 
     @classmethod
     def to_beginnings(cls, memory: Array, rows: int) -> Answers:
-        """Return responses to the initial states alone, with space for deviations in `out`, (S, K, 12, 12).
+        """Prepare responses of S shots to their initial states alone, without parameters.
 
-        The memory layout is that of `sensitivity.linearise`, so that numba compiles `shoot` only once.
+        The output has the memory layout of `sensitivity.linearise`, so that numba compiles `shoot` only once.
 
         Args:
             memory: Initial internal states, (S, states).

@@ -177,10 +177,11 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
 
 
 def block_length(scores: Array) -> int:
-    """Return the block length in pieces: ten correlation times of the scores, with at least twelve blocks.
+    """Return the number of pieces in a block: ten correlation times of the scores.
 
-    Scores of neighbouring pieces are correlated if model errors last longer than a piece.  With white
-    residuals they are not, and a piece is a block.
+    Blocks are shorter where fewer than twelve would remain.  Scores of neighbouring pieces are correlated if
+    model
+    errors last longer than a piece.  With white residuals they are not correlated, and a piece is a block.
 
     Args:
         scores: X^T e of each piece, (S, P).

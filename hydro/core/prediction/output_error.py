@@ -64,7 +64,7 @@ class OutputError:
         return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def some(self, most: int) -> OutputError:
-        """Return the problem with at most `most` shots, spread evenly; unchanged if it has no more."""
+        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer shots."""
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else OutputError(self.shots.of(kept))
 

@@ -257,7 +257,7 @@ def _complete(name: str, table: dict[str, Any], vehicle: Vehicle) -> dict[str, A
 
 
 def _shape(record: Effect, parameter: Parameter, vehicle: Vehicle, table: Mapping[str, Any]) -> list[int]:
-    """Return the shape of a parameter, with the numbers of thrusters, rates and terms inserted."""
+    """Return the shape of a parameter; the sizes of lists (thrusters, rates, terms) replace their names."""
     sizes = {"thrusters": len(vehicle.thruster), "rates": len(table.get("rates") or [1.0])}
     if record.structure is not None:
         sizes |= record.structure(table, f"effect {record.name}")[1]
@@ -265,10 +265,12 @@ def _shape(record: Effect, parameter: Parameter, vehicle: Vehicle, table: Mappin
 
 
 def _shape_of(grids: Sequence[Sequence[Mapping[str, Any]]], name: str) -> Mapping[str, Any]:
+    """Return the first table of an effect."""
     return next(grid[0] for grid in grids if grid[0]["name"] == name)
 
 
 def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Array:
+    """Return the values of components in tables of effects, (P,)."""
     tables = {table["name"]: table for table in choice}
     return np.array([float(np.asarray(tables[e.effect][e.parameter])[e.index]) for e in found])
 

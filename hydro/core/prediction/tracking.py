@@ -132,7 +132,7 @@ class _Segment:
 
     @property
     def bounds(self) -> Rows:
-        """First row and the row after the last."""
+        """First row of the segment, and the row after its last."""
         bounds: Rows = self.record.segments[self.number]
         return bounds
 
@@ -228,7 +228,7 @@ def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
 
 
 def _telling(here: _Segment) -> int:
-    """Return the end row of the data used to estimate the model error, TELLING after the first command."""
+    """Return the row at which the data for the model error end: TELLING seconds after the first command."""
     start, stop = here.bounds
     commanded = np.flatnonzero(here.record.commands[start:stop].any(axis=1))
     first = int(commanded[0]) if len(commanded) else 0
@@ -248,7 +248,14 @@ class _Filtered(NamedTuple):
 
 
 def _likeliest(here: _Segment, state: Array, spread: Array, stop: int) -> _Errs:
-    """Return the model error of maximum likelihood, by a search upwards in steps of COARSER."""
+    """Return the model error of maximum likelihood, by a search upwards in factors of COARSER.
+
+    Args:
+        here: The segment.
+        state: Initial state, (13,).
+        spread: Covariance of the initial state, (12, 12).
+        stop: Row after the last of the data.
+    """
 
     def cost(errs: _Errs) -> float:
         return _filtered(here, state, spread, stop, errs).cost

@@ -1,10 +1,10 @@
 """Equation error over windows: the equation of motion integrated with a smooth test function phi.
 
-    int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3
+    int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3.
 
 Here s is -1 to 1 over the window, and a is the acceleration of the vehicle's program along the smoothed
 motion
-with thrusts f, so no measured acceleration is needed (weak form, Messenger and Bortz 2021).  The kinematics
+with thrusts f.  So no measured acceleration is needed (weak form, Messenger and Bortz 2021).  The kinematics
 d(x, y, z)/dt = R v are added as equations; they show errors of a DVL and are independent of forces.
 
 For a long recording, evenly spread windows suffice, and forces are computed at their rows alone.
@@ -143,6 +143,7 @@ class Windows:
         return rotor_states_around(model, self.record)[self.rows]
 
     def _residuals(self, model: Candidate, rotors: Array) -> Array:
+        """Return the residuals of a compiled vehicle, (W, 9), with lag states `rotors` (K, n)."""
         record, rows = self.record, self.rows
         nu = true_velocity(model, record, self.nu)
         moving = np.einsum("kij,kj->ki", rotation(*self.eta[rows, 3:].T), nu[rows, :3])
@@ -288,10 +289,11 @@ def _runs(count: int, most: int | None, run: int) -> Rows:
 
 
 def _known(record: Recording, rows: Rows) -> Array:
-    """Return the weight of each equation of windows with rows (W, L): root of the share of sampled rows.
+    """Return the weight of each equation of windows with rows (W, L), (W, 9).
 
-    The weight is 0 if a channel is filled by a model.  It is 0 for the kinematics if position or velocity is
-    not sampled, since one of them was then derived from the other.
+    It is the root of the share of sampled rows, and 0 if a model filled a channel.  It is 0 for the
+    kinematics if
+    position or velocity is not sampled, since one of the two was then derived from the other.
     """
     assert record.seen is not None
     share = record.seen[rows].mean(axis=1)

@@ -98,7 +98,7 @@ class Allowance:
 
     @classmethod
     def of(cls, vehicle: Vehicle, shots: Shots) -> Allowance:
-        """Compute the responses along the measured motion.
+        """Compute the responses of shots to the hull-force library, along the measured motion.
 
         Args:
             vehicle: The vehicle file.

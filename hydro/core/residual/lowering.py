@@ -253,6 +253,7 @@ class Writer:
         return self._step(layers.MIRRORED, self.inputs, to, weights=at, argument=points)
 
     def _step(self, operation: int, x: Place, to: Place, *, weights: int = 0, argument: int = 0) -> Place:
+        """Append an operation to the program; return its output block `to`."""
         self._steps.append([operation, x.at, x.length, to.at, to.length, weights, argument])
         return to
 
@@ -271,6 +272,7 @@ def _line_after(count: int) -> int:
 
 
 def _feedforward(writer: Writer) -> None:
+    """Write a chain of dense layers."""
     widths = [int(width) for width in writer.option("layers")]
     function = writer.option("activation")
     if widths[0] != writer.inputs.length or widths[-1] != AXES:
@@ -282,6 +284,7 @@ def _feedforward(writer: Writer) -> None:
 
 
 def _residual_blocks(writer: Writer) -> None:
+    """Write a projection, residual blocks with layer norms, and an output layer."""
     width, hidden = writer.option("width"), writer.option("hidden")
     function = writer.option("activation")
     x = writer.dense(writer.inputs, "project", width)
@@ -292,6 +295,7 @@ def _residual_blocks(writer: Writer) -> None:
 
 
 def _heads(writer: Writer) -> None:
+    """Write a common trunk and a hidden layer and an output for each axis."""
     trunk, head = writer.option("trunk"), writer.option("head")
     function = writer.option("activation")
     x = writer.activate(function, writer.chain(writer.inputs, "trunk", trunk, function))
@@ -304,6 +308,7 @@ def _heads(writer: Writer) -> None:
 
 
 def _experts(writer: Writer) -> None:
+    """Write several chains of dense layers, and their mean by the weights of a gate network."""
     count, widths = writer.option("experts"), writer.option("layers")
     function = writer.option("activation")
     gate = writer.chain(writer.inputs, "gate", writer.option("gate"), function)
@@ -327,6 +332,7 @@ def _experts(writer: Writer) -> None:
 
 
 def _structured(writer: Writer) -> None:
+    """Write a passive model: inertia and a damping matrix that depends on the direction of motion."""
     velocity = np.asarray(writer.model.scalers["input_scale"], dtype=np.float64)[:AXES]
     root = np.sqrt(np.asarray(writer.model.scalers["output_scale"], dtype=np.float64) / velocity)
     inertia = writer.tensor("inertia", (AXES, AXES)).astype(np.float64)
@@ -336,6 +342,7 @@ def _structured(writer: Writer) -> None:
 
 
 def _gp(writer: Writer) -> None:
+    """Write a model of radial basis functions with mirror symmetry."""
     count, tensor = writer.option("points"), writer.tensor
     stages, sums, powers = mirrors.STAGES, mirrors.SUMS, mirrors.POWERS
     shapes = {

@@ -159,5 +159,6 @@ def network_kernel(
 def _network_columns(
     network: Weights, states: Array, past: Array, work: Array32, scratch: Array, out: Array
 ) -> None:
+    """Write tau_res of many states (N, 12) to `out` (N, 6)."""
     for k in range(states.shape[0]):
         network_kernel(network, states[k], past[k], work, scratch, out[k])

@@ -180,7 +180,10 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
 
 @kernel
 def _turn_with_body(s: Array, nu_dot: Array) -> None:
-    """Convert nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0]; R^T v_c is v - v_r."""
+    """Convert nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0], with the current v_c in place.
+
+    R^T v_c is the velocity over ground minus that through the water.
+    """
     x = s[VELOCITY] - s[RELATIVE_VELOCITY]
     y = s[VELOCITY + 1] - s[RELATIVE_VELOCITY + 1]
     z = s[VELOCITY + 2] - s[RELATIVE_VELOCITY + 2]

@@ -76,12 +76,12 @@ class Estimates:
 
     @property
     def values(self) -> Array:
-        """Values, (P,)."""
+        """Estimated values, (P,)."""
         return np.array([entry.value for entry in self.entries])
 
     @property
     def errors(self) -> Array:
-        """Standard errors, (P,)."""
+        """Standard errors of the values, (P,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def frame(self) -> pl.DataFrame:
@@ -201,6 +201,7 @@ def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Ve
 
 
 def _put(nested: list[Any], index: tuple[int, ...], value: float) -> None:
+    """Set a number in nested lists, in place."""
     for i in index[:-1]:
         nested = nested[i]
     nested[index[-1]] = value

@@ -51,7 +51,10 @@ class Live:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        """Put a vehicle at rest at the origin.
+        """Create a vehicle at rest at the origin.
+
+        Args:
+            vehicle: The vehicle.
 
         Raises:
             DataError: An effect or a thruster of the vehicle is invalid.
@@ -104,7 +107,7 @@ class Live:
             raise DataError(f"the motion diverges by t = {self.time:g} s; check the vehicle's damping")
 
     def read(self) -> Reading:
-        """Return the present state."""
+        """Return the present state of the vehicle."""
         y, turned, force = self._motion.y, np.zeros(9), np.zeros(3)
         _feel(self._motion, self._lags, self.time, self._gravity, turned, force)
         angles = euler_from_quaternion(y[3:7])

@@ -13,7 +13,7 @@ from hydro.core.vehicle.frames import wrapped
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations (1 sigma) of the logged quantities.
+    """Standard deviations (1 sigma) of the noise of logged quantities.
 
     Attributes:
         velocity: Standard deviation of u, v, w [m/s].
@@ -22,7 +22,7 @@ class Noise:
         attitude: Standard deviation of phi, theta, psi [rad].
 
     Raises:
-        DataError: One of them is negative or not finite.
+        DataError: A standard deviation is negative or not finite.
     """
 
     velocity: float = 0.0

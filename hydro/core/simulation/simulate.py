@@ -147,7 +147,7 @@ def trajectory(
 
 @jit
 def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
-    """Integrate one segment from `first` (13,); return the number of finite rows of `out` (N, 13)."""
+    """Integrate one segment from the state `first` (13,) into `out` (N, 13); return its finite rows."""
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)
     begin = int(np.int64(0))  # a variable: a literal would compile what it calls once more
     copy_kernel(first, motion.y[:BODY])

@@ -272,7 +272,7 @@ def _displace(here: Middle, column: int, little: float) -> None:
 
 @kernel
 def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
-    """Write the quaternion of a state rotated slightly about a body axis; it is not normalised."""
+    """Write the quaternion of state `y` rotated by a small angle about a body axis; not normalised."""
     half = 0.5 * angle
     a = half if axis == 0 else 0.0
     b = half if axis == 1 else 0.0

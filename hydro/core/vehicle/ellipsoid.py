@@ -18,7 +18,7 @@ from hydro.core.errors import DataError
 
 
 def lamb_constants(semi_axes: Sequence[float]) -> Array:
-    """Return the constants (alpha_0, beta_0, gamma_0) of an ellipsoid.
+    """Return Lamb's constants (alpha_0, beta_0, gamma_0) of an ellipsoid, as the module defines them.
 
     Args:
         semi_axes: a, b, c [m] along body x, y, z; any order of size.

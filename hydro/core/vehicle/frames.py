@@ -92,6 +92,7 @@ def quaternion_product(q: Array, w: Array, x: Array, y: Array, z: Array) -> Arra
 
 @kernel
 def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
+    """Write the rotations of many Euler angles (N,) to `out` (N, 9)."""
     for k in range(phi.size):
         rotation_kernel(phi[k], theta[k], psi[k], out[k])
 
@@ -206,7 +207,7 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     """Return the rotation body to world (..., 3, 3) from quaternions (w, x, y, z); Fossen sec. 2.2.2.
 
     Args:
-        quaternion: Shape (..., 4), of any length but zero.
+        quaternion: Quaternions, (..., 4), of any length but zero.
 
     Raises:
         DataError: A quaternion is zero or not finite, so it is not a rotation.
@@ -233,7 +234,7 @@ def euler_from_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def swap_frd_flu(x: ArrayLike) -> Array:
-    """Convert FRD to FLU axes, or back: a half-turn about x, its own inverse.
+    """Convert vectors, twists or wrenches from FRD to FLU axes, or back: a half-turn about x.
 
     Args:
         x: Vectors of shape (..., 3), or twists and wrenches of shape (..., 6).

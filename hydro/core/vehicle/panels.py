@@ -205,7 +205,7 @@ def _power(value: Array, exponent: float) -> Array:
 
 
 def _ring_faces(rings: int, around: int) -> NDArray[np.int64]:
-    """Return faces between a bow point, rings of points and a stern point; diagonals are symmetric."""
+    """Return the triangles between a bow point, rings of points and a stern point, symmetric about planes."""
     faces: list[tuple[int, int, int]] = []
     stern = 1 + rings * around
     for j in range(around):

@@ -137,8 +137,8 @@ def most_drag(vehicle: Vehicle) -> Array:
 def most_cross_drag(vehicle: Vehicle) -> Array:
     """Return the maximum drag of the hull's box on each axis per speed across and velocity on the axis, (6,).
 
-    It is 1/2 rho C_d A for a force, 1/2 rho C_d int r^2 dA for a moment, with the water density rho, C_d =
-    MOST_DRAG, area A and lever arm r.
+    It is 1/2 rho C_d A for a force and 1/2 rho C_d int r^2 dA for a moment.  rho is the water density, C_d =
+    MOST_DRAG, A the area and r the lever arm.
     """
     sides = 2.0 * _half(vehicle)
     pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density

@@ -115,6 +115,7 @@ def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
 
 @kernel
 def _restoring_columns(balance: Array, down: Array, out: Array) -> None:
+    """Write the restoring wrenches for down directions (N, 3) to `out` (N, 6)."""
     for k in range(down.shape[0]):
         restoring_kernel(balance, down[k], out[k])
 
