@@ -2,8 +2,7 @@
 
 By a hypothesis, column pi(i) drives thruster i with effectiveness g_i, the thrust relative to the file.  The
 acceleration of axis a is s_a times that by the file's inertia.  Then c_aj = s_a h_ai g_i with j = pi(i),
-where
-c_aj is the acceleration on axis a per newton of column j, and h are the file's accelerations per newton
+where c_aj is the acceleration on axis a per newton of column j, and h are the file's accelerations per newton
 (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior with mean sigma_i m and standard
 deviation SPREAD m, where m is the scale common to all thrusters. So a thruster without thrust carries no
 information on its sign, and a weak thruster carries little. Marginal likelihoods are exact in g; m is summed

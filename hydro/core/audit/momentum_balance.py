@@ -13,9 +13,8 @@ part is a nuisance term.
 
 The nuisance terms N_a have coefficients beta_a with Gaussian priors, whose sizes follow from the mass and the
 box of the hull. They cover an unknown force and ballast, restoring moments, a current, damping, and products
-of
-velocities (Coriolis forces, Munk moments, lift). The errors e_a are autoregressive: unmodelled forces change
-slowly. Whitening keeps the fast changes, which thrusts cause and slow disturbances do not.
+of velocities (Coriolis forces, Munk moments, lift). The errors e_a are autoregressive: unmodelled forces
+change slowly. Whitening keeps the fast changes, which thrusts cause and slow disturbances do not.
 
 The delay between command and motion is selected by the likelihood with all c_aj free, so its choice is
 independent of any hypothesis about the thrusters.
@@ -226,9 +225,8 @@ def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]
 
     Returns:
         The index of each thruster's curve (n,), and thrusts (N, K n + n) [N].  The first K n are the parts
-        odd
-        in the command, through each of K curves.  The last n are the even parts, each through its thruster's
-        curve.
+        odd in the command, through each of K curves.  The last n are the even parts, each through its
+        thruster's curve.
     """
     curves = table.copy()
     curves[:, UNIT_WRENCH] = 0.0

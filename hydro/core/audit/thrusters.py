@@ -294,8 +294,7 @@ def _stated(
     """Return the stated assignment, its probability, and alternatives if the file is certainly wrong.
 
     A thruster is stated as reversed if its marginal probability reaches SURE.  So a dead thruster, whose sign
-    is
-    not determined, does not weaken the statement about the other thrusters.
+    is not determined, does not weaken the statement about the other thrusters.
 
     Args:
         ranked: Assignments with probabilities, most probable first.

@@ -57,8 +57,7 @@ def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> C
         vehicle: Vehicle of the recording.
         raw: Raw table.
         put_right: Whether to correct mislabelled columns (swapped, reversed or in another unit); if False,
-            they
-            raise an error.
+            they raise an error.
 
     Raises:
         DataError: The recording does not fit the vehicle, columns contradict each other without showing which

@@ -1,7 +1,7 @@
 """Prediction errors of vehicle files 5 s ahead, where another vehicle file or a recording is the truth.
 
-Without a recording, the true vehicle is simulated in the manoeuvres of the library, without noise.  The
-error of another file on these runs is then due to its differences from the true vehicle only.
+Without a recording, the true vehicle is simulated in the manoeuvres of the library, without noise.  The error
+of another file on these runs is then due to its differences from the true vehicle only.
 """
 
 from __future__ import annotations

@@ -89,10 +89,8 @@ def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> p
 
     Returns:
         Columns `undone` (part), `change` (words) and the error 5 s ahead [m/s] of the second file with this
-        part
-        as in the first file.  The first row is the unchanged second file, the last the first file.  Errors
-        are
-        null where the files have different numbers of commands.  No rows if the files agree.
+        part as in the first file.  The first row is the unchanged second file, the last the first file.
+        Errors are null where the files have different numbers of commands.  No rows if the files agree.
 
     Raises:
         DataError: The motion of the second vehicle diverges, or the recording does not fit it.

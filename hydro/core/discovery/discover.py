@@ -65,8 +65,7 @@ class Choice:
     Attributes:
         model: The vehicle with the formula, fitted together with the effects of the file.
         left: Held-out squared residual of each of S shots beyond that of noise, (2, S).  Row 0 is predicted
-            from
-            the other sessions, row 1 from the other motion regimes; NaN where these hold too little
+            from the other sessions, row 1 from the other motion regimes; NaN where these hold too little
             information.
     """
 
@@ -256,10 +255,8 @@ def discovered(
 
     Returns:
         The diagnosis, unchanged if nothing is unexplained or no term reduces held-out error.  If the formula
-        has
-        a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the law
-        of
-        the formula.
+        has a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the
+        law of the formula.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:

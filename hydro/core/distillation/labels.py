@@ -160,9 +160,8 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
     """Return the filter design that `labels` uses for a raw or labels table, estimated from its velocities.
 
     The design follows the log more closely than the likeliest filter, which has the smallest error in each
-    row.
-    A regression on labels averages thousands of rows: noise cancels, but the bias of smoothed acceleration
-    peaks does not.
+    row. A regression on labels averages thousands of rows: noise cancels, but the bias of smoothed
+    acceleration peaks does not.
 
     Args:
         raw: Table with `session`, `t` and `u` ... `r`.

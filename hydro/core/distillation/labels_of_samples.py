@@ -102,8 +102,7 @@ def labels_of_samples(
 
     Returns:
         The columns of `labels.labels`, null in rows without a label, and the standard deviations DEVIATIONS
-        of
-        each row.  The standard deviations are null in segments in which an angle was never measured.
+        of each row.  The standard deviations are null in segments in which an angle was never measured.
 
     Raises:
         DataError: The sample time is not constant, the commands do not fit the thrusters, a value is not
@@ -158,11 +157,9 @@ def reach_of_samples(labels: pl.DataFrame) -> int:
     """Return the number of rows on either side of a row that influence its smoothed motion.
 
     It is estimated from the standard deviations.  The smoother is a low-pass filter, whose time constant is
-    about
-    the ratio of the standard deviations of velocity and acceleration (within a factor of the square root of
-    2).
-    The weight of a sample falls to a thousandth of the largest within 10 time constants if the velocity is
-    measured, and within 20 if only the position is.
+    about the ratio of the standard deviations of velocity and acceleration (within a factor of the square
+    root of 2). The weight of a sample falls to a thousandth of the largest within 10 time constants if the
+    velocity is measured, and within 20 if only the position is.
 
     Args:
         labels: Result of `labels_of_samples`.

@@ -49,8 +49,7 @@ def split(
 
     Returns:
         The rows with a label, with the columns `block` (64 hexadecimal digits) and `part` (train, test,
-        guard);
-        and the table of all blocks: `block`, `part` (train, test), sorted, each id once.
+        guard); and the table of all blocks: `block`, `part` (train, test), sorted, each id once.
 
     Raises:
         DataError: An argument is out of range, or the sample time is not constant.

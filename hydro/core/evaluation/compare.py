@@ -63,8 +63,7 @@ def compare(
         raw: Raw table of the measured motion and commands.
         record: Cleaned recording as arrays; by default the table as it was logged.
         against: Earlier comparison with the same recording. Its conditions are evaluated again, its errors
-            are
-            listed with the new errors, and its weights of the axes are used.
+            are listed with the new errors, and its weights of the axes are used.
         yardstick: Weights of the axes and simple reference predictors.  By default the weights come from
             `vehicle`, and the least-squares predictor of each session is fitted to the other sessions.
         seed: Seed of the bootstrap and of the noise from which the noise floor is computed.

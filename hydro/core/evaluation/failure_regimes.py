@@ -1,13 +1,11 @@
 """Conditions in which a model fails: much of the unexplained error of an axis in little of the time.
 
 A place is a condition, such as turning left, or a pair of conditions.  All conditions and all pairs are
-tried.
-A place with share e of an axis' error and share t of the time has the quality (e - t) / sqrt(t).  This is
-proportional to the number of standard deviations above an even distribution of the error (Klösgen 1996).  The
-lesser quality in the even and in the odd blocks of the recording counts.  The best place is taken, the error
-in
-it is removed, and the search continues (sequential covering).  So the list does not repeat one place in other
-words.
+tried. A place with share e of an axis' error and share t of the time has the quality (e - t) / sqrt(t).  This
+is proportional to the number of standard deviations above an even distribution of the error (Klösgen 1996).
+The lesser quality in the even and in the odd blocks of the recording counts.  The best place is taken, the
+error in it is removed, and the search continues (sequential covering).  So the list does not repeat one place
+in other words.
 """
 
 from __future__ import annotations
@@ -110,8 +108,7 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
     Args:
         wanted: Words of the places, such as "while turning left".
         families: Families of conditions.  A place whose words match no condition, or pair of conditions, of
-            these
-            families is left out.
+            these families is left out.
     """
     tried, found = list(conditions(families)), dict[str, Mask]()
     free = [c for c in tried if not c.family.alone]

@@ -3,10 +3,8 @@
 The model's acceleration is integrated along the smoothed motion and subtracted from the measured velocity.
 The difference changes only where the model's forces are wrong.  Its smoothed derivative times the mass matrix
 M is the missing wrench.  So the smoother never blurs a force that the model has, such as a jump of thrust,
-and
-a true model leaves noise alone.  Changes faster than FASTEST are nearly all noise in any log: they count in
-the
-frequency bands only.
+and a true model leaves noise alone.  Changes faster than FASTEST are nearly all noise in any log: they count
+in the frequency bands only.
 """
 
 from __future__ import annotations

@@ -8,8 +8,7 @@ force.  Along each axis i the model is
 with coefficients d and d_j and powers n and m_j.  One power at a time is estimated.  Every power of a grid is
 tried while all other terms have their usual powers.  The power with the least residual is reported.  Its
 interval comes from a Bayesian bootstrap over blocks of the recording (Rubin 1981), since neighbouring rows
-have
-correlated errors.
+have correlated errors.
 """
 
 from __future__ import annotations
@@ -53,11 +52,10 @@ def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None)
 
     Returns:
         The growth table, with the terms that the recording shows.  Columns: `axis` i of the force; `against`,
-        the
-        velocity j through the water; `power` n with its 95 % interval `low` to `high`; `drag`, the size of
-        the
-        term at 1 m/s or 1 rad/s (positive opposes the motion), with its `unit`; and `share`, the share of the
-        force's variance that the term explains.  A term is |nu_i|^n sgn(nu_i) if j = i, else |nu_j|^n nu_i.
+        the velocity j through the water; `power` n with its 95 % interval `low` to `high`; `drag`, the size
+        of the term at 1 m/s or 1 rad/s (positive opposes the motion), with its `unit`; and `share`, the share
+        of the force's variance that the term explains.  A term is |nu_i|^n sgn(nu_i) if j = i, else |nu_j|^n
+        nu_i.
 
     Raises:
         DataError: The recording does not fit the vehicle, or too few rows have a sample.
@@ -141,8 +139,8 @@ def _grams(tried: Array, beside: Array, number: Rows) -> Array:
 
     Returns:
         (B, G + K + 1, K + 2): the first G rows hold the products of a candidate column with the other
-        columns,
-        the force and itself; the rest hold those of the other columns and the force with one another.
+        columns, the force and itself; the rest hold those of the other columns and the force with one
+        another.
     """
     blocks, out = int(number.max()) + 1, []
     for k in range(blocks):

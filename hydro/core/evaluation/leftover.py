@@ -258,8 +258,7 @@ def steady_force(program: Program, speeds: Array, against: int) -> Array:
     """Return the force of the water on a level vehicle, deep and in steady motion along one axis.
 
     It is the sum of the effects of the vehicle file, with steady internal states, and -C_A(nu_r) nu_r, minus
-    the
-    same at rest.
+    the same at rest.
 
     Args:
         program: Compiled vehicle.

@@ -95,8 +95,8 @@ class Family:
         code: Number of the condition that each piece meets, (P,); -1 for none.
         doing: Whether the words name an activity and follow `while`; otherwise they qualify an activity.
         unions: Words for several conditions together, and the numbers of these conditions.
-        alone: Whether the conditions are not combined with other families: there are so many of them that
-            a pair would fit by chance.
+        alone: Whether the conditions are not combined with other families: there are so many of them that a
+            pair would fit by chance.
     """
 
     by: str

@@ -72,9 +72,8 @@ def replay(
 
     Returns:
         Squares of the velocity errors; and squares of the pose errors: x, y, z in NED, and the rotation from
-        the
-        predicted to the measured attitude about the body axes, named `phi`, `theta` and `psi`.  None if no
-        segment is as long as the horizon.
+        the predicted to the measured attitude about the body axes, named `phi`, `theta` and `psi`.  None if
+        no segment is as long as the horizon.
     """
     if (found := _predictions(model, record, motion, horizon, seed)) is None:
         return None
@@ -242,8 +241,7 @@ def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
     """Store the squared error due to noise of open predictions, and return which are still open, (S,).
 
     The stored value is the mean of the draws if their scatter is small enough, and the median otherwise: a
-    few
-    draws in which a prediction diverges are not representative of a recording.
+    few draws in which a prediction diverges are not representative of a recording.
 
     Args:
         sums: Squared errors due to uncertain starts, of each prediction in each draw, (S, D, C).
@@ -265,8 +263,7 @@ def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
     Args:
         record: Recording.
         horizon: Length of predictions [s], which lie end to end along each segment; None for one prediction
-            over
-            each segment.
+            over each segment.
     """
     if horizon is None:
         begin, end = record.segments.T

@@ -44,8 +44,7 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
 
     Returns:
         A replay table in float32: `session`, `variant` (`measured` and the keys of `vehicles`), `t`, pose in
-        NED
-        [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
+        NED [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
         `measured`, null for other variants.  A variant lacks the rows in which its motion diverges.
 
     Raises:
@@ -85,8 +84,7 @@ def restarted_bands(
 
     Returns:
         The bands table of `simulation.bands` in float32, with the rows of `restarted`, except those in which
-        the
-        motion diverges.
+        the motion diverges.
 
     Raises:
         DataError: The recording does not fit the vehicle.

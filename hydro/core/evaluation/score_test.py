@@ -105,15 +105,13 @@ def p_values(
     a normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
     that white noise gives it.  The reason is that the fit's share of a block depends on the signs of the
     other blocks (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for wide groups,
-    and
-    where few blocks have most of the leverage.
+    and where few blocks have most of the leverage.
 
     A block is as long as the residual with the group of largest gain is correlated.  The reason is that the
     part that this group explains is not noise.  Of a group with several shapes (alternative sets of columns),
-    the
-    shape with the largest statistic counts, chosen again in every flip; a choice made beforehand would bias
-    the
-    test.  The same holds for the parts of a shape with more than half as many columns as there are blocks.
+    the shape with the largest statistic counts, chosen again in every flip; a choice made beforehand would
+    bias the test.  The same holds for the parts of a shape with more than half as many columns as there are
+    blocks.
 
     Args:
         evidence: Linearised problem.
@@ -166,12 +164,10 @@ def _forms(
 ) -> Array:
     """Return the statistic m^T V^-1 m of a group's score under each of F rows of signs, (F,).
 
-    White noise gives a block's score s_b the covariance A_b.  The fit to the given columns X leaves
-    s_b - A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  With
-    signs
+    White noise gives a block's score s_b the covariance A_b.  The fit to the given columns X leaves s_b -
+    A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  With signs
     g_b, m is the sum of g_b P (s_b - A_bX T_X^-1 s_X).  Its covariance V is P T P^T - C T_X^-1 C^T for unit
-    white
-    noise.  C is the sum of g_b P A_bX, which is 0 where all signs are as observed.
+    white noise.  C is the sum of g_b P A_bX, which is 0 where all signs are as observed.
 
     Args:
         evidence: Linearised problem.

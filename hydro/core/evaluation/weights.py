@@ -2,10 +2,8 @@
 
 The square of a wrench error on axis i has the weight 1 / M_ii (Gauss' measure of constraint), that of a
 velocity error M_ii (kinetic energy), and that of a pose error likewise, with the mass matrix M.  Weighted
-sums
-are divided, or multiplied, by the dry mass, so that all axes together are one force, speed or distance.
-Errors
-are comparable only with equal weights: those of the first of the compared vehicle files.
+sums are divided, or multiplied, by the dry mass, so that all axes together are one force, speed or distance.
+Errors are comparable only with equal weights: those of the first of the compared vehicle files.
 """
 
 from __future__ import annotations

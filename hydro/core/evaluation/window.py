@@ -46,9 +46,9 @@ class Windows:
             end: Row after the last of the window.
 
         Returns:
-            Pose in NED [m, rad] and velocity in the body frame [m/s, rad/s] of rows `begin` to `end`,
-            (end - begin, 12).  NaN in the first row of a prediction, so that a line breaks there, and where a
-            motion diverges.
+            Pose in NED [m, rad] and velocity in the body frame [m/s, rad/s] of rows `begin` to `end`, (end -
+            begin, 12).  NaN in the first row of a prediction, so that a line breaks there, and where a motion
+            diverges.
         """
         starts, segment, lengths = self.laid(horizon, begin, end)
         out = np.full((end - begin, CHANNELS), np.nan)

@@ -1,10 +1,10 @@
 """Weights of the axes, and three simple predictors that a model should beat.
 
 The predictors start where the model starts.  "Zero velocity" stands still.  "Constant velocity" keeps its
-first velocity.  "Least squares" has damping, cross terms and delayed, scaled thrust on each axis i:
-nu_i' = a nu_i + b |nu_i| nu_i + c tau_i(t - d) + e + sum_j k_j nu_j with a, b <= 0 <= c, where tau_i is the
-wrench of the thrusters by the vehicle file.  Bounded least squares fits a, b, c, d, e and k_j to training
-sessions only.
+first velocity.  "Least squares" has damping, cross terms and delayed, scaled thrust on each axis i: nu_i' = a
+nu_i + b |nu_i| nu_i + c tau_i(t - d) + e + sum_j k_j nu_j with a, b <= 0 <= c, where tau_i is the wrench of
+the thrusters by the vehicle file.  Bounded least squares fits a, b, c, d, e and k_j to training sessions
+only.
 """
 
 from __future__ import annotations
@@ -118,8 +118,7 @@ class Yardstick:
         """Fit the predictors to the same recording that they will predict, by cross-validation.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
-        other
-        recordings use `of_others` of the result.
+        other recordings use `of_others` of the result.
         """
         tau, fold = _wrench(vehicle, record), _folds(record)
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
@@ -192,8 +191,7 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
     """Return the part of the least-squares fit of an axis that lowers its squared residual most, in words.
 
     Each part is removed in turn and all other parts are refitted: cross terms, the delay, the command scale
-    (set
-    to the file's inertia) and the damping.
+    (set to the file's inertia) and the damping.
 
     Args:
         yardstick: Yardstick, fitted to the recording.
@@ -359,8 +357,7 @@ def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damp
     """Fit damping, thrust, delay and cross terms of one axis to its changes of velocity over WINDOW.
 
     Integrals need no derivative of noisy samples.  Cross terms are kept if they lower the error of windows
-    that
-    were held out.
+    that were held out.
 
     Args:
         record: Training recording.
@@ -405,8 +402,7 @@ def _triangle(windows: Array) -> Array:
     """Return a triangular matrix with the same products of columns as regressors and changes (W, K + 1).
 
     It replaces the windows in a fit, since squared residuals are equal; it has at most K + 1 rows.  Triangles
-    of
-    several parts of a recording, one below another, replace all of these parts.
+    of several parts of a recording, one below another, replace all of these parts.
     """
     return np.asarray(np.linalg.qr(windows, mode="r"))
 
@@ -416,8 +412,7 @@ def _bounded(windows: Array) -> tuple[float, Array]:
 
     Args:
         windows: K regressors and the change of velocity, (W, K + 1), or their `_triangle`; regressors beyond
-            PLAIN
-            are cross terms.
+            PLAIN are cross terms.
 
     Returns:
         Squared residual, up to a constant, and the parameters, (K,).

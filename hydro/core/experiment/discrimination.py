@@ -98,8 +98,7 @@ def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ())
     """Return the Gram matrix of a model's sensitivities and its residual over a predicted flight.
 
     Its rows and columns are the P free components of the model, K further components from `more`, and last
-    the
-    residual.  All are divided by the sensor noise.
+    the residual.  All are divided by the sensor noise.
 
     Args:
         rival: Model whose predictions are compared with the shots.
@@ -185,8 +184,7 @@ class Unseen:
     Attributes:
         name: Name of the effect.
         columns: For each component, the vehicle with a small value of it, and the size of that value in units
-            of
-            the component's scale.
+            of the component's scale.
         labels: Name, unit and scale of each component.
     """
 
@@ -249,10 +247,8 @@ def worth(asked: Sequence[Unseen], errors: Mapping[str, Sequence[Expected]]) -> 
     """Return the utility of a flight for effects that the recording does not show.
 
     It is the sum over the effects of the mean weight of their components.  The weight of a component is 1 for
-    an
-    exact value and 1/2 if its standard error is SHOWN times its scale.  A small term in the log of the
-    standard
-    errors (D-optimality) ranks flights that show equally many components.
+    an exact value and 1/2 if its standard error is SHOWN times its scale.  A small term in the log of the
+    standard errors (D-optimality) ranks flights that show equally many components.
 
     Args:
         asked: The effects.

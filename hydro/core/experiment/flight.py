@@ -109,8 +109,7 @@ class Question:
         model: Vehicle with all findings, used if there are no ties.
         hidden: Names of effects that the recording does not show.
         sigma: Standard deviations of pose and velocity at the library's log rate, (12,) [m, rad, m/s, rad/s]:
-            the
-            root mean square residual of each channel, at least the sensor noise.
+            the root mean square residual of each channel, at least the sensor noise.
         pose: Default start pose of a flight, NED, (6,) [m, rad].
         reach: Positions and times of the recording, (N, 4) [m, s].
     """

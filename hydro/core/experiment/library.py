@@ -106,8 +106,7 @@ def library(
         vehicle: The vehicle.
         seconds: Duration of each manoeuvre [s].
         by_hand: Whether to return only manoeuvres that a pilot can steer; False adds sums of sines on all
-            axes at
-            once, which need a command table.
+            axes at once, which need a command table.
 
     Raises:
         DataError: The vehicle has no thrusters, or an effect or thruster of its file is invalid.

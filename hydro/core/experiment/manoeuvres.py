@@ -42,10 +42,8 @@ class Flight:
     Attributes:
         manoeuvre: The manoeuvre.
         difference: Predicted difference between two models, in standard deviations of the sensor noise: root
-            of
-            the sum of squares over all logged channels and samples.  `best` gives that of the two most
-            similar
-            models.
+            of the sum of squares over all logged channels and samples.  `best` gives that of the two most
+            similar models.
     """
 
     manoeuvre: Manoeuvre

@@ -60,8 +60,7 @@ class Known:
         buoyancy_center: Centre of buoyancy [m] from CO, FRD; None for that of the box or of the mesh's
             volume.
         metacentric_height: Height [m] of the centre of buoyancy over that of gravity; None for HEIGHT times
-            the
-            hull's height, or for the height that the two given centres have.
+            the hull's height, or for the height that the two given centres have.
         inertia: Moments of inertia (3,) [kg m^2] about the centre of gravity; None for a uniform body.
         shape: One of `hull_form.SHAPES`; None to decide by proportions.
         fins: Whether a torpedo-shaped hull has tail fins of usual size.
@@ -112,8 +111,7 @@ def estimate(
         hull: Solid of the hull mesh, if there is a mesh.
         mesh: File name of the mesh, to write into the vehicle file.
         radiated: Added-mass matrix of the mesh about CO, (6, 6), from `radiated_added_mass`; None for that of
-            an
-            equivalent ellipsoid.
+            an equivalent ellipsoid.
 
     Raises:
         DataError: A number is not possible; the message names the number.

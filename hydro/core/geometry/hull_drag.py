@@ -96,10 +96,8 @@ def fin_lift(form: Form) -> float:
     """Return the lift coefficient of a pair of tail fins, L11 of `body_lift` [kg/m]: 1/2 rho c_L A.
 
     The lift is this coefficient times forward speed times drift speed.  rho is the water density, A the area
-    of
-    the pair, and c_L = 1/(1/(2 pi 0.9) + 1/(pi A_e)) the lift slope, with the aspect ratio A_e = span^2/A
-    (Hoerner;
-    Prestero 2001, ch. 4).
+    of the pair, and c_L = 1/(1/(2 pi 0.9) + 1/(pi A_e)) the lift slope, with the aspect ratio A_e = span^2/A
+    (Hoerner; Prestero 2001, ch. 4).
     """
     span = (2.0 * FIN_TIP - 1.0) * form.diameter
     area = span * FIN_CHORD * form.diameter
@@ -110,8 +108,8 @@ def fin_lift(form: Form) -> float:
 def _of_box(form: Form) -> Array:
     """Return the quadratic drag of a box, (6,): solid parts as a block, the rest as plates.
 
-    The flow reattaches to a block.  About axis i, a face of normal j has the lever arm r along k:
-    int |r|^3 dA = s_i s_k^4/32, with the sides s.
+    The flow reattaches to a block.  About axis i, a face of normal j has the lever arm r along k: int |r|^3
+    dA = s_i s_k^4/32, with the sides s.
     """
     size, solid = form.sides, min(form.fullness, 1.0)
     across = [(size[(i + 1) % 3], size[(i + 2) % 3]) for i in range(3)]

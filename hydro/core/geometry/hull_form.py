@@ -133,9 +133,8 @@ def uniform_inertia(form: Form, mass: float) -> Array:
     """Return the moments of inertia (3,) [kg m^2] of a hull of uniform density about its centre.
 
     Torpedo and ellipsoid have the moments of their form.  A box has those of the ellipsoid within it, since
-    heavy
-    parts (batteries, pressure hulls) are near the middle.  The uniform box is an upper bound, 5/3 of these
-    values.
+    heavy parts (batteries, pressure hulls) are near the middle.  The uniform box is an upper bound, 5/3 of
+    these values.
 
     Args:
         form: Shape and size of the hull.

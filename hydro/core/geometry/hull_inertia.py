@@ -51,8 +51,7 @@ def fin_mass(form: Form) -> float:
     """Return the added mass [kg] of the pair of tail fins across sway, or across heave.
 
     Slender-body theory of a cylinder of radius R with fins that reach to s from its axis (Nielsen 1960;
-    Blevins
-    1979), minus the bare cylinder: rho pi (s^2 - R^2)^2/s^2 per length, with the water density rho.
+    Blevins 1979), minus the bare cylinder: rho pi (s^2 - R^2)^2/s^2 per length, with the water density rho.
 
     Args:
         form: Shape and size of the hull.

@@ -95,8 +95,7 @@ def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
     """Parse thrusters from texts such as `0.2,0.1,0,1,0,0,40`.
 
     The numbers are position x, y, z [m] from CO (FRD), direction of thrust (of any length), and maximum
-    thrust
-    [N].  An optional eighth number is the maximum thrust astern [N].
+    thrust [N].  An optional eighth number is the maximum thrust astern [N].
 
     Raises:
         DataError: A text is not seven or eight numbers, has no direction or no positive thrust.

@@ -85,9 +85,8 @@ def radiated_added_mass(vertices: ArrayLike, faces: ArrayLike, density: float) -
     """Compute the added mass of a closed surface about the body origin, far below the water's surface.
 
     Capytaine solves the six radiation problems of unit motions in an unbounded ideal fluid, with sources on
-    flat
-    panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free surface
-    there are no waves, and the result holds at every frequency.
+    flat panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free
+    surface there are no waves, and the result holds at every frequency.
 
     Args:
         vertices: (V, 3) points [m], FRD about CO.

@@ -44,8 +44,7 @@ class Baseline:
         law: Hull-force model fitted to all baseline dives.
         without: For each baseline dive by name, the hull-force model fitted to the other baseline dives.
         sigma: Standard deviation of pose and velocity, sensor noise and error of the hull-force model, (12,)
-            [m,
-            rad, m/s, rad/s].
+            [m, rad, m/s, rad/s].
         drag: Drag on each axis.
         parameters: Parameters to estimate in every dive.
     """
@@ -119,10 +118,8 @@ def drag_of(vehicle: Vehicle, shots: Shots, law: Regression) -> Drag:
     """Return the drag of the vehicle file and its hull-force model together, by axis.
 
     On each axis, linear and quadratic drag in the velocity of this axis are fitted to the force along the
-    measured
-    motion, together with inertia, attitude and a constant.  The coefficients are at least 0; both are 0 if
-    the
-    drag is below LEAST_DRAG.
+    measured motion, together with inertia, attitude and a constant.  The coefficients are at least 0; both
+    are 0 if the drag is below LEAST_DRAG.
 
     Args:
         vehicle: Vehicle file.

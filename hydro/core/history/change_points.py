@@ -3,17 +3,17 @@
 Whenever a dive is added, every parameter is tested at every possible date of a shift (a generalised
 likelihood ratio test; Basseville and Nikiforov, Detection of Abrupt Changes, 1993).  The scatter between
 dives comes from the history itself: the dives before and after a date scatter about their means by a factor
-times their standard errors.  The factors of all parameters are shrunk towards each other (the
-moderated t-statistic; G. K. Smyth, Linear models and empirical Bayes methods, Statistical Applications in
-Genetics and Molecular Biology 3, 3, 2004), and a factor is at least 1.  So standard errors that are too
-small do not cause alarms.
+times their standard errors.  The factors of all parameters are shrunk towards each other (the moderated
+t-statistic; G. K. Smyth, Linear models and empirical Bayes methods, Statistical Applications in Genetics and
+Molecular Biology 3, 3, 2004), and a factor is at least 1.  So standard errors that are too small do not cause
+alarms.
 
-The shift is that of the means or of the inner middle values on both sides, whichever is smaller, so that
-one outlier among few dives makes no shift.
+The shift is that of the means or of the inner middle values on both sides, whichever is smaller, so that one
+outlier among few dives makes no shift.
 
 A part of the level is spent by Bonferroni's inequality over all parameters and dates, again for each dive.
-Hence the expected number of false alarms in a history of N unchanged dives is at most N times LEVEL,
-however long the history becomes.
+Hence the expected number of false alarms in a history of N unchanged dives is at most N times LEVEL, however
+long the history becomes.
 
 Dives are numbered from 0.  A date is the number of the first dive after a shift.
 """

@@ -32,8 +32,7 @@ class History:
     """Estimates of all dives, and the changes in them.
 
     Thrust and drag are relative to their mean over the baseline dives, the net buoyancy is the difference
-    from
-    that mean.
+    from that mean.
 
     Attributes:
         dives: Names of the N dives with estimates, in order.

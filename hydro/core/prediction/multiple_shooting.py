@@ -3,13 +3,12 @@
 Many vehicles are unstable on their own because of the Munk moment.  A long replay of such a vehicle holds
 little information on its parameters.  Two seconds do, if each shot (short prediction) starts from the true
 state.  The twelve initial values are free, and eliminated shot by shot (multiple shooting, Bock 1983;
-variable
-projection, Golub and Pereyra 1973).  Forces, thrusters, currents and sensors all act on the prediction.  So
-every effect of the catalogue is judged in one unit: standard deviations of the measurement noise.
+variable projection, Golub and Pereyra 1973).  Forces, thrusters, currents and sensors all act on the
+prediction.  So every effect of the catalogue is judged in one unit: standard deviations of the measurement
+noise.
 
 An anchor, if there is one, makes the logged initial states samples instead of free values.  The lead of a
-shot
-is a number of rows at its start that are predicted but not compared.
+shot is a number of rows at its start that are predicted but not compared.
 """
 
 from __future__ import annotations
@@ -235,8 +234,7 @@ def predict(
 
     Returns:
         Position, quaternion and nu as the sensors would log them in every row, (s, length, 13); not finite
-        where
-        a motion diverges.
+        where a motion diverges.
     """
     places = places_of(shots, part)
     initial = prepared.initial_states(shots.first if first is None else first, part)

@@ -3,8 +3,7 @@
 A piece is a part of the data, such as a shot.  With the residual e and the columns X (derivatives of the
 prediction by each parameter), its Gram matrix is [X, e]^T [X, e].  Sums over pieces give estimates.  The
 scatter of pieces gives standard errors that hold for correlated residuals and imperfect models.  Any subset
-of
-columns or pieces gives another problem at no cost.
+of columns or pieces gives another problem at no cost.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ class Normal:
         freedom: Number of independent residuals per piece, one number or (S,).
         channels: Sum of squared residuals of each of C measured channels, (S, C).
         follow: Response of the Q eliminated unknowns of a piece to each column and to the residual, (S, Q, P
-            +
-            1); Q may be 0.
+            + 1); Q may be 0.
         compared: Samples of each channel in each piece, (S, C); None if all have the same number.
     """
 
@@ -122,8 +120,8 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
     Args:
         gram: Gram matrix [Z, X, e]^T [Z, X, e] of each piece, (S, first + P + 1, first + P + 1).
         first: Number of unknowns z of each piece; the P parameters p are common to all pieces.
-        known: Prior information on z, (first,) or (S, first); unknowns that a piece does not determine
-            stay in place.
+        known: Prior information on z, (first,) or (S, first); unknowns that a piece does not determine stay
+            in place.
 
     Returns:
         The reduced Gram matrices, (S, P + 1, P + 1), and the response of the unknowns to [X, e], (S, first, P
@@ -180,8 +178,8 @@ def block_length(scores: Array) -> int:
     """Return the number of pieces in a block: ten correlation times of the scores.
 
     Blocks are shorter where fewer than twelve would remain.  Scores of neighbouring pieces are correlated if
-    model
-    errors last longer than a piece.  With white residuals they are not correlated, and a piece is a block.
+    model errors last longer than a piece.  With white residuals they are not correlated, and a piece is a
+    block.
 
     Args:
         scores: X^T e of each piece, (S, P).
@@ -204,11 +202,9 @@ def covariance(normal: Normal, prior: Array) -> Array:
     """Return the covariance of the estimate at the minimum of the squared residual.
 
     Two variances are computed for each parameter, and the larger counts.  The first is that of white
-    residuals of
-    the observed size.  The second is the delete-one-block jackknife of the linearised problem (the sandwich
-    with
-    leverage correction, Cameron and Miller 2015), which needs neither whiteness nor a true model.  The prior
-    applies where the data hold no information.
+    residuals of the observed size.  The second is the delete-one-block jackknife of the linearised problem
+    (the sandwich with leverage correction, Cameron and Miller 2015), which needs neither whiteness nor a true
+    model.  The prior applies where the data hold no information.
 
     Args:
         normal: The problem at the estimate.

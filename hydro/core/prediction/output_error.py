@@ -72,8 +72,7 @@ class OutputError:
         """Return the problem with the logged initial states as samples, with the noise of their channels.
 
         These samples keep their weight if the channels get other weights.  So the initial states of a fit far
-        from the
-        noise cannot absorb errors of the model that are larger than the noise of the log.
+        from the noise cannot absorb errors of the model that are larger than the noise of the log.
         """
         return OutputError(self.shots.anchored(), self.near)
 
@@ -96,8 +95,7 @@ class OutputError:
         """Return the sum of squared residuals of a vehicle after a step, and the problem after the step.
 
         The initial states move as the linearised problem predicts.  Shots with a cost far from the
-        expectation try
-        shorter moves of their initial states, at last none.
+        expectation try shorter moves of their initial states, at last none.
 
         Args:
             vehicle: Vehicle after the step.
@@ -147,14 +145,12 @@ def in_waves(shots: Shots, model: Candidate) -> Shots:
     """Return the shots with the covariance that the waves of a model cause; unchanged without waves.
 
     Predictions assume a calm sea.  Over the seconds of a shot the sea is a few harmonics of unknown
-    amplitudes
-    with the variances of the file.  So the residual of a shot has the covariance 1 + X X^T in units of the
-    sensors' noise.  X are the responses of the shot to one standard deviation of each amplitude in both
-    directions
-    (the unscented transform, Julier and Uhlmann 1997, which includes curvature).  Residuals and derivatives
-    times
-    (1 + X X^T)^(-1/2) are white again.  So a fit gives small weight to directions that waves disturb, and its
-    standard errors are larger.  Correlation of the waves between shots is not used.
+    amplitudes with the variances of the file.  So the residual of a shot has the covariance 1 + X X^T in
+    units of the sensors' noise.  X are the responses of the shot to one standard deviation of each amplitude
+    in both directions (the unscented transform, Julier and Uhlmann 1997, which includes curvature).
+    Residuals and derivatives times (1 + X X^T)^(-1/2) are white again.  So a fit gives small weight to
+    directions that waves disturb, and its standard errors are larger.  Correlation of the waves between shots
+    is not used.
 
     Args:
         shots: The shots.
@@ -179,9 +175,8 @@ def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputErro
     """Return initial values of the components for an output-error fit, and the problem at these values.
 
     They are the results of an equation-error fit, unless their motion diverges.  If samples do not cover all
-    of the
-    motion, equation error uses filled channels; then those of all candidates with the best prediction are
-    taken.
+    of the motion, equation error uses filled channels; then those of all candidates with the best prediction
+    are taken.
 
     Args:
         unknown: P free components of a vehicle; their own initial values are candidates too.

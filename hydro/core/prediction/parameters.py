@@ -115,8 +115,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
     Args:
         vehicle: The vehicle.
         effects: Effects to fit: names in the catalogue, with `.parameter` behind the name where there is a
-            choice
-            (`linear_damping.matrix`), or `[[effect]]` tables with initial values.
+            choice (`linear_damping.matrix`), or `[[effect]]` tables with initial values.
         reach: Positions and times of the recording, (N, 4) [m, s], candidates for the place of an anchor.
 
     Raises:

@@ -1,10 +1,8 @@
 """Observability of the motion in a recording with missing sensors, axis by axis.
 
 Fisher information gives the standard deviation of each component of a shot's initial state, given the
-samples,
-the commands and the model.  A velocity without samples may be well known from changes of position or
-attitude.
-A velocity that affects no sample is not observable, and neither are forces that act on it alone.
+samples, the commands and the model.  A velocity without samples may be well known from changes of position or
+attitude. A velocity that affects no sample is not observable, and neither are forces that act on it alone.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3.
 
 Here s is -1 to 1 over the window, and a is the acceleration of the vehicle's program along the smoothed
-motion
-with thrusts f.  So no measured acceleration is needed (weak form, Messenger and Bortz 2021).  The kinematics
-d(x, y, z)/dt = R v are added as equations; they show errors of a DVL and are independent of forces.
+motion with thrusts f.  So no measured acceleration is needed (weak form, Messenger and Bortz 2021).  The
+kinematics d(x, y, z)/dt = R v are added as equations; they show errors of a DVL and are independent of
+forces.
 
 For a long recording, evenly spread windows suffice, and forces are computed at their rows alone.
 """
@@ -292,8 +292,7 @@ def _known(record: Recording, rows: Rows) -> Array:
     """Return the weight of each equation of windows with rows (W, L), (W, 9).
 
     It is the root of the share of sampled rows, and 0 if a model filled a channel.  It is 0 for the
-    kinematics if
-    position or velocity is not sampled, since one of the two was then derived from the other.
+    kinematics if position or velocity is not sampled, since one of the two was then derived from the other.
     """
     assert record.seen is not None
     share = record.seen[rows].mean(axis=1)

@@ -43,9 +43,8 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
 
     Returns:
         (12,) [m, rad, m/s, rad/s].  All are scaled down so that a true model still has a reduced chi-square
-        of 1,
-        since velocities with a small weight have small residuals.  `sigma` unchanged if the noise is white or
-        there are no tests.
+        of 1, since velocities with a small weight have small residuals.  `sigma` unchanged if the noise is
+        white or there are no tests.
     """
     if not tests:
         return sigma

@@ -72,8 +72,7 @@ class KinematicTest:
         blocks: Number of independent blocks of data.
         negligible: Size of a component below which it needs no correction, in the component's unit.
         missed: Increase of the squared residual if the effect is left out and all other errors are refitted,
-            in
-            units of the reduced chi-square; computed only if the estimate is otherwise significant, else
+            in units of the reduced chi-square; computed only if the estimate is otherwise significant, else
             infinite.
     """
 
@@ -155,8 +154,7 @@ def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
 
     Returns:
         True if the test refutes the claimed values and the estimate is nearer to zero error than to them.
-        False
-        also if the recording could not have shown an error of that size.
+        False also if the recording could not have shown an error of that size.
 
     Raises:
         DataError: The table does not belong to this effect.
@@ -176,8 +174,7 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
 
     Returns:
         One test for each DVL error, by effect name.  Empty if position, attitude or velocity has no samples:
-        it
-        was then computed from the other two, so they cannot contradict each other.
+        it was then computed from the other two, so they cannot contradict each other.
 
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.
@@ -250,13 +247,10 @@ def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array
     """Linearise at the DVL parameters `log`; return the problem, and the possible bias from noise, (LOG,).
 
     The columns and the residual share the noise of the velocity.  Its contribution to their products is known
-    and
-    is subtracted (Fuller 1987, sec. 2.5).  The products must stay positive for an axis without motion, and
-    also
-    if any one block of pieces is left out, since a jackknife over the blocks would otherwise be unbounded.
-    The
-    remaining contribution biases a scale or an angle by its share of the products: an axis that hardly moves
-    seems many times too large.
+    and is subtracted (Fuller 1987, sec. 2.5).  The products must stay positive for an axis without motion,
+    and also if any one block of pieces is left out, since a jackknife over the blocks would otherwise be
+    unbounded. The remaining contribution biases a scale or an angle by its share of the products: an axis
+    that hardly moves seems many times too large.
     """
     pieces = list(_pieces(record, log, sigma))
     if sum(len(gram) for gram, _, _ in pieces) < LEAST_PIECES:
@@ -304,8 +298,7 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
 
     Yields:
         Gram matrices (pieces, LOG + 1, LOG + 1), the contribution of the velocity's noise to them, and the
-        sums
-        of squared residuals by axis, (pieces, 3).
+        sums of squared residuals by axis, (pieces, 3).
     """
     dt, mount, turned = record.dt, _mount(log), _mount_derivatives(log)
     wander = np.sqrt((sigma[6:9] ** 2).mean())

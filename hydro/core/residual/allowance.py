@@ -77,8 +77,7 @@ class Allowance:
     """Allowance for unmodelled hull forces in fits: responses of short predictions to the hull-force library.
 
     The library's coefficients are rotated so that their normal equations are diagonal.  S is the number of
-    shots,
-    R that of compared residuals per shot, Q that of coefficients.
+    shots, R that of compared residuals per shot, Q that of coefficients.
 
     Attributes:
         shots: Short predictions of the recording.
@@ -184,8 +183,7 @@ class Allowance:
 
         Returns:
             The log evidence, the best step of the values (P,) and its covariance (P, P), both in scales, and
-            the
-            reduced chi-square.
+            the reduced chi-square.
         """
         scale = AXES / (self.compared * TEMPERS)  # information of a squared residual, (T,)
         size = np.multiply.outer(FACTORS**2, self.sizes)[:, None] * scale[:, None]  # (F, T, Q)

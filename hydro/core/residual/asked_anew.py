@@ -31,8 +31,7 @@ class AskedAnew:
         law: Model of the residual hull force.
         transitions: Responses of the shots to small deviations, used for all candidates.
         beginnings: Orthonormal basis of the responses of the K compared values of each of S shots to its
-            initial
-            state, in units of the noise, (S, K, 12).
+            initial state, in units of the noise, (S, K, 12).
     """
 
     law: Law

@@ -2,8 +2,7 @@
 
 The error of a hull-force model is not white noise: it persists, and it recurs with the motion.  So its effect
 on a fit is estimated from a recording without a change: from the change that a fit would find in each
-held-out
-stretch of this recording.
+held-out stretch of this recording.
 """
 
 from __future__ import annotations
@@ -21,12 +20,9 @@ def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Arr
     """Return the changes that a fit would find in a recording without a change, by stretch of the recording.
 
     Each value is that of a recording in which all stretches are like this one.  It is one Gauss-Newton step
-    along
-    the motion that the file predicts, with the information of all stretches and the score of one stretch in
-    place
-    of each.  One stretch alone need not determine every entry: in a straight run, thrusters with equal
-    commands
-    cannot be separated.
+    along the motion that the file predicts, with the information of all stretches and the score of one
+    stretch in place of each.  One stretch alone need not determine every entry: in a straight run, thrusters
+    with equal commands cannot be separated.
 
     Args:
         unchanged: Shots of the recording before the change, corrected by the hull-force model.

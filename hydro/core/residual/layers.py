@@ -114,8 +114,7 @@ def exponential(x: np.float32) -> np.float32:
     """Return exp(x) in single precision, accurate to 1e-7, between 1e-38 and 1e38; NaN stays NaN.
 
     The function uses arithmetic alone, so that loops over it are vectorised.  With x = n ln 2 + r, it
-    evaluates a
-    polynomial of r (Cephes) and writes n into the exponent bits.
+    evaluates a polynomial of r (Cephes) and writes n into the exponent bits.
     """
     if x < _LOWEST:
         x = _LOWEST
@@ -206,8 +205,7 @@ def _passive(weights: Array32, start: int, A: Array32, nu: Array, out: Array32) 
     """Write C(nu) nu + D nu to `out` (6,), with the damping matrix D of `damping`.
 
     The weights from `start` on are an inertia matrix (36), row by row, which defines the Coriolis matrix C
-    (Fossen
-    theorem 3.2); the scales r (6); and 1 / (6 v^2) of the velocity scales v.
+    (Fossen theorem 3.2); the scales r (6); and 1 / (6 v^2) of the velocity scales v.
     """
     factor = _growth(weights, start, nu)
     for i in range(6):

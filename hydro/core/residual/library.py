@@ -3,8 +3,7 @@
 The terms of each axis are products of velocities and accelerations through the water
 (`distillation.features`), the remaining |nu_i| nu_j, and the direction of gravity for weight and trim.  The
 prior standard deviation of a coefficient follows from the water density rho and the hull's box alone.  Drag
-is
-half rho A with A the mean of the box's sides; mass is that of the displaced water; the lever arm of each
+is half rho A with A the mean of the box's sides; mass is that of the displaced water; the lever arm of each
 rotation is half the length.  Linear damping equals quadratic damping at SLOW.  Weight and buoyancy balance
 within UNEVEN.  Coefficients that port-starboard symmetry rules out, such as a sway force of surge, are scaled
 by UNEVEN.

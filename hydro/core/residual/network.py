@@ -2,8 +2,7 @@
 
 The steps are features, a program of layers (`core.residual.layers`, written by `core.residual.lowering`), and
 scaling to physical units.  The caller supplies past velocities for networks with memory
-(`sim.residual.control`
-keeps them among MuJoCo's activations).
+(`sim.residual.control` keeps them among MuJoCo's activations).
 """
 
 from __future__ import annotations

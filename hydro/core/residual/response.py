@@ -1,8 +1,7 @@
 """Response of predicted shots to an additional wrench that is a known function of time.
 
 Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b along
-a
-motion (`simulation.variational_equation`), with b = [0; M^-1 w] for a wrench w and the mass matrix M.  The
+a motion (`simulation.variational_equation`), with b = [0; M^-1 w] for a wrench w and the mass matrix M.  The
 Jacobian J is that of the file's forces along the measured motion.  So the transition A_k from row k to the
 next, at the sample time dt, is computed once for all wrenches:
 
@@ -90,8 +89,7 @@ class Transitions:
 
         Returns:
             Deviations of position [m], small rotation about the body's axes [rad], velocity [m/s] and rates
-            [rad/s],
-            (s, length, 12, Q).
+            [rad/s], (s, length, 12, Q).
         """
         each, half = self.each[part], 0.5 * self.shots.record.dt
         push = half * np.einsum("ij,skjq->skiq", self.accelerated, wrenches)

@@ -6,8 +6,7 @@ The spectral matrix of the north, east and down velocity has this model:
 
 S_v is the JONSWAP velocity spectrum of the waves at the recorded depths.  The continuum is a smooth spectrum
 for each axis; its log is a polynomial in the log of frequency.  A "band" is a JONSWAP peak without the
-orbital
-phase between the axes: the rival of a sea.
+orbital phase between the axes: the rival of a sea.
 
 The likelihood of the coefficients is Whittle's (Whittle 1953; Brillinger 1981, section 7.3).  A minute of
 data resolves frequencies no closer than a tenth of that of a swell, and the peak of a swell is narrower.  So
@@ -65,13 +64,11 @@ class Coefficients:
     Attributes:
         omega: Frequencies of the coefficients [rad/s], (F,).
         y: Complex coefficients of the north, east and down velocity, (F, 3).  Their expected square is 1
-            where the
-            one-sided spectrum is 1.
+            where the one-sided spectrum is 1.
         fine: Frequencies on the finer grid [rad/s], (G,).
         response: Expected square of each coefficient for a unit of the elevation spectrum at each fine
             frequency, sparse (F, G).  It contains the taper, the decay with depth, and omega^2 from elevation
-            to
-            velocity.
+            to velocity.
         longest: Duration of the longest segment [s].
         slowest: Lowest frequency [rad/s].
     """
@@ -179,11 +176,9 @@ def unlikely(
         seen: Fourier coefficients of the recording.
         floor: Polynomial coefficients of the three log continua, (3 (DEGREE + 1),).
         sea: Log height, log peak frequency, direction [rad] and log of the peak enhancement, (4,); None for
-            no
-            sea.
+            no sea.
         apart: Band of independent axes: log height of each axis, log peak frequency, log of the peak
-            enhancement,
-            (5,); None for no band.
+            enhancement, (5,); None for no band.
 
     Returns:
         The value, and its derivatives by `floor` and then by `sea` or `apart`.

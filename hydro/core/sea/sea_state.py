@@ -2,8 +2,8 @@
 
 `water_motion` returns the water velocity with which a vehicle file would explain a recording completely.
 Missing or wrong effects and sensor noise give this velocity a smooth spectrum, the continuum.  A sea gives it
-a narrow band in which the water oscillates along one direction, and downward a quarter of a period later.
-The most likely sea and continuum are fitted from several initial periods (`sea.likelihood`).  A force that
+a narrow band in which the water oscillates along one direction, and downward a quarter of a period later. The
+most likely sea and continuum are fitted from several initial periods (`sea.likelihood`).  A force that
 oscillates independently in each axis could have the same spectra.  So a sea is accepted only if the orbital
 phase between the axes adds enough likelihood.
 """
@@ -78,8 +78,7 @@ class SeaState:
 
     Attributes:
         values: Significant height [m], peak period [s], direction of travel [rad] and peak enhancement minus
-            1,
-            (4,).
+            1, (4,).
         spread: Covariance of the values, (4, 4).
         telling: Twice the log likelihood ratio of the sea to the continuum alone.
         orbital: Twice the log likelihood ratio of the sea to a band of independent axes.
@@ -127,8 +126,7 @@ def shown(vehicle: Vehicle, record: Recording) -> SeaState | None:
 
     Returns:
         The sea; None if attitude or velocity is sampled too rarely, the recording is too short, or the
-        evidence
-        is too weak.
+        evidence is too weak.
     """
     if record.seen is not None and record.seen[:, 3:].mean(axis=0).min() < SAMPLES * record.dt / PERIODS[0]:
         return None

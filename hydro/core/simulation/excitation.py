@@ -71,8 +71,7 @@ def plan(
 
     Returns:
         Sessions of 6,000 to 29,000 rows if `rows` suffices for one of each kind; else sessions that are
-        shorter
-        in proportion.
+        shorter in proportion.
 
     Raises:
         DataError: An unknown excitation, fewer than one row, or no axis to excite.
@@ -161,8 +160,7 @@ def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
     """Return Ornstein-Uhlenbeck walks on six axes, dx = -x/T dt + sigma sqrt(2/T) dW, (rows, 6).
 
     T and sigma are random for each axis, and W is a Wiener process.  Initial values are drawn from the
-    stationary
-    distribution.
+    stationary distribution.
     """
     constant = rng.uniform(1.0, 6.0, size=6)
     sigma = rng.uniform([0.3, 0.3, 0.3, 0.1, 0.1, 0.15], [0.7, 0.7, 0.7, 0.3, 0.3, 0.4])

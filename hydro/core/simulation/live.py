@@ -31,8 +31,7 @@ class Reading(NamedTuple):
         nu: Velocity of CO over ground, body axes, (6,) [m/s, rad/s].
         velocity: Linear velocity of CO in NED, (3,) [m/s].
         specific_force: Reading of an accelerometer at CO, v_dot + omega x v - R^T g, body axes, (3,) [m/s^2];
-            v
-            is the linear, omega the angular velocity, and g gravity in NED.
+            v is the linear, omega the angular velocity, and g gravity in NED.
     """
 
     time: float

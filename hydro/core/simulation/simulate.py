@@ -36,9 +36,8 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
         vehicle: The vehicle with all its effects; effects of its sensors act on the returned motion.
         commands: Columns `session`, `t` and `cmd_1 ... cmd_n`, and `voltage` [V] if known.  The command of a
             row is held until the next row.  With all columns of pose and velocity (a raw table), the first
-            row of
-            every session, and the first after a gap, gives the initial state; else every session starts at
-            rest at the origin.
+            row of every session, and the first after a gap, gives the initial state; else every session
+            starts at rest at the origin.
         sea: Seed of the waves of the file, drawn again for every session; by default there are no waves, as
             in every prediction.
 

@@ -34,8 +34,7 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
 
     Returns:
         (6,) [N, N m], infinite without a limit.  In translation and yaw it is the drag at the maximum speed,
-        in
-        roll and pitch the righting moment at MOST_TILT.
+        in roll and pitch the righting moment at MOST_TILT.
     """
     limits = np.full(6, np.inf)
     for axis in range(3):

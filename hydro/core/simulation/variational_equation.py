@@ -56,10 +56,8 @@ class Changes(NamedTuple):
     Attributes:
         kinds: Kind of each parameter, (P,): FORCES, THRUST or WHOLE.
         programs: Concatenated programs of the changed vehicles, each once.  A change of kind FORCES has a
-            program
-            with the added effects, and another with the removed effects; a change of another kind has the
-            program
-            of the whole changed vehicle.
+            program with the added effects, and another with the removed effects; a change of another kind has
+            the program of the whole changed vehicle.
         where: Start and end of the program, and of that with the removed effects, in `programs`, (P, 4).
         own: Start and end of the internal states of the added effects among those of all changes, (P, 2).
         shares: Size of each change in units of the parameter, (P,).

@@ -2,8 +2,7 @@
 
 Once per row of the log, the demand plus the wrench of the holds is converted to commands in [-1, 1], through
 the pseudo-inverse of the thruster configuration and the inverted thrust curve.  Axes that the thrusters
-cannot
-actuate have no authority and no hold.
+cannot actuate have no authority and no hold.
 """
 
 from __future__ import annotations
@@ -103,8 +102,7 @@ def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
     """Return the mixing with moments of fin servos on the axes that no thruster turns.
 
     A demanded moment then gives commands of the servos, as shares of their moments at one speed.  The forces
-    of
-    the fins are ignored.
+    of the fins are ignored.
 
     Args:
         crew: Mixing of the thrusters.

@@ -86,10 +86,8 @@ class Thruster(_Part, frozen=True):
 
     A `curve` by name is proportional to the command or its square up to `max_thrust` and `max_reverse_thrust`
     [N].  A table, or `"t200"` for the published table of that thruster, includes the maximum thrusts and the
-    dead
-    band, so these keys are omitted.  With a table and a lag of the rotor speed, the speed is the root of the
-    share
-    of full thrust.
+    dead band, so these keys are omitted.  With a table and a lag of the rotor speed, the speed is the root of
+    the share of full thrust.
 
     The curve `"none"` is for a command that drives no thruster: a fin's servo, used by a `control_surface` of
     the file.  Such a command has only a name.

@@ -43,11 +43,9 @@ def lamb_factors(semi_axes: Sequence[float]) -> Array:
 
     Returns:
         Six numbers [-].  The first three are alpha_0 / (2 - alpha_0) and so on (art. 114 (7)).  The last
-        three are
-        (b^2 - c^2)^2 D / ((b^2 + c^2)(2 - (b^2 + c^2) D)) and so on (art. 115 (9)), relative to the displaced
-        inertia m (b^2 + c^2)/5.  D = (gamma_0 - beta_0) / (b^2 - c^2) is computed as an integral, so that
-        there
-        is no 0/0 at b = c.
+        three are (b^2 - c^2)^2 D / ((b^2 + c^2)(2 - (b^2 + c^2) D)) and so on (art. 115 (9)), relative to the
+        displaced inertia m (b^2 + c^2)/5.  D = (gamma_0 - beta_0) / (b^2 - c^2) is computed as an integral,
+        so that there is no 0/0 at b = c.
 
     Raises:
         DataError: A semi-axis is not a positive finite number.

@@ -13,8 +13,7 @@ circular cylinder across the flow 2 C_p/3, plus friction.  Every facet dissipate
 Y, Z, K, M, N) . nu_r <= 0 for any motion.
 
 C_p = 1.1 is that of a square plate or disc (Hoerner, *Fluid-Dynamic Drag*, 1965, ch. 3: 1.1-1.2); C_f =
-0.0043
-is the ITTC-1957 line 0.075/(log10 Re - 2)^2 at a Reynolds number of 1.5e6, a 1.5 m hull at 1 m/s.
+0.0043 is the ITTC-1957 line 0.075/(log10 Re - 2)^2 at a Reynolds number of 1.5e6, a 1.5 m hull at 1 m/s.
 """
 
 from __future__ import annotations
@@ -95,8 +94,7 @@ def superellipsoid(
     """Return a triangulated hull of a given size: full along its length, rounded across it.
 
     The surface is (|y'|^2.5 + |z'|^2.5)^(4/2.5) + x'^4 = 1, with x', y', z' from the centre in half lengths.
-    Its
-    facets are symmetric about three planes, so straight motion along an axis gives no force across it.
+    Its facets are symmetric about three planes, so straight motion along an axis gives no force across it.
 
     Args:
         length: Extent along x [m].
@@ -139,8 +137,7 @@ def loaded_facets(
 
     Returns:
         (8, F) rows x y z of the centroid [m], x y z of the normal, 1/2 rho C_p A and 1/2 rho C_f A [kg/m],
-        with
-        density rho and area A.
+        with density rho and area A.
     """
     area = 0.5 * density * hull.table[6]
     return np.ascontiguousarray(np.vstack([hull.table[:6], form * area, friction * area]))

@@ -36,8 +36,7 @@ class Plausible:
 
     Attributes:
         at: Function from the index of a component and the vehicle to the minimum and maximum plausible value,
-            in
-            the parameter's unit.
+            in the parameter's unit.
         words: The range in words, with its unit if it has one.
         source: Source of the range.
     """
@@ -97,8 +96,7 @@ def symmetric(most: Callable[[Vehicle], Array]) -> Range:
     """Return the range of the entries of a symmetric matrix, given the maxima of its diagonal.
 
     In a positive semi-definite matrix, an off-diagonal entry is at most the geometric mean of the two
-    diagonal
-    entries in its row and column (Cauchy-Schwarz).
+    diagonal entries in its row and column (Cauchy-Schwarz).
 
     Args:
         most: Function from a vehicle to the maxima of the diagonal, (6,).

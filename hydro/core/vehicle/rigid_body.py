@@ -35,9 +35,8 @@ def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
     """Add C(nu) nu to `out` (6,): force omega x p, and moment v x p + omega x h.
 
     p and h are the linear and angular momentum M nu of a body, or of its added mass; v and omega are the
-    linear
-    and angular velocity.  So this is Kirchhoff's equation (Fossen sec. 6.3.1) and equal to Fossen's theorem
-    3.2.
+    linear and angular velocity.  So this is Kirchhoff's equation (Fossen sec. 6.3.1) and equal to Fossen's
+    theorem 3.2.
 
     Args:
         matrix: Symmetric mass matrix M, row-major, (36,).
@@ -98,8 +97,7 @@ def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
     """Add the wrench of weight and buoyancy ON the vehicle about CO to `out`.
 
     The force is (W - B) down, the moment (W r_g - B r_b) x down; Fossen (4.3)-(4.6) with the sign of a force
-    on
-    the vehicle.
+    on the vehicle.
 
     Args:
         balance: W - B and W r_g - B r_b, (4,), from `balance`.

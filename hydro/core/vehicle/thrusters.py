@@ -244,8 +244,7 @@ def lag_decay(row: Array, dt: float) -> float:
     """Return the factor of the distance from steady state over a time dt [s]: exp(-dt/T) or (1 - h/T)^(dt/h).
 
     T is the time constant and h the step of a source that integrates by Euler's method.  The exponent dt/h
-    may be
-    any real number, so two parts of a step give the same lag as the whole step.
+    may be any real number, so two parts of a step give the same lag as the whole step.
 
     Args:
         row: Row of the thruster table.
@@ -298,8 +297,7 @@ def inflow_speed(row: Array, nu_r: Array) -> float:
     """Return the speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
 
     d is the direction of the thrust, r the position, and b the unit wrench without the reaction torque, which
-    has
-    no lever arm.
+    has no lever arm.
 
     Args:
         row: Row of the thruster table.
