@@ -124,7 +124,7 @@ class Posterior:
         return sorted(found, key=lambda each: -each[1])
 
     def scales(self, wiring: Wiring) -> Array:
-        """Return the probability of each of SCALES given an assignment of columns and signs, (M,).
+        """Return the probability of each of M SCALES given an assignment of columns and signs, (M,).
 
         Raises:
             ValueError: The order of columns was not evaluated.

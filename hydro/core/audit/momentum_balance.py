@@ -70,8 +70,7 @@ GEOMETRY = 0.15
 """Standard deviation of the errors of the file's lever arms, directions and cross inertias.
 
 It is relative to the root mean square acceleration per newton of the thrusters on an axis, and equals 1 to 2
-cm
-of a lever arm, or 10 degrees.
+cm of a lever arm, or 10 degrees.
 """
 LEAST_ARM = 0.25
 """Minimum root mean square acceleration per newton on an axis, for axes without thrust in the file.

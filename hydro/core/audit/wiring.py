@@ -55,7 +55,11 @@ class Wiring:
             yield tuple(changed)
 
     def apply(self, commands: Array) -> Array:
-        """Return logged commands (N, n) in the order and with the signs that the file expects."""
+        """Return logged commands in the order and with the signs that the file expects.
+
+        Args:
+            commands: Commands of n columns in N rows, (N, n).
+        """
         return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
 
     def columns(self) -> tuple[str, ...]:

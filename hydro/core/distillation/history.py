@@ -53,8 +53,9 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
     """Return the past velocities at every row of a recording.
 
     Args:
-        nu: Velocities (N, 6) [m/s, rad/s].
-        bounds: First and past-the-last row of each unbroken segment (S, 2); the past does not cross segments.
+        nu: Velocities in N rows, (N, 6) [m/s, rad/s].
+        bounds: First and past-the-last row of each of S unbroken segments, (S, 2); the past does not cross
+            segments.
         window: Number of velocities, including the present one.
         stride: Rows between two of these velocities.
 

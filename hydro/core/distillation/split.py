@@ -102,11 +102,11 @@ def block_bounds(bounds: Rows, block: int) -> Rows:
     """Cut segments into blocks; the last block of each segment takes the remainder.
 
     Args:
-        bounds: First and past-the-last row of each segment, (S, 2).
+        bounds: First and past-the-last row of each of S segments, (S, 2).
         block: Rows per block.
 
     Returns:
-        First and past-the-last row of each block, (B, 2).
+        First and past-the-last row of each of B blocks, (B, 2).
 
     Raises:
         DataError: `block` is below 1.

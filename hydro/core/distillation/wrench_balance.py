@@ -29,7 +29,7 @@ def names(thrusters: int) -> list[str]:
 
 
 def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
-    """Return the named columns of a table as one C-contiguous float64 array, (N, k)."""
+    """Return k columns of a table of N rows as one C-contiguous float64 array, (N, k)."""
     out = np.empty((frame.height, len(names)))
     for i, name in enumerate(names):
         out[:, i] = frame[name].to_numpy()
@@ -56,7 +56,7 @@ class Terms(NamedTuple):
     Attributes:
         motion: nu and nu_dot of CO, body axes, (N, 6, 2).
         attitude: phi, theta, psi [rad], (N, 3).
-        thrust: Thrusts [N], (N, n).
+        thrust: Thrusts of n thrusters [N], (N, n).
         forces: Wrenches of the effects to subtract, (N, 6) [N, N m]; (0, 6) if none are subtracted.
     """
 
@@ -71,7 +71,7 @@ def constants(vehicle: Vehicle, table: Array) -> Constants:
 
     Args:
         vehicle: The vehicle.
-        table: Its thruster table, (n, columns).
+        table: Thruster table of its n thrusters, (n, columns).
     """
     mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
     return Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
@@ -85,7 +85,8 @@ def label_kernel(rows: Terms, known: Constants, start: int, out: Array32) -> Non
         rows: Terms of the rows.
         known: Constants of the vehicle.
         start: First row to write.
-        out: Output: columns nu, nu_dot, thrusts, tau_prop, tau_res in the order of `names`, (24 + n, N).
+        out: Output: columns nu, nu_dot, thrusts, tau_prop, tau_res of all N rows in the order of `names`, for
+            n thrusters, (24 + n, N).
     """
     motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
     configuration, mass, weight = known.configuration, known.mass, known.weight

@@ -46,7 +46,7 @@ class Place:
     Attributes:
         words: Description in words, such as "while turning left".
         axis: Number of the axis.
-        met: Mask of the pieces of time in which the condition is met, (P,).
+        met: Mask of P pieces of time in which the condition is met, (P,).
         share: Share of all unexplained error that lies in this place and in no place listed earlier.
     """
 
@@ -103,7 +103,7 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """Return the mask of the pieces of time in which each of several places is met, (P,), by its words.
+    """Return the mask of P pieces of time in which each of several places is met, (P,), by its words.
 
     Args:
         wanted: Words of the places, such as "while turning left".

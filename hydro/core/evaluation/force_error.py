@@ -139,7 +139,7 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return noise of the 12 channels, (N, 12), interpolated linearly in rows without a sample."""
+    """Return noise of 12 channels in N rows, interpolated linearly in rows without a sample, (N, 12)."""
     if record.seen is None:
         return noise
     out = np.zeros_like(noise)

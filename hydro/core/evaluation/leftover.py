@@ -98,7 +98,7 @@ def leftover(
 
 
 def with_samples(record: Recording) -> Mask:
-    """Return the mask of rows with a sample of attitude and velocity, (N,).
+    """Return the mask of N rows with a sample of attitude and velocity, (N,).
 
     Raises:
         DataError: A channel of attitude or velocity has samples in fewer than SAMPLED of the rows.
@@ -219,7 +219,7 @@ def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[
 
 
 def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
-    """Return the mean of values whose errors are shared within blocks, with its interval.
+    """Return the mean of P values whose errors are shared within blocks, with its interval.
 
     Args:
         values: Values, (P,).
@@ -262,7 +262,7 @@ def steady_force(program: Program, speeds: Array, against: int) -> Array:
 
     Args:
         program: Compiled vehicle.
-        speeds: Velocities through the water along the axis, (K,) [m/s, rad/s].
+        speeds: K velocities through the water along the axis, (K,) [m/s, rad/s].
         against: Number of the axis, 0 to 5; the vehicle is at rest in all other axes.
 
     Returns:

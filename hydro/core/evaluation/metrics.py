@@ -56,7 +56,7 @@ def measure(
     """Return root mean square error, mean absolute error and R^2 of each axis and of all together.
 
     Args:
-        truth: Measured values, (N, 6).
+        truth: Measured values in N rows, (N, 6).
         predicted: Predicted values, (N, 6).
         blocks: Block of each row, (N,): ids or numbers; see `consecutive`.
         subject: Model, dataset and variant, which every row of the result names.

@@ -54,5 +54,10 @@ class Misfit:
 
 
 def counted(values: Array, seen: Mask | None) -> Array:
-    """Return values (N, C) of rows with a sample, and 0 elsewhere; `seen` None means samples everywhere."""
+    """Return values of C channels in N rows, (N, C), set to 0 where there is no sample.
+
+    Args:
+        values: The values, (N, C).
+        seen: Mask of the samples, (N, C); None if every value is a sample.
+    """
     return values if seen is None else values * seen

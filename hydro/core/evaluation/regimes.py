@@ -50,7 +50,7 @@ NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 
 @dataclass(frozen=True)
 class Pieces:
-    """Recording cut into pieces of a fifth of a second, and into blocks of many pieces.
+    """Recording cut into P pieces of a fifth of a second, and into blocks of many pieces.
 
     Attributes:
         starts: First row of each piece, (P,).
@@ -80,14 +80,14 @@ class Pieces:
         return cls(np.concatenate(starts), np.concatenate(block), np.concatenate(segment))
 
     def total(self, values: Array) -> Array:
-        """Return sums over each of P pieces of values of every row, (N, ...) -> (P, ...)."""
+        """Return sums over each of P pieces of values in N rows, (N, ...) -> (P, ...)."""
         sums: Array = np.add.reduceat(values, self.starts, axis=0)
         return sums
 
 
 @dataclass(frozen=True)
 class Family:
-    """Conditions of one kind, of which each piece of time meets at most one.
+    """Conditions of one kind, of which each of P pieces of time meets at most one.
 
     Attributes:
         by: Name of the kind, such as `turn` or `speed`.
@@ -114,7 +114,7 @@ class Condition:
     Attributes:
         family: The family.
         words: Description in words.
-        met: Mask of the pieces of time that meet the condition, (P,).
+        met: Mask of P pieces of time that meet the condition, (P,).
     """
 
     family: Family

@@ -231,7 +231,13 @@ def last_samples(errors: Array, seen: Mask | None) -> Array:
 
 
 def root_mean_square(errors: Array) -> Array:
-    """Return the root mean square of each column of errors (S, C) without NaN, (C,); NaN if all are NaN."""
+    """Return the root mean square of each of C columns of errors, without NaN, (C,).
+
+    The result is NaN where all errors are NaN.
+
+    Args:
+        errors: Errors of S predictions, (S, C).
+    """
     there = np.isfinite(errors)
     squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
     return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)

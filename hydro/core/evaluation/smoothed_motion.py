@@ -89,7 +89,7 @@ def turned(attitude: Array) -> Array:
     Unlike Euler angles this turn is continuous through the vertical, so it can be smoothed.
 
     Args:
-        attitude: phi, theta, psi of consecutive rows, (n, 3) [rad].
+        attitude: phi, theta, psi of n consecutive rows, (n, 3) [rad].
     """
     R = scipy.spatial.transform.Rotation.from_euler("ZYX", attitude[:, ::-1])
     steps = (R[:-1].inv() * R[1:]).as_rotvec()

@@ -89,7 +89,7 @@ class Windows:
         """Return predictions of one length as shots, with unit noise.
 
         Args:
-            starts: First row of each shot, (S,).
+            starts: First row of each of S shots, (S,).
             segment: Segment of each shot, (S,).
             length: Number of rows of each shot.
         """

@@ -86,7 +86,7 @@ class Yardstick:
         weights: Weights of the axes, from the inertia of the vehicle.
         damped: Least-squares predictor of each of six axes, fitted to the whole training recording.
         left_out: Fits without each fold of the training recording, for predictions of that fold.
-        fold: Fold of each row of the training recording, (N,); empty without folds.
+        fold: Fold of each of N rows of the training recording, (N,); empty without folds.
     """
 
     vehicle: Vehicle
@@ -238,8 +238,8 @@ def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Arra
 
     Args:
         damped: Coefficients of A axes.
-        first: Velocities at the start, (S, A).
-        tau: Wrenches, already delayed, (S, K, A).
+        first: Velocities at the start of S predictions, (S, A).
+        tau: Wrenches in K rows, already delayed, (S, K, A).
         dt: Time from row to row [s].
 
     Returns:

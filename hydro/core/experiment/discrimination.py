@@ -121,7 +121,8 @@ def distance(total: Array, information: Array) -> float:
     """Return the squared difference of two models after one has changed its values to imitate the other.
 
     Args:
-        total: Gram matrix of the imitating model in a flight of the other, from `gram`, (P + 1, P + 1).
+        total: Gram matrix of the imitating model, with P components, in a flight of the other, from `gram`,
+            (P + 1, P + 1).
         information: Information matrix of the imitating model's values from the recording, (P, P).
 
     Returns:
@@ -161,7 +162,7 @@ def expected(rival: Rival, total: Array) -> list[Expected]:
     """Return the standard errors that a flight leaves for the effect that distinguishes a model.
 
     Args:
-        rival: The model.
+        rival: The model, with P free components.
         total: Gram matrix of the model in the flight, (P + 1, P + 1).
 
     Returns:
@@ -201,8 +202,8 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
     Args:
         vehicle: The vehicle.
         effects: Names in the catalogue.
-        reach: Positions and times of the recording, (N, 4) [m, s], candidates for the place of a tether's
-            anchor.
+        reach: Positions and times of the N rows of the recording, (N, 4) [m, s], candidates for the place of
+            a tether's anchor.
     """
     found: dict[str, Unseen] = {}
     for one in suspects(vehicle, reach=reach, completing=True) if effects else ():
@@ -221,7 +222,7 @@ def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list
     """Return the standard errors of effects that the recording does not show, each added to the model alone.
 
     Args:
-        rival: Model without these effects.
+        rival: Model without these effects, with P free components.
         asked: K components of the effects in the order of the columns of `total`.
         total: Gram matrix of the model in the flight, with the effects as `more`, (P + K + 1, P + K + 1).
 

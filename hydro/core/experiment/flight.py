@@ -93,7 +93,7 @@ class Limits:
         """Return whether a motion stays within the limits of depth and space.
 
         Args:
-            motion: Pose, NED, and body velocity, (N, 12) [m, rad, m/s, rad/s].
+            motion: Pose, NED, and body velocity in N rows, (N, 12) [m, rad, m/s, rad/s].
         """
         away = np.hypot(*(motion[:, :2] - motion[0, :2]).T)
         z, (low, high) = motion[:, 2], self.depth
@@ -111,7 +111,7 @@ class Question:
         sigma: Standard deviations of pose and velocity at the library's log rate, (12,) [m, rad, m/s, rad/s]:
             the root mean square residual of each channel, at least the sensor noise.
         pose: Default start pose of a flight, NED, (6,) [m, rad].
-        reach: Positions and times of the recording, (N, 4) [m, s].
+        reach: Positions and times of the N rows of the recording, (N, 4) [m, s].
     """
 
     ties: tuple[tuple[Rival, ...], ...]

@@ -51,8 +51,8 @@ class Manoeuvre:
     Attributes:
         name: Name of one or two words.
         words: Instructions for a pilot.
-        commands: Effective commands (`recording.supply`) of n thrusters in [-1, 1], (N, n).  Row k is held on
-            [t_k, t_k+1), t_k = k / `excitation.LOG_RATE`.
+        commands: Effective commands (`recording.supply`) of n thrusters in N rows, in [-1, 1], (N, n).  Row k
+            is held on [t_k, t_k+1), t_k = k / `excitation.LOG_RATE`.
         vehicle: Vehicle whose thrust curves convert effective to real commands; None if `commands` are real
             ones.
     """
@@ -92,7 +92,7 @@ class Manoeuvre:
 
 
 def powers(vehicle: Vehicle) -> Array:
-    """Return the exponent p of each thruster's curve, thrust ~ |command|^p, (n,)."""
+    """Return the exponent p of the curve of each of n thrusters, thrust ~ |command|^p, (n,)."""
     found: Array = thruster_table(vehicle)[:, POWER]
     return found
 

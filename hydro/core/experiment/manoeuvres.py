@@ -155,7 +155,8 @@ def predicted_shots(
     Args:
         model: Model that predicts the flight.
         manoeuvre: Commands of the flight.
-        motion: True pose, NED, and body velocity, (N, 12) [m, rad, m/s, rad/s]; gives the initial states.
+        motion: True pose, NED, and body velocity in N rows, (N, 12) [m, rad, m/s, rad/s]; gives the initial
+            states.
         sigma: Standard deviations of the sensors, (12,) [m, rad, m/s, rad/s].
         lead: Time at the start of each shot that is predicted but not compared, for late sensors [s].
     """

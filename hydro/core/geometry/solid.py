@@ -54,8 +54,8 @@ def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
     """Return volume, centroid and moments of a closed triangulated surface, exact for the polyhedron.
 
     Args:
-        vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside.
+        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
+        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3).
 
     Raises:
         DataError: The surface is not closed, not consistently oriented, inside out, or crosses itself.
@@ -89,8 +89,9 @@ def radiated_added_mass(vertices: ArrayLike, faces: ArrayLike, density: float) -
     surface there are no waves, and the result holds at every frequency.
 
     Args:
-        vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside; at most MOST_FACES.
+        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
+        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3); F is at most
+            MOST_FACES.
         density: Water density [kg/m^3].
 
     Returns:

@@ -32,8 +32,8 @@ LEVEL = 1.0 / 500.0
 RESERVE = 4.0
 """Factor by which the spent level is below LEVEL: heavy-tailed scatter causes more alarms than Student's t.
 
-Simulated Student-t(3) scatter with standard errors one to four times too small caused 9 alarms in 3,120
-dives without this reserve and 6 with it.
+Simulated Student-t(3) scatter with standard errors one to four times too small caused 9 alarms in 3,120 dives
+without this reserve and 6 with it.
 """
 AFTER = 2
 """Minimum number of dives after a shift: a single odd dive is not a change of the vehicle."""
@@ -153,7 +153,8 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
     """Return the scatter of the estimates about their means, shrunk towards that of all parameters.
 
     Args:
-        squares: Weighted sum of squares about the means before and after each of K dates, (P, K).
+        squares: Weighted sum of squares of P parameters about their means before and after each of K dates,
+            (P, K).
         freedom: Degrees of freedom of these sums, (P, K).
         tested: Which of them count, (P, K).
 

@@ -29,8 +29,7 @@ STEPS = 2
 """Number of Gauss-Newton steps.
 
 Thrust, buoyancy and drag act almost linearly over a shot of two seconds; the second step corrects the drag
-for
-the current that the first step found.
+for the current that the first step found.
 """
 FARTHEST = 2.0
 """Maximum distance from the baseline, in prior standard deviations: farther away, predictions diverge."""
@@ -40,7 +39,7 @@ LEAST_GOOD_SHOTS = 12
 
 @dataclass(frozen=True)
 class Estimate:
-    """Parameters of one dive.
+    """Estimates of P parameters from one dive.
 
     Attributes:
         values: Values in the order of the baseline's parameters, (P,).

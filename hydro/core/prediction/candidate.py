@@ -54,7 +54,7 @@ class Candidate:
 
     @property
     def thrusters(self) -> Array:
-        """Thruster table, (n, COLUMNS)."""
+        """Thruster table of the n thrusters, (n, COLUMNS)."""
         table: Array = thrusters_of(self.program.flat)
         return table
 
@@ -78,7 +78,7 @@ def candidate(vehicle: Vehicle) -> Candidate:
 
 
 def rotor_states(model: Candidate, record: Recording) -> Array:
-    """Return the lag states of the thrusters just before every row of a recording, (N, n).
+    """Return the lag states of n thrusters just before each of N rows of a recording, (N, n).
 
     A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
     """
@@ -92,7 +92,7 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 
 
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
-    """Return the mean of the thrusters' lag states just before and just after every row, (N, n).
+    """Return the mean of the lag states of n thrusters just before and after each of N rows, (N, n).
 
     A rotor without lag jumps at a row.
     """
@@ -113,7 +113,7 @@ def true_velocity(model: Candidate, record: Recording, logged: Array) -> Array:
 
     Args:
         model: Vehicle, with the DVL errors to correct.
-        record: Recording, for its times and segments.
+        record: Recording of N rows, for its times and segments.
         logged: Logged velocity, (N, 6) [m/s, rad/s].
     """
     if not model.log.any():
@@ -162,7 +162,7 @@ def accelerations_at(
         record: Recording of N rows, with its commands.
         eta: Pose, NED, (N, 6) [m, rad].
         nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
-        rotors: Lag states of the thrusters at the rows, (K, n).
+        rotors: Lag states of n thrusters at the rows, (K, n).
     """
     out = np.empty((rows.size, 6))
     memory = memories(model, record, eta, nu)[rows]
@@ -176,7 +176,10 @@ def accelerations_at(
 
 
 def commands_before(record: Recording) -> Array:
-    """Return the commands of the previous row, (N, n); the first row of a segment keeps its commands."""
+    """Return the commands of n thrusters in the row before each of N rows, (N, n).
+
+    The first row of a segment keeps its own commands.
+    """
     previous = np.arange(-1, record.rows - 1)
     previous[record.segments[:, 0]] += 1
     return record.commands[previous]

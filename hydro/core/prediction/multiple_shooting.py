@@ -67,7 +67,7 @@ class InitialStates(NamedTuple):
 
     Attributes:
         first: States of the body: position, quaternion, nu, (S, 13).
-        rotors: Lag states of the thrusters, (S, n).
+        rotors: Lag states of n thrusters, (S, n).
         memory: Internal states of the effects, (S, states).
     """
 
@@ -120,7 +120,7 @@ def places_of(shots: Shots, part: slice) -> Places:
 
 
 def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
-    """Return which shots a candidate predicts without divergence, (S,).
+    """Return which of S shots a candidate predicts without divergence, (S,).
 
     Args:
         prepared: The candidate, prepared for the shots.
@@ -171,11 +171,11 @@ def initial_residuals(model: Candidate, shots: Shots) -> Array:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Candidate with its initial rotor and internal states in every shot.
+    """Candidate with its initial rotor and internal states in each of S shots.
 
     Attributes:
         model: The candidate.
-        rotors: Lag states of the thrusters, (S, n).
+        rotors: Lag states of n thrusters, (S, n).
         memory: Internal states of the effects, (S, states).
     """
 
@@ -228,7 +228,7 @@ def predict(
 
     Args:
         prepared: The candidate, prepared for the shots.
-        shots: The shots.
+        shots: The S shots.
         first: Initial states of all shots, (S, 13); by default those of `shots`.
         part: Slice of the s shots to predict.
 
@@ -263,7 +263,7 @@ def residuals(
 
     Args:
         prepared: The candidate, prepared for the shots.
-        shots: The shots.
+        shots: The S shots.
         first: Initial states of all shots, (S, 13); by default those of `shots`.
         part: Slice of the s shots to predict.
         calmed: Whether to whiten the residuals of shots in waves for the waves' covariance.
@@ -279,7 +279,7 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Return the sum of squared residuals of each shot and its anchor, (S,); infinite if a shot diverges."""
+    """Return the squared residuals of each of S shots and its anchor, (S,); infinite if a shot diverges."""
 
     def work(begin: int) -> Array:
         error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
@@ -302,7 +302,7 @@ def displaced(first: Array, shift: Array) -> Array:
     """Return states of a body after small displacements.
 
     Args:
-        first: Position, quaternion and nu, (S, 13).
+        first: Position, quaternion and nu of S states, (S, 13).
         shift: Displacement of position, small rotation about body axes, and nu, (S, 12) or (1, 12).
     """
     out, (a, b, c) = np.empty((len(first), BODY)), 0.5 * shift[:, 3:6].T
@@ -320,7 +320,7 @@ def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Ar
     The difference of attitudes is twice the vector part of q_predicted^* q_measured: a small rotation.
 
     Args:
-        predicted: Predicted states of shots, (S, K, 13).
+        predicted: Predicted states of S shots of K rows, (S, K, 13).
         measured: Measured states of the same rows.
         lead: Rows at the beginning of a shot that are left out.
         weight: Weights of the differences, (12,).
@@ -346,9 +346,10 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
 
     Args:
         flat: Flat vector of the vehicle's program.
-        places: Places of the shots.
+        places: Places of the S shots.
         initial: Initial states of the shots.
-        out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
+        out: Output: predicted state of the body in K rows of each shot, (S, K, 13); NaN after a row that is
+            not finite.
         answers: Output: responses to changes; or None.
     """
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are

@@ -140,7 +140,7 @@ def taken(gram: Array, first: int, known: Array) -> Array:
     The number is `first` if the data alone determine the unknowns, and less if the prior does.
 
     Args:
-        gram: Gram matrices of the pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
+        gram: Gram matrices of S pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
         first: Number of unknowns that are eliminated from each piece.
         known: Prior information on the unknowns, (S, first).
     """
@@ -156,7 +156,7 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
     """Return the step d within [low, high] that minimises d^T matrix d - 2 score^T d.
 
     Args:
-        matrix: Positive definite matrix, (P, P).
+        matrix: Positive definite matrix of P unknowns, (P, P).
         score: Right-hand side, (P,).
         low: Least steps, (P,).
         high: Greatest steps, (P,).
@@ -182,7 +182,7 @@ def block_length(scores: Array) -> int:
     block.
 
     Args:
-        scores: X^T e of each piece, (S, P).
+        scores: X^T e of each of S pieces, for P parameters, (S, P).
     """
     pieces = len(scores)
     size = np.sqrt((scores**2).sum(axis=0))
@@ -207,7 +207,7 @@ def covariance(normal: Normal, prior: Array) -> Array:
     model.  The prior applies where the data hold no information.
 
     Args:
-        normal: The problem at the estimate.
+        normal: The problem with P parameters at the estimate.
         prior: Information added to the diagonal, (P,), positive.
 
     Returns:

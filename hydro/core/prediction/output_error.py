@@ -99,7 +99,7 @@ class OutputError:
 
         Args:
             vehicle: Vehicle after the step.
-            step: Step of the parameters, (P,).
+            step: Step of the P parameters, (P,).
             normal: Problem linearised before the step.
         """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step

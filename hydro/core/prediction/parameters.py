@@ -116,7 +116,8 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         vehicle: The vehicle.
         effects: Effects to fit: names in the catalogue, with `.parameter` behind the name where there is a
             choice (`linear_damping.matrix`), or `[[effect]]` tables with initial values.
-        reach: Positions and times of the recording, (N, 4) [m, s], candidates for the place of an anchor.
+        reach: Positions and times of the N rows of the recording, (N, 4) [m, s], candidates for the place of
+            an anchor.
 
     Raises:
         DataError: A name is unknown, given twice, or that of a random effect.
@@ -168,7 +169,7 @@ def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
     """Return the `[[effect]]` table of one fitted effect, filled with given numbers.
 
     Args:
-        free_: Free components.
+        free_: P free components.
         name: Name of the effect.
         values: Number of each free component, such as its value or its standard error, (P,).
     """

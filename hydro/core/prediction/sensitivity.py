@@ -58,7 +58,8 @@ class Varied:
     Attributes:
         of: Indices of these Q parameters among all, (Q,).
         changes: Their changes of the program.
-        ahead: Change of the initial internal states of every shot per unit of each parameter, (S, states, Q).
+        ahead: Change of the initial internal states of each of S shots per unit of each parameter, (S,
+            states, Q).
         own: Initial internal states of added effects in every shot, (S, all).
     """
 

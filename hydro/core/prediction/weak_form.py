@@ -51,7 +51,7 @@ class Windows:
         record: The recording of N rows.
         eta: Smoothed pose, (N, 6).
         nu: Smoothed velocity as logged, (N, 6).
-        rows: The rows that windows cover, ascending, (K,).
+        rows: The K rows that windows cover, ascending, (K,).
         starts: Index in `rows` of the first row of each window, (W,).
         test: phi at the rows of a window, times dt, (L,).
         slope: phi' at these rows, (L,).
@@ -163,7 +163,7 @@ class Windows:
         """Return the integrals over W windows of k signals times the test function, (W, k).
 
         Args:
-            values: Signals at the rows of the windows, (K, k).
+            values: Signals at the K rows of the windows, (K, k).
         """
         count, length = len(self.starts), self.test.size
         window = (self.starts[:, None] + np.arange(length)).ravel()
@@ -172,12 +172,12 @@ class Windows:
         return found
 
     def changes(self, values: Array) -> Array:
-        """Return integrals over W windows of the time derivative of signals times the test function, (W, k).
+        """Return integrals over W windows of the rate of k signals times the test function, (W, k).
 
         Integration by parts moves the derivative to the test function.
 
         Args:
-            values: Signals at the rows of the windows, (K, k).
+            values: Signals at the K rows of the windows, (K, k).
         """
         window = self.starts[:, None] + np.arange(self.test.size)
         return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
@@ -232,7 +232,7 @@ class Windows:
         return Normal(gram, self.freedom, error**2, np.zeros((len(error), 0, len(moved) + 1)))
 
     def columns(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Array:
-        """Return whitened derivatives of the prediction by each of P parameters, and the residual.
+        """Return whitened derivatives of the nine equations of W windows by P parameters, and the residual.
 
         Args:
             base: The vehicle.

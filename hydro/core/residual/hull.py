@@ -139,7 +139,7 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
 
 
 def stretches(shots: Shots) -> Rows:
-    """Return the cross-validation fold of each shot, (S,): stretches of STRETCH seconds in turn."""
+    """Return the cross-validation fold of each of S shots, (S,): stretches of STRETCH seconds in turn."""
     seconds = (shots.length - shots.lead) * shots.record.dt
     number = np.arange(len(shots.starts)) // max(round(STRETCH / seconds), 1)
     return np.asarray(number % min(FOLDS, int(number[-1]) + 1), np.int64)

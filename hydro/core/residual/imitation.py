@@ -29,7 +29,7 @@ def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Arr
         file: The vehicle without the change.
         unknown: P components fitted to the recording after the change.
         values: Fitted values of the components, (P,).
-        fold: Number of the stretch of each shot, (S,).
+        fold: Number of the stretch of each of S shots, (S,).
 
     Returns:
         Deviations from no change, in the scales of the components, (stretches, P).

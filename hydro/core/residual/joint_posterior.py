@@ -5,14 +5,14 @@ The residual e of the recording after the changes is linear in their values d ne
     e = J d + L h + n,
 
 with the sensitivities J, the hull-force model's error h, its response L h, and the noise n.  Neither L h nor
-n
-is white: both persist, and L h recurs with the motion.  So their covariance comes from data, not from a
-formula:
+the noise is white: both persist, and L h recurs with the motion.  So their covariance comes from data, not
+from a formula:
 
 - Stretches of the recording before the changes give draws of what L h adds to the values (`imitation`).
-- Stretches of the recording after the changes give the scatter of the scores J^T e (the sandwich estimator
-for
-  clustered errors, White 1982, Liang and Zeger 1986).
+- Stretches of the recording after the changes give the scatter of the scores J^T e.
+
+The scatter of the scores is used in a sandwich estimator for clustered errors (White 1982, Liang and Zeger
+1986).
 
 Entries that the search held at the file's values may have changed a little, and then bias the other entries.
 So they are free here, with a normal prior about the file's values.  Its standard deviation has the maximum
@@ -72,10 +72,10 @@ def joint_posterior(
 
     Args:
         normal: Least-squares problem of the recording after the changes, linearised about `here`.
-        here: Values at the linearisation, (P,), in scales.
+        here: Values of P components at the linearisation, (P,), in scales.
         prior: Prior of the values.
         bounds: Least and greatest values, (P,) each, in scales.
-        fold: Number of the stretch of each shot, (S,).
+        fold: Number of the stretch of each of S shots, (S,).
         imitated: Draws of the hull-force model's error in the values, from `imitations`, (stretches, P).
         held: Mask of the entries that the search held at the centre of the prior, (P,).
     """
@@ -120,7 +120,7 @@ def widening(parts: Array, freedoms: Array) -> Array:
     """Return the factor on standard errors whose variance is uncertain, at least 1, (P,).
 
     Args:
-        parts: Independent estimates whose sum is the variance, (parts, P).
+        parts: Independent parts whose sum is the variance of each of P values, (parts, P).
         freedoms: Degrees of freedom of each estimate, (parts, 1).
     """
     total = parts.sum(axis=0)

@@ -97,7 +97,7 @@ class Learnt:
 
 
 def coriolis(mass: Array, nu: Array) -> Array:
-    """Return C(nu) nu of many velocities, (N, 6) (Fossen 2011, theorem 3.2).
+    """Return C(nu) nu of N velocities, (N, 6) (Fossen 2011, theorem 3.2).
 
     Args:
         mass: Mass matrix M, (6, 6).

@@ -91,14 +91,14 @@ class Flow:
 
 
 def terms(flow: Flow) -> Array:
-    """Return the F library terms at every row of a motion, (N, F)."""
+    """Return the F library terms at each of N rows of a motion, (N, F)."""
     nu = flow.nu
     pairs = np.stack([np.abs(nu[:, i]) * nu[:, j] for i, j in PAIRS], axis=1)
     return np.hstack([features(np.hstack([nu, flow.nu_dot])), pairs, flow.down, np.ones((len(nu), 1))])
 
 
 def sizes(vehicle: Vehicle) -> Array:
-    """Return the prior standard deviation of the coefficient of each library term on each axis, (F, 6)."""
+    """Return the prior standard deviation of the coefficients of F library terms on each axis, (F, 6)."""
     box, rho = vehicle.hull, vehicle.environment.water_density
     lever = 0.5 * box.length
     area = (box.length * box.width + box.width * box.height + box.height * box.length) / 3.0

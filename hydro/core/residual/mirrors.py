@@ -64,7 +64,7 @@ SCRATCH = 155
 
 
 def products(z: Array) -> Array:
-    """Return the products |z_i| z_j, then z_i z_j with i <= j, (N, PRODUCTS), for vectors z (N, 6)."""
+    """Return the products |z_i| z_j, then z_i z_j with i <= j, (N, PRODUCTS), for N vectors z (N, 6)."""
     signed = [np.abs(z[:, [i]]) * z for i in range(AXES)]
     return np.hstack([*signed, *(z[:, [i]] * z[:, i:] for i in range(AXES))])
 

@@ -74,7 +74,7 @@ def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
     Args:
         vehicle: Vehicle file.
         transitions: Shots of the recording, with their responses to forces.
-        fold: Number of the stretch of each shot for cross-validation, (S,), from 0 on without a gap.
+        fold: Number of the stretch of each of S shots for cross-validation, (S,), from 0 on without a gap.
 
     Raises:
         DataError: There are fewer than two stretches.
@@ -136,7 +136,7 @@ def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[
 
     Args:
         transitions: Shots of the recording, with their responses to forces.
-        library: The F terms at every row of the recording, (N, F).
+        library: The F terms at each of N rows of the recording, (N, F).
         prior: Units of the coefficients, six axes for each term, (6 F,).
 
     Yields:
@@ -164,7 +164,7 @@ def thinning(shots: Shots) -> int:
 
 
 def robust(squares: Array) -> Array:
-    """Return robust weights of shots from their squared residuals (S,), 0 to 1, (S,).
+    """Return robust weights of S shots from their squared residuals (S,), 0 to 1, (S,).
 
     The weights are those of Student's t, relative to the median.  Model errors grow with the motion; without
     weights, a few violent shots would dominate.

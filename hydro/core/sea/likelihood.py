@@ -272,7 +272,7 @@ def _velocity_spectrum(seen: Coefficients, height: float, top: float, raised: fl
 
 
 def spectra(seen: Coefficients, at: Array) -> Array:
-    """Return the expected spectral matrix of waves and continua at each frequency, (F, 3, 3).
+    """Return the expected spectral matrix of waves and continua at each of F frequencies, (F, 3, 3).
 
     Args:
         seen: Fourier coefficients of the recording.

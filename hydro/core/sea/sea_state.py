@@ -148,7 +148,7 @@ def sea_state(water: Array, record: Recording, gravity: float) -> SeaState | Non
 
     Args:
         water: Water velocity that explains the recording, NED, from `water_motion`, (N, 3) [m/s].
-        record: Recording.
+        record: Recording of N rows.
         gravity: Acceleration of gravity [m/s^2].
 
     Returns:

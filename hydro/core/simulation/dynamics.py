@@ -58,7 +58,7 @@ class Motion(NamedTuple):
 
     Attributes:
         flat: Flat vector of the vehicle's program.
-        facets: Hull of the panel method, (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
+        facets: Hull of the panel method, F facets, (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
         y: Integrated state: position, unit quaternion, nu and internal states of the effects, (13 + states,).
         s: State of motion of `core.effects.layout` at the last evaluation, optionally followed by a held
             wrench (`simulation.held`).
@@ -78,7 +78,7 @@ def afloat(flat: Array, facets: Array) -> Motion:
 
     Args:
         flat: Flat vector of the vehicle's program.
-        facets: Hull of the panel method, (8, F), or `NO_HULL`.
+        facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
     """
     size = BODY + int(flat[STATE_COUNT])
     return Motion(flat, facets, np.zeros(size), np.zeros(MOTION), np.zeros((4, size)))
@@ -136,7 +136,7 @@ def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
     Args:
         flat: Flat vector of the vehicle's program.
         s: State of motion, for the inflow speed.
-        rotors: Lag states of the thrusters, (n,).
+        rotors: Lag states of the n thrusters, (n,).
         tau: Wrench in body axes, (6,), added to.
     """
     begin = int(flat[THRUSTER_TABLE])
@@ -201,10 +201,10 @@ def rates_kernel(
 
     Args:
         flat: Flat vector of the vehicle's program.
-        facets: Hull of the panel method, (8, F), or `NO_HULL`.
+        facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
         y: Integrated state.
         s: State of motion; the time is read, the rest is overwritten.
-        rotors: Lag states of the thrusters, (n,).
+        rotors: Lag states of the n thrusters, (n,).
         tau: Workspace, (6,).
         rates: Output: rates of `y`; components 7 to 12 are nu_dot of CO.
     """

@@ -27,7 +27,7 @@ from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
 
 
 class Thrusters(NamedTuple):
-    """State of a vehicle's thrusters.
+    """State of a vehicle's n thrusters.
 
     Attributes:
         table: Thruster table (n, columns).
@@ -47,7 +47,7 @@ class Thrusters(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Commands of a segment of motion, and the time steps.
+    """Commands of n thrusters in N rows of a segment, and the time steps of the integration.
 
     Attributes:
         commands: Effective commands, (N, n); row k acts on [t_k, t_k+1), later by each thruster's delay.
@@ -120,7 +120,7 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
     """Compute the lag states at the start, middle and end of a step from the end of the previous step.
 
     Args:
-        target: Lag states to which the present commands lead, (n,).
+        target: Lag states of n thrusters to which the present commands lead, (n,).
         decay: Factor of the distance to `target` over half a step, (n,); 0 without lag.
         rotors: Lag states, (3, n); the last row is read, all are written.
     """
@@ -171,11 +171,11 @@ def step(
 
     Args:
         flat: Flat vector of the vehicle's program.
-        facets: Hull of the panel method, (8, F).
+        facets: Hull of the panel method, F facets, (8, F).
         y: Integrated state, changed.
         s: State of motion; its time is advanced.
         work: Workspace of `Motion`.
-        rotors: Lag states at the start, middle and end of the step, (3, n).
+        rotors: Lag states of n thrusters at the start, middle and end of the step, (3, n).
         h: Step [s].
         deviations: Small deviations to integrate too; or None.
     """

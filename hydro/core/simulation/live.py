@@ -84,7 +84,7 @@ class Live:
         """Advance the motion under constant commands.
 
         Args:
-            commands: Effective commands, one for each thruster, (n,) (`recording.supply`).
+            commands: Effective commands of the n thrusters, (n,) (`recording.supply`).
             length: Time to advance [s].
 
         Raises:

@@ -20,7 +20,7 @@ class Pilot(NamedTuple):
 
     Attributes:
         gains: Gains of the holds, (4, 2), as in `vehicle.control_allocation.Mixing`.
-        allocation: Pseudo-inverse of the configuration matrix B, (n, 6).
+        allocation: Pseudo-inverse of the configuration matrix B of n thrusters, (n, 6).
         table: Thruster table (n, columns) known to the pilot; that of the vehicle may contain hidden faults.
         wrenches: Demanded wrench in each row, body axes, (N, 6) [N, N m].
         depth: Depth to hold [m].
@@ -51,7 +51,10 @@ class Pilot(NamedTuple):
 
 @kernel
 def steer(pilot: Pilot, row: int, s: Array, tau: Array, commands: Array) -> None:
-    """Write the pilot's commands (n,) for a row, given the state of motion `s`; `tau` (6,) is workspace."""
+    """Write the pilot's commands for a row to `commands`, one for each of n thrusters, (n,).
+
+    `s` is the state of motion (`effects.layout`), `tau` (6,) workspace.
+    """
     copy_kernel(pilot.wrenches[row], tau)
     R, nu = s[ROTATION : ROTATION + 9], s[VELOCITY : VELOCITY + 6]
     hold_kernel(pilot.gains, R, s[POSITION + 2], nu, pilot.depth, pilot.heading, tau)

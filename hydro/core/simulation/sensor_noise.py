@@ -55,7 +55,7 @@ def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:
     """Return a logged motion with noise added.
 
     Args:
-        motion: x y z [m], phi theta psi [rad], u v w [m/s], p q r [rad/s], (N, 12).
+        motion: x y z [m], phi theta psi [rad], u v w [m/s], p q r [rad/s] in N rows, (N, 12).
         noise: Standard deviations.
         rng: Source of the noise.
 

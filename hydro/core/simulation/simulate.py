@@ -114,7 +114,7 @@ def trajectory(
 
     Args:
         program: The compiled vehicle.
-        commands: Effective commands of n thrusters, (N, n); row k is held on [t_k, t_k+1).
+        commands: Effective commands of n thrusters in N rows, (N, n); row k is held on [t_k, t_k+1).
         t: Times [s], (N,), ascending.
         eta: Initial pose, NED and ZYX Euler angles, (6,) [m, rad].
         nu: Initial velocity of CO over ground, body frame, (6,) [m/s, rad/s].

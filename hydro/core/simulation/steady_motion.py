@@ -29,7 +29,7 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
 
     Args:
         program: The compiled vehicle.
-        facets: Facets of its hull (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
+        facets: F facets of its hull, (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
         righting: Righting stiffness in roll and pitch, (2,) [N m/rad].
 
     Returns:
@@ -75,7 +75,7 @@ def fluid_wrench(program: Program, facets: Array, nu_r: Array) -> Array:
 
     Args:
         program: The compiled vehicle.
-        facets: Facets of its hull (8, F), or `NO_HULL`.
+        facets: F facets of its hull, (8, F), or `NO_HULL`.
         nu_r: Velocity through still water, body axes, (6,) [m/s, rad/s].
     """
     moving, resting = np.zeros(6), np.zeros(6)

@@ -107,7 +107,7 @@ class Middle(NamedTuple):
     Attributes:
         flat: Flat vector of the vehicle's program.
         s: State of motion of `core.effects.layout`.
-        rotors: Lag states of the thrusters, (n,).
+        rotors: Lag states of the n thrusters, (n,).
         y: Integrated state, (13 + states,).
         rates: Rates of `y`.
         tau: Workspace for a wrench, (6,).
@@ -161,7 +161,7 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
         flat: Flat vector of the vehicle's program.
         s: State of motion at the middle.
         work: Workspace of `Motion`: row 2 is the integrated state at the middle, row 0 its rates.
-        rotors: Lag states of the thrusters at the middle, (n,).
+        rotors: Lag states of the n thrusters at the middle, (n,).
         h: Step [s].
         deviations: The deviations, changed.
     """

@@ -106,7 +106,7 @@ def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
 
     Args:
         crew: Mixing of the thrusters.
-        wrenches: Wrench of each command of a servo at full deflection, (6, n), 0 for thrusters; see
+        wrenches: Wrench of each of n commands at full deflection of a servo, (6, n), 0 for thrusters; see
             `effects.steering.servo_wrenches`.
     """
     axes = [axis for axis in TURNING if crew.authority[axis] == 0.0]
@@ -156,7 +156,7 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
     allocation gives the command itself; it is zero without `with_servos`.
 
     Args:
-        allocation: Pseudo-inverse of B, (n, 6), as in `Mixing`.
+        allocation: Pseudo-inverse of B for n thrusters, (n, 6), as in `Mixing`.
         table: Thruster table, (n, columns).
         tau: Demanded wrench about CO, (6,) [N, N m].
         commands: Output: commands, (n,).

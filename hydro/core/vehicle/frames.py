@@ -69,7 +69,7 @@ def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, 
 
 
 def quaternion_product(q: Array, w: Array, x: Array, y: Array, z: Array) -> Array:
-    """Return the products of quaternions q with quaternions (w, x, y, z), (N, 4).
+    """Return the products of N quaternions q with quaternions (w, x, y, z), (N, 4).
 
     Args:
         q: Quaternions on the left, (N, 4).

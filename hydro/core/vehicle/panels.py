@@ -54,8 +54,8 @@ def panels(vertices: ArrayLike, faces: ArrayLike) -> Panels:
     """Compute facets, volume and centre of buoyancy of a closed triangulated surface.
 
     Args:
-        vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside.
+        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
+        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3).
 
     Returns:
         The panels.  Volume and centroid are sums over the tetrahedra from the origin to each facet (the
@@ -105,7 +105,7 @@ def superellipsoid(
         around: Number of points around each ring, a multiple of 4.
 
     Returns:
-        Vertices (V, 3) [m] and faces (F, 3), F = 2 around (along - 1).
+        V vertices, (V, 3) [m], and F faces, (F, 3), F = 2 around (along - 1).
 
     Raises:
         DataError: A size is not positive and finite.
@@ -149,7 +149,7 @@ def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
 
     Args:
         nu_r: Velocity of CO through the water, body axes, (6,) [m/s, rad/s].
-        facets: Facets from `loaded_facets`, (8, F); (8, 0) without a hull.
+        facets: F facets from `loaded_facets`, (8, F); (8, 0) without a hull.
         out: Wrench X Y Z K M N on the vehicle, body axes, (6,) [N, N m], added to.
     """
     u, v, w, p, q, r = nu_r[0], nu_r[1], nu_r[2], nu_r[3], nu_r[4], nu_r[5]

@@ -55,7 +55,7 @@ def same_states(table: Array, other: Array) -> bool:
 
 
 def configuration_matrix(vehicle: Vehicle) -> Array:
-    """Return the configuration matrix B, (6, n): the wrench about CO per newton of each thrust; paper (10).
+    """Return the configuration matrix B: wrench about CO per newton of each of n thrusts, (6, n); paper (10).
 
     It contains the placements in the file, without the reaction torques of actuator effects; for these see
     `UNIT_WRENCH` of `effects.thruster_table`.
@@ -70,7 +70,7 @@ def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
     """Return the smallest thrusts whose wrench is closest to a demanded wrench: pinv(B) tau.
 
     Args:
-        B: Configuration matrix, (6, n).
+        B: Configuration matrix of n thrusters, (6, n).
         tau: Demanded wrench in body axes, (..., 6) [N, N m].
 
     Returns:
@@ -80,7 +80,7 @@ def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
 
 
 def thruster_table(vehicle: Vehicle) -> Array:
-    """Return the vehicle's thrusters as rows of numbers for the kernels, (n, COLUMNS).
+    """Return the vehicle's n thrusters as rows of numbers for the kernels, (n, COLUMNS).
 
     Gain, asymmetry, inflow and reaction are 0 here; effects of kind `actuator` change them and other columns.
 
@@ -375,10 +375,10 @@ def lag_states(
     """Return the lag states of thrusters at any times of one segment.
 
     Args:
-        table: Thruster table, (n, COLUMNS).
-        commands: Effective commands, (N, n); row k is held on [t_k, t_k+1), the last row for ever.
+        table: Table of n thrusters, (n, COLUMNS).
+        commands: Effective commands in N rows, (N, n); row k is held on [t_k, t_k+1), the last row for ever.
         t: Times of the commands [s], (N,), ascending.
-        times: Times of the states [s], (M,), ascending, from t[0] on.
+        times: Times of M states [s], (M,), ascending, from t[0] on.
         settled: Whether to start in the steady state of the first command, as after a gap; else at rest, with
             a command of 0 before the first.
 
@@ -408,11 +408,11 @@ def thrusts(
     """Return the thrusts at every row of a log; paper (10).
 
     Args:
-        table: Thruster table, (n, COLUMNS): that of `effects.thruster_table`, which contains the vehicle's
-            actuator effects, or of `thruster_table` without them.
-        commands: Effective commands, (N, n).
+        table: Table of n thrusters, (n, COLUMNS): that of `effects.thruster_table`, which contains the
+            vehicle's actuator effects, or of `thruster_table` without them.
+        commands: Effective commands in N rows, (N, n).
         t: Times [s], (N,), ascending within each segment.
-        segments: First and past-the-last row of each segment, (S, 2).
+        segments: First and past-the-last row of each of S segments, (S, 2).
         after_gap: Which segments follow a gap within a session, (S,): these start in the steady state of
             their first command. All other segments start at rest; by default all do.
         nu_r: Velocity of CO relative to the water, body axes, (N, 6); by default there is no inflow.
