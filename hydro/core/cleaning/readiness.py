@@ -108,7 +108,8 @@ def at_surface(record: Recording) -> bool:
 def command_step(record: Recording) -> float:
     """Return the sample time of the commands [s].
 
-    Commands that a pilot changes in steps have no own sample time; then it is that of the recording.
+    Commands that a pilot changes in steps have no own sample time; the result is then the sample time of the
+    recording.
     """
     steps = [_held(record, column) for column in record.commands.T]
     return max(steps, default=0.0) or record.dt

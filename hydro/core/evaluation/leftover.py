@@ -60,9 +60,9 @@ def leftover(
     """Return the mean force residual in bins of velocity, and the files' force curves.
 
     Args:
-        vehicles: Vehicle files by the number of the step of an explanation that made them.  The first file
-            decides against which velocities the force on an axis is shown: the velocity along the same axis,
-            and another velocity that explains clearly more of the residual.
+        vehicles: Vehicle files, by the number of the step of `hydro explain` that made each file.  The first
+            file decides against which velocities the force on an axis is shown: the velocity along the same
+            axis, and another velocity that explains clearly more of the residual.
         raw: Raw table of the measured motion and commands.
         record: Cleaned recording as arrays; by default the table as it was logged.
 
@@ -181,7 +181,11 @@ class Means:
         return float(1.0 - within / max(float(np.var(force)), 1e-300))
 
     def worth_showing(self) -> list[tuple[int, int]]:
-        """Return pairs (force axis, velocity) to show: the same axis, and one that explains clearly more."""
+        """Return the pairs (force axis, velocity axis) to show, 0 to 5.
+
+        Each force axis is shown with its own velocity, and also with another velocity that explains clearly
+        more.
+        """
         pairs = [(axis, axis) for axis in range(6)]
         for axis in range(6):
             shares = [self.explained(axis, against) for against in range(6)]
@@ -258,7 +262,7 @@ def steady_force(program: Program, speeds: Array, against: int) -> Array:
     """Return the force of the water on a level vehicle, deep and in steady motion along one axis.
 
     It is the sum of the effects of the vehicle file, with steady internal states, and -C_A(nu_r) nu_r, minus
-    the same at rest.
+    their values at rest.
 
     Args:
         program: Compiled vehicle.

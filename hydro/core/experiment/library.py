@@ -54,7 +54,7 @@ class Manoeuvre:
         commands: Effective commands (`recording.supply`) of n thrusters in N rows, in [-1, 1], (N, n).  Row k
             is held on [t_k, t_k+1), t_k = k / `excitation.LOG_RATE`.
         vehicle: Vehicle whose thrust curves convert effective to real commands; None if `commands` are real
-            ones.
+            commands.
     """
 
     name: str

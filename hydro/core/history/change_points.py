@@ -156,7 +156,7 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
         squares: Weighted sum of squares of P parameters about their means before and after each of K dates,
             (P, K).
         freedom: Degrees of freedom of these sums, (P, K).
-        tested: Which of them count, (P, K).
+        tested: Which parameters and dates count, (P, K).
 
     Returns:
         Mean squared deviations in units of the squared standard errors, and their degrees of freedom, (P, K)

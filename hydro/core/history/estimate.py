@@ -44,7 +44,7 @@ class Estimate:
     Attributes:
         values: Values in the order of the baseline's parameters, (P,).
         errors: Standard errors of the values, (P,).
-        chi2: Mean squared residual, in units of the variance in the baseline.
+        chi2: Mean squared residual, in units of `Baseline.sigma` squared.
     """
 
     values: Array

@@ -345,7 +345,7 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
     """Predict shots; each responds to the commands of its own segment, also to those before its start.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         places: Places of the S shots.
         initial: Initial states of the shots.
         out: Output: predicted state of the body in K rows of each shot, (S, K, 13); NaN after a row that is

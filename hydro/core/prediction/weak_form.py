@@ -266,10 +266,13 @@ class Windows:
         return (total if np.isfinite(total) else np.inf), self
 
     def reweighted(self, normal: Normal) -> tuple[Windows, bool]:
-        """Return the problem with less weight for equations with large residuals, and whether they changed.
+        """Return the problem with less weight for equations with large residuals.
 
         Args:
             normal: Problem at the present estimate.
+
+        Returns:
+            The problem, and whether its weights changed.
         """
         squares = normal.channels.sum(axis=0)
         counted = len(normal.channels) if self.known is None else (self.known**2).sum(axis=0)

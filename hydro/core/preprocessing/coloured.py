@@ -60,7 +60,7 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
 
 
 def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
-    """Return the white noise of velocity that has the same effect over a second or two as its true noise.
+    """Return the white noise of velocity with the same effect over a second or two as its coloured noise.
 
     Args:
         record: The recording.

@@ -153,8 +153,8 @@ def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
         claimed: `[[effect]]` table with the claimed values.
 
     Returns:
-        True if the test refutes the claimed values and the estimate is nearer to zero error than to them.
-        False also if the recording could not have shown an error of that size.
+        True if the test refutes the claimed values and the estimate is nearer to zero error than to these
+        values. False also if the recording could not have shown an error of that size.
 
     Raises:
         DataError: The table does not belong to this effect.
@@ -174,7 +174,7 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
 
     Returns:
         One test for each DVL error, by effect name.  Empty if position, attitude or velocity has no samples:
-        it was then computed from the other two, so they cannot contradict each other.
+        a channel without samples was computed from the other two, so the three cannot contradict each other.
 
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.

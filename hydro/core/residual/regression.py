@@ -43,7 +43,7 @@ class Regression:
         factor: Selected factor on the prior standard deviations.
         errors: Squared held-out residual for each of FACTORS.
         low: Lower bound of velocity, acceleration and down vector (`Flow.columns`), (15,).
-        high: Upper bound of the same, (15,).
+        high: Upper bound of the same columns, (15,).
     """
 
     coefficients: Array

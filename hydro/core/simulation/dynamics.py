@@ -57,7 +57,7 @@ class Motion(NamedTuple):
     """State of a moving vehicle.
 
     Attributes:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         facets: Hull of the panel method, F facets, (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
         y: Integrated state: position, unit quaternion, nu and internal states of the effects, (13 + states,).
         s: State of motion of `core.effects.layout` at the last evaluation, optionally followed by a held
@@ -77,7 +77,7 @@ def afloat(flat: Array, facets: Array) -> Motion:
     """Return the `Motion` of a vehicle with all states 0, to be initialised.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
     """
     size = BODY + int(flat[STATE_COUNT])
@@ -89,7 +89,7 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
     """Write the state of motion `s` from pose and velocity, at the time that `s` contains.
 
     Args:
-        flat: Flat vector of the vehicle's program, for the current.
+        flat: Compiled vehicle (`effects.program`), for the current.
         position: Position, NED, (3,) [m].
         quaternion: Body to NED (w, x, y, z), of any length but 0.
         nu: Velocity of CO over ground, body axes, (6,) [m/s, rad/s].
@@ -134,7 +134,7 @@ def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
     """Add the wrench of the thrusters, tau_prop = B f, about CO to `tau` (6,) [N, N m].
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         s: State of motion, for the inflow speed.
         rotors: Lag states of the n thrusters, (n,).
         tau: Wrench in body axes, (6,), added to.
@@ -155,7 +155,7 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
     """Write the acceleration of CO over ground in the body frame, from thrust, restoring forces and effects.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         s: State of motion.
         x: Internal states of the effects.
         dx: Output: rates of the internal states.
@@ -200,7 +200,7 @@ def rates_kernel(
     """Write the rates of the state: quaternion kinematics (Fossen 2011, section 2.2.2) and the dynamics.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
         y: Integrated state.
         s: State of motion; the time is read, the rest is overwritten.

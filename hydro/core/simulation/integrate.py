@@ -29,6 +29,8 @@ from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
 class Thrusters(NamedTuple):
     """State of a vehicle's n thrusters.
 
+    A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
+
     Attributes:
         table: Thruster table (n, columns).
         target: Lag states to which the present commands lead, (n,).
@@ -67,7 +69,7 @@ def at_rest(flat: Array) -> Thrusters:
     """Return the state of the thrusters of a vehicle at rest.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
     """
     table = thrusters_of(flat)
     n = table.shape[0]
@@ -170,7 +172,7 @@ def step(
     time.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         facets: Hull of the panel method, F facets, (8, F).
         y: Integrated state, changed.
         s: State of motion; its time is advanced.

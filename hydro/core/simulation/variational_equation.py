@@ -105,7 +105,7 @@ class Middle(NamedTuple):
     """Motion in the middle of an integration step.
 
     Attributes:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         s: State of motion of `core.effects.layout`.
         rotors: Lag states of the n thrusters, (n,).
         y: Integrated state, (13 + states,).
@@ -158,7 +158,7 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
     which `integrate.step` has them at the middle of a step.
 
     Args:
-        flat: Flat vector of the vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         s: State of motion at the middle.
         work: Workspace of `Motion`: row 2 is the integrated state at the middle, row 0 its rates.
         rotors: Lag states of the n thrusters at the middle, (n,).
