@@ -17,9 +17,9 @@ from hydro.core.diagnosis.settings import UNEVEN_WEIGHT
 from hydro.core.effects.formula import AXES, one_term
 from hydro.core.effects.layout import COMMAND_NAMES
 
-OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)
-SIZE_POWERS = (0.5, 1.0, 2.0)
+OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)  # initial powers of the velocity along the axis
+OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)  # initial powers of another velocity, with its sign
+SIZE_POWERS = (0.5, 1.0, 2.0)  # initial powers of a velocity without its sign
 AHEAD_POWERS = (1.0, 2.0)
 """Powers of surge speed in the force of a command: about 1 for the thrust loss of a jet, 2 for the lift of a
 fin.

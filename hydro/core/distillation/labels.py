@@ -65,7 +65,7 @@ Subtract = Literal["inertia", "effects"]
 
 UNCERTAIN = DEVIATIONS[0]
 """Column that exists only in the labels of a recording with nulls."""
-RATIO_FACTOR = 3.0  # factor on the likeliest ratio q dt^3 / R: regression averages label noise, but not bias
+RATIO_FACTOR = 3.0  # factor on q dt^3 / R (jerk density q, noise R) of the likeliest filter
 BATCH = 32_768  # rows per batch: they fit the processor's cache, and no whole column is copied to float64
 
 

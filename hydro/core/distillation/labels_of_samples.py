@@ -61,7 +61,7 @@ ATTITUDE_BOUND = 0.05
 """Greatest standard deviation of the attitude in a row with a label [rad]."""
 POSITION_BOUND = 0.1
 """Greatest standard deviation of the position in a row with a label [m], if an effect depends on position."""
-DISPLACEMENT = 1.0  # displacement that reveals such an effect [m]
+DISPLACEMENT = 1.0  # displacement that reveals an effect that depends on position [m]
 ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
 """Names of the attitude angles in messages."""
 

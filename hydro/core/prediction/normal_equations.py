@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 
-LEAST_SCORE_BLOCKS = 12
-CORRELATION_TIMES = 10
+LEAST_SCORE_BLOCKS = 12  # minimum number of blocks of a jackknife
+CORRELATION_TIMES = 10  # length of a block in correlation times of the scores
 
 
 @dataclass(frozen=True)

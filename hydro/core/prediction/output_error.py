@@ -27,7 +27,7 @@ from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 
 OTHERWISE_NOISY = 0.1  # relative difference of residual and noise above which weights are updated
-LEAST_SIGMA = 1e-6
+LEAST_SIGMA = 1e-6  # lower bound of the noise of a channel [m, rad, m/s, rad/s]
 OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)
 """Ratio of a cost to its expectation above which shorter steps are tried, and their lengths."""
 WAVE_BANDS = 6
@@ -35,7 +35,7 @@ WAVE_BANDS = 6
 
 Few suffice, since over a shot each harmonic is little more than a slope.
 """
-FARTHEST = 3.0  # largest step of an initial state, in standard deviations of the measured one
+FARTHEST = 3.0  # largest step of an initial state, in standard deviations of the measured state
 
 
 @dataclass(frozen=True)

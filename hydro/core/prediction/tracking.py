@@ -62,10 +62,10 @@ TELLING = 60.0
 """Length of data after the first command used to estimate the model error [s]."""
 CORRECTIONS = 3
 """Gauss-Newton iterations of a window."""
-HEADINGS = 12
+HEADINGS = 12  # number of initial headings that are tried
 TRIAL = 20.0
 """Length of data with which each initial heading is tried [s]."""
-PSI = 5
+PSI = 5  # channel of the heading
 WILD = 1e3
 """Size of a state above which a prediction counts as diverged."""
 

@@ -18,7 +18,7 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle
 
-MOST_SHOTS = 60
+MOST_SHOTS = 60  # maximum number of shots, enough for a median
 NOT_SHOWN = np.repeat([1.0, 0.5, 1.0, 0.5], 3)
 """Standard deviation above which a component is not observable [m, rad, m/s, rad/s]."""
 SENSORS = ("position", "attitude", "velocity", "rates of turn")

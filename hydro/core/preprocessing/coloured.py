@@ -28,8 +28,8 @@ SURE = 4.0
 """Minimum excess of the mean squared slope over that of white noise, in standard errors."""
 PLAIN_EXCESS = 1.2
 """Minimum ratio of coloured to white noise, and of a channel's residual to its white noise."""
-LEAST_SLOPES = 30
-POSE_CHANNELS = 6
+LEAST_SLOPES = 30  # minimum number of slopes, so that their scatter is known to a quarter
+POSE_CHANNELS = 6  # position and attitude are the first of the twelve channels
 
 
 def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str, KinematicTest]) -> Array:

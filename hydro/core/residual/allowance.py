@@ -48,7 +48,7 @@ STEPS, WORTH, SHORTER = 6, 0.5, 0.3
 
 The second try shortens a step that gains too little.
 """
-LEAST = 1e-300
+LEAST = 1e-300  # lower bound of a divisor
 
 
 @dataclass(frozen=True)

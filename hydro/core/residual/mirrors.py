@@ -41,8 +41,8 @@ from hydro.core.compiled import kernel
 AXES, POWERS, SUMS, STAGES = 6, 3, 3, 2
 WIDTH = 2.0
 """Length scale of the radial functions: the largest distance between two directions."""
-EPSILON = 0.05
-PRODUCTS = 57
+EPSILON = 0.05  # size m of the motion at rest
+PRODUCTS = 57  # number of products b(d): 36 of |d_i| d_j and 21 of d_i d_j
 SIGNED = 36
 """Number of products of the form |d_i| d_j."""
 PORT = 2

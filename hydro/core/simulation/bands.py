@@ -21,7 +21,7 @@ from hydro.core.vehicle.description import Vehicle
 
 DRAWS = 100
 """Default number of drawn vehicles."""
-LEVELS = (0.025, 0.975)
+LEVELS = (0.025, 0.975)  # quantiles that bound 95 %
 MOTION = (*POSE, *VELOCITY)
 ANGLES = slice(3, 6)
 LEAST = 0.5

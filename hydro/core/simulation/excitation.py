@@ -25,7 +25,7 @@ SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep
 LOG_RATE = 50.0
 """Rate of rows and commands [Hz]."""
 REPLAY = "replay90"
-REPLAY_SECONDS = 90.0
+REPLAY_SECONDS = 90.0  # duration of the sequence of the paper [s]
 DECKS: dict[str, tuple[str, ...]] = {
     "hybrid": (*SWEEPS, "coupled", "coupled", "coupled", "walk", "walk", "walk"),
     "sweeps": tuple(SWEEPS),

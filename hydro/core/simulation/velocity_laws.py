@@ -17,7 +17,7 @@ from hydro.core.effects import layout
 from hydro.core.effects.catalogue import Entry
 from hydro.core.vehicle.frames import rotation, skew
 
-SAMPLES = 300
+SAMPLES = 300  # number of trial states, several times the 66 coefficients of a law
 FASTEST = 1.5
 """Maximum velocities of the trial states, in both directions [m/s, rad/s]."""
 CLOSE = 1e-9

@@ -29,8 +29,8 @@ from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
-FORM_DRAG = 1.1
-SKIN_FRICTION = 0.0043
+FORM_DRAG = 1.1  # default C_p, see the module
+SKIN_FRICTION = 0.0043  # default C_f, see the module
 
 
 @dataclass(frozen=True)
