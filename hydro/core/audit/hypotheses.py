@@ -89,7 +89,7 @@ class Order:
 
     @cached_property
     def best(self) -> float:
-        """Unnormalised log posterior of the order, summed over signs and scales."""
+        """Unnormalised log posterior of the order of columns, summed over signs and scales."""
         return float(_summed(self.evidence.ravel()))
 
     def effectiveness(self) -> tuple[Array, Array]:
@@ -124,7 +124,10 @@ class Posterior:
         return sorted(found, key=lambda each: -each[1])
 
     def scales(self, wiring: Wiring) -> Array:
-        """Return the probability of each of M SCALES given an assignment of columns and signs, (M,).
+        """Return the probability of each candidate common scale SCALES, given an assignment, (M,).
+
+        Args:
+            wiring: Assignment of columns and signs; its order of columns must have been evaluated.
 
         Raises:
             ValueError: The order of columns was not evaluated.

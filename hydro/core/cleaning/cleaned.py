@@ -56,8 +56,8 @@ def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> C
     Args:
         vehicle: Vehicle of the recording.
         raw: Raw table.
-        put_right: Whether to correct mislabelled columns (swapped, reversed or in another unit); if False,
-            they raise an error.
+        put_right: Whether to correct mislabelled columns (reversed, exchanged, in degrees or in another
+            frame); if False, they raise an error.
 
     Raises:
         DataError: The recording does not fit the vehicle, columns contradict each other without showing which

@@ -54,7 +54,16 @@ def redrawn(sums: Array, seed: int) -> Array:
 
 
 def weights(blocks: int, samples: int, seed: int) -> Array:
-    """Draw weights of the blocks for a Bayesian bootstrap, shape (samples, blocks); each row sums to 1."""
+    """Draw weights of blocks for a Bayesian bootstrap; the weights of each resample sum to 1.
+
+    Args:
+        blocks: Number of blocks of the recording.
+        samples: Number of resamples.
+        seed: Seed of the draws.
+
+    Returns:
+        Weights, (samples, blocks).
+    """
     return np.random.default_rng(seed).dirichlet(np.ones(blocks), samples)
 
 

@@ -139,7 +139,15 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return noise of 12 channels in N rows, interpolated linearly in rows without a sample, (N, 12)."""
+    """Return noise as it is in a recording with slow sensors: interpolated in rows without a sample.
+
+    Args:
+        noise: Noise of 12 channels in N rows, (N, 12).
+        record: Recording, for the rows with a sample of each channel.
+
+    Returns:
+        Noise, (N, 12); 0 for a channel without a sample in its segment.
+    """
     if record.seen is None:
         return noise
     out = np.zeros_like(noise)

@@ -58,7 +58,7 @@ class Evidence:
 
     @cached_property
     def total(self) -> Array:
-        """X^T X of all pieces, (P, P)."""
+        """Products of the columns over all pieces, X^T X, (P, P)."""
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
@@ -67,7 +67,12 @@ class Evidence:
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def gain(self, given: Columns, group: Columns) -> float:
-        """Return how much a group of columns, added to the given columns, reduces the squared residual."""
+        """Return how much a group of columns reduces the squared residual, in addition to given columns.
+
+        Args:
+            given: Columns in the model already.
+            group: Columns of the group.
+        """
         return self._explained([*given, *group]) - self._explained(given)
 
     def scores(self, columns: Columns) -> Array:
@@ -86,9 +91,9 @@ class Evidence:
         """Return the covariance of the coefficients of a group of p columns, (p, p), in the problem's units.
 
         Args:
-            given: Columns in the model.
-            group: Further columns.
-            scale: Mean square of the residual.
+            given: Columns in the model already.
+            group: The p columns.
+            scale: Mean square of the residual; below 1 it counts as 1.
         """
         both, size = [*given, *group], self.size[list(group)]
         matrix = self.total[np.ix_(both, both)] + RIDGE * np.eye(len(both))

@@ -110,7 +110,12 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to a training recording that has been converted to arrays."""
+        """Fit the predictors to a training recording, with the weights of a vehicle file.
+
+        Args:
+            vehicle: Vehicle file.
+            record: Training recording as arrays.
+        """
         return cls(vehicle, Weights.of(candidate(vehicle)), _fitted(record, _wrench(vehicle, record)))
 
     @classmethod
@@ -118,7 +123,12 @@ class Yardstick:
         """Fit the predictors to the same recording that they will predict, by cross-validation.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
-        other recordings use `of_others` of the result.
+        other
+        recordings use `of_others` of the result.
+
+        Args:
+            vehicle: Vehicle file, which gives the weights and the wrenches of the thrusters.
+            record: Recording as arrays.
         """
         tau, fold = _wrench(vehicle, record), _folds(record)
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]

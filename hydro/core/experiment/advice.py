@@ -75,7 +75,7 @@ def in_waves(sea: Mapping[str, Any], speed: float, alone: bool) -> str:
 
 
 def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
-    """Return the advice to add a missing effect, or a more likely cause of its fitted values.
+    """Return the advice to add a missing effect, or to correct a likelier cause of its fitted values.
 
     Args:
         effect: Name of the missing effect.

@@ -100,7 +100,7 @@ def showing(
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
     """Return a vehicle with a clearly larger effect: one scale is added to each of the effect's components.
 
-    The scale of a component is a change that matters for a vehicle of this size (`parameters.free`).
+    The scale of a component is the size of a significant value (`parameters.Entry`).
 
     Args:
         vehicle: The vehicle.

@@ -139,6 +139,10 @@ def vehicle_at(vehicle: Vehicle, drag: Drag, parameters: Sequence[Parameter], va
 def named(vehicle: Vehicle, names: Sequence[str]) -> tuple[Parameter, ...]:
     """Return parameters of a vehicle by name, such as those of a stored history.
 
+    Args:
+        vehicle: Vehicle file.
+        names: Names such as `thrust_3` or `drag_sway`.
+
     Raises:
         KeyError: The vehicle has no parameter of a name.
     """

@@ -81,6 +81,10 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
     """Return the lag states of n thrusters just before each of N rows of a recording, (N, n).
 
     A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
+
+    Args:
+        model: Vehicle, with its thrusters.
+        record: Recording, with its commands.
     """
     out = np.empty(record.commands.shape)
     for (first, last), resumed in zip(record.segments, record.after_gap, strict=True):

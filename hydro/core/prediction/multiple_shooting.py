@@ -136,6 +136,10 @@ def corrected_first(shots: Shots, model: Candidate) -> Shots:
     """Return shots that start at the logged motion, corrected to CO for the DVL errors of a candidate.
 
     Initial states that the shots had before are replaced.
+
+    Args:
+        shots: The shots.
+        model: The candidate.
     """
     return replace(shots, first=logged_first(shots, model))
 
@@ -279,7 +283,16 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Return the squared residuals of each of S shots and its anchor, (S,); infinite if a shot diverges."""
+    """Return the sum of squared residuals of each of S shots, with its anchor, (S,).
+
+    Args:
+        prepared: The candidate, prepared for the shots.
+        shots: The shots.
+        threads: Number of threads; by default, the number of cores.
+
+    Returns:
+        Squares in units of the noise variance; infinite for a shot that diverges.
+    """
 
     def work(begin: int) -> Array:
         error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))

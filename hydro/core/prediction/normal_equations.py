@@ -44,12 +44,12 @@ class Normal:
 
     @property
     def matrix(self) -> Array:
-        """X^T X of each piece, (S, P, P)."""
+        """Products of the columns X^T X in each piece, (S, P, P)."""
         return self.gram[:, :-1, :-1]
 
     @property
     def score(self) -> Array:
-        """X^T e of each piece, (S, P)."""
+        """Products of the columns and the residual X^T e in each piece, (S, P)."""
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
@@ -66,7 +66,7 @@ class Normal:
 
     @property
     def cost(self) -> float:
-        """Sum of squared residuals."""
+        """Sum of squared residuals over all pieces."""
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:

@@ -52,7 +52,13 @@ class OutputError:
 
     @classmethod
     def of(cls, shots: Shots, vehicle: Vehicle) -> OutputError:
-        """Return the problem of shots with the DVL errors of a vehicle corrected and its waves whitened."""
+        """Return the output-error problem of shots for a vehicle.
+
+        Args:
+            shots: The shots.
+            vehicle: Vehicle whose DVL errors are corrected in the initial states, and whose waves are
+                whitened.
+        """
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
     def at_measured_states(self, vehicle: Vehicle) -> OutputError:

@@ -40,7 +40,12 @@ class AskedAnew:
 
     @classmethod
     def of(cls, law: Law, transitions: Transitions) -> AskedAnew:
-        """Prepare the problem from a hull-force model and the transitions of the shots."""
+        """Prepare the problem.
+
+        Args:
+            law: Model of the residual hull force.
+            transitions: Shots of the recording, with their responses to forces.
+        """
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
             part = slice(begin, begin + SHOTS_TOGETHER)

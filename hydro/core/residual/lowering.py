@@ -202,7 +202,7 @@ class Writer:
         return x
 
     def norm(self, x: Place, name: str) -> Place:
-        """Add a layer norm with the tensors `name.weight` and `name.bias`; return its output block."""
+        """Add a layer norm with the tensors `name.weight` and `name.bias` for input block `x`; return its output."""
         parts = (self.tensor(f"{name}.{part}", (x.length,)) for part in ("weight", "bias"))
         return self._step(layers.NORM, x, self.place(x.length), weights=self._keep(*parts))
 

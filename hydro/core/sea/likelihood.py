@@ -92,7 +92,7 @@ class Coefficients:
         return np.asarray(legvander((2.0 * np.log(self.omega) - low - high) / (high - low), DEGREE))
 
     def within(self, low: float, high: float) -> Coefficients:
-        """Return the coefficients between two frequencies [rad/s]."""
+        """Return the coefficients with frequencies from `low` to `high` [rad/s]."""
         kept = (self.omega >= low) & (self.omega <= high)
         return replace(self, omega=self.omega[kept], y=self.y[kept], response=self.response[kept])
 

@@ -105,7 +105,13 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 @kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
-    """Write the state of motion to `s` (`effects.layout`) from an integrated state `y`."""
+    """Write the state of motion to `s` from an integrated state.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`), for the current.
+        y: Integrated state: position, unit quaternion, nu, and internal states of the effects.
+        s: Output: state of motion in the layout of `effects.layout`; the time is read.
+    """
     observe(flat, y[:3], y[3:7], y[7:BODY], s)
 
 

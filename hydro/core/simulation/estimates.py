@@ -166,7 +166,12 @@ class Estimates:
 
 
 def number(vehicle: Vehicle, place: Place) -> float | None:
-    """Return the number at a place of a vehicle file; None if the file does not contain it."""
+    """Return a number of a vehicle file; None if the file does not contain it.
+
+    Args:
+        vehicle: Vehicle file.
+        place: Effect, parameter and index of the number.
+    """
     table = next(iter(vehicle.effects(place.effect)), {})
     values = np.asarray(table.get(place.parameter, np.nan), float)
     there = len(place.index) == values.ndim and all(np.array(place.index) < values.shape)

@@ -103,6 +103,11 @@ def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None
 def obey(thrusters: Thrusters, course: Course, now: float) -> float:
     """Apply the commands that take effect at `now` [s] or before; later commands are not read.
 
+    Args:
+        thrusters: State of the thrusters, changed.
+        course: Commands of the segment.
+        now: Time [s].
+
     Returns:
         Time of the next change [s], infinite after the last command.
     """
@@ -135,9 +140,14 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
 
 @kernel
 def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: float) -> float:
-    """Advance the rotors from `now` to `end` [s], or to the time at which the next command takes effect.
+    """Advance the rotors from `now` to `end`, or to the time at which the next command takes effect.
 
-    Times closer than `close` [s] count as equal.
+    Args:
+        thrusters: State of the thrusters, changed.
+        course: Commands of the segment.
+        now: Start [s].
+        end: End [s].
+        close: Difference up to which two times count as equal [s].
 
     Returns:
         Time to which the rotors were advanced [s].

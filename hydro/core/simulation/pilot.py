@@ -51,9 +51,14 @@ class Pilot(NamedTuple):
 
 @kernel
 def steer(pilot: Pilot, row: int, s: Array, tau: Array, commands: Array) -> None:
-    """Write the pilot's commands for a row to `commands`, one for each of n thrusters, (n,).
+    """Write the pilot's commands for a row to `commands`.
 
-    `s` is the state of motion (`effects.layout`), `tau` (6,) workspace.
+    Args:
+        pilot: Demands of the pilot.
+        row: Number of the row.
+        s: State of motion (`effects.layout`), for the holds.
+        tau: Workspace, (6,).
+        commands: Output: commands of n thrusters in [-1, 1], (n,).
     """
     copy_kernel(pilot.wrenches[row], tau)
     R, nu = s[ROTATION : ROTATION + 9], s[VELOCITY : VELOCITY + 6]

@@ -37,7 +37,8 @@ class Law:
         sized: (6, 6, 6): tau_i += sized[i, j, k] |nu_k| nu_j.
         plain: (6, 6, 6): tau_i += plain[i, j, k] nu_k nu_j.
         force: Constant force downward in the world [N].
-        moment: (3,) [N m]: the moment K, M, N += moment x d, with d the world's down direction in body axes.
+        moment: (3,) [N m]: (K, M, N) += moment x d, the cross product with the world's down direction d in
+            body axes.
     """
 
     linear: Array

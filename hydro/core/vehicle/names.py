@@ -15,7 +15,7 @@ _NAME = re.compile(PATTERN)
 
 
 def require(named: Mapping[str, str]) -> None:
-    """Refuse names in a vehicle file that violate the rule for names.
+    """Refuse names in a vehicle file that violate the rule for names, ALLOWED.
 
     Args:
         named: Names by their paths in the vehicle file.

@@ -114,7 +114,13 @@ def symmetric(most: Callable[[Vehicle], Array]) -> Range:
 
 
 def of_entry(range_: Range, i: int, j: int) -> Range:
-    """Return the range of entry [i, j] of a matrix, for a parameter that consists of this entry alone."""
+    """Return the range of a parameter that is one entry of a matrix.
+
+    Args:
+        range_: Range of the entries of the matrix, such as the result of `symmetric`.
+        i: Row of the entry.
+        j: Column of the entry.
+    """
     return lambda index, vehicle: range_((i, j), vehicle)
 
 
