@@ -124,7 +124,7 @@ class Posterior:
         return sorted(found, key=lambda each: -each[1])
 
     def scales(self, wiring: Wiring) -> Array:
-        """Return the probability of each candidate common scale SCALES, given an assignment, (M,).
+        """Return the probabilities of the M candidate common scales SCALES, given an assignment, (M,).
 
         Args:
             wiring: Assignment of columns and signs; its order of columns must have been evaluated.

@@ -77,7 +77,7 @@ def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
 
 
 def solvable() -> bool:
-    """Return whether Capytaine is installed."""
+    """Return whether the added mass of a mesh can be computed: whether Capytaine is installed."""
     return importlib.util.find_spec("capytaine") is not None
 
 

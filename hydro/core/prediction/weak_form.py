@@ -45,7 +45,8 @@ SHARED = 4  # equations that overlapping neighbours share
 class Windows:
     """Equation error of a recording over W windows of L rows.
 
-    Each window has nine equations: six of motion and three of kinematics.
+    Each window has nine equations, six of motion and three of kinematics, integrated with a smooth test
+    function phi.
 
     Attributes:
         record: The recording of N rows.

@@ -91,7 +91,7 @@ class Writer:
         self._weights: list[Array32] = []
 
     def program(self) -> Array:
-        """Return the operations, one per row, (operations, layers.COLUMNS)."""
+        """Return the operations of the network, one per row, (operations, layers.COLUMNS)."""
         return np.array(self._steps, dtype=np.float64).reshape(-1, layers.COLUMNS)
 
     def weights(self) -> Array32:
@@ -202,7 +202,7 @@ class Writer:
         return x
 
     def norm(self, x: Place, name: str) -> Place:
-        """Add a layer norm with the tensors `name.weight` and `name.bias` for input block `x`; return its output."""
+        """Add a layer norm of block `x` with tensors `name.weight` and `name.bias`; return its output."""
         parts = (self.tensor(f"{name}.{part}", (x.length,)) for part in ("weight", "bias"))
         return self._step(layers.NORM, x, self.place(x.length), weights=self._keep(*parts))
 
