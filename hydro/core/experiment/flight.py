@@ -190,7 +190,8 @@ class Option:
 
     Attributes:
         manoeuvre: The manoeuvre.
-        grams: For each group of rival models, the Gram matrix of model j in the flight of model i, by (i, j).
+        grams: For each group of rival models, the Gram matrix (`discrimination.gram`) of model j in the
+            flight that model i predicts, by (i, j).
         depth: Minimum and maximum predicted depth [m].
         space: Maximum predicted horizontal distance from the start [m].
     """

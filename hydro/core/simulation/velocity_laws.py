@@ -63,11 +63,14 @@ class Law:
 
 
 def law(entry: Entry, constants: Array) -> Law | None:
-    """Return an effect as a polynomial of velocity and a vertical force; None if the effect has another form.
+    """Return an effect as a polynomial of velocity plus a vertical force, or None.
 
     Args:
         entry: Effect with its parameters.
         constants: Constants of the vehicle (`core.effects.layout`).
+
+    Returns:
+        The polynomial; None if the effect has another form, such as one that depends on position or commands.
     """
     effect, parameters, _ = entry
     if effect.states is not None or effect.kernel is None:

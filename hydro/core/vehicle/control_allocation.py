@@ -99,15 +99,15 @@ TURNING = (3, 4, 5)
 
 
 def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
-    """Return the mixing with moments of fin servos on the axes that no thruster turns.
+    """Return a conversion of wrenches to commands in which fin servos turn the axes that no thruster turns.
 
     A demanded moment then gives commands of the servos, as shares of their moments at one speed.  The forces
     of the fins are ignored.
 
     Args:
-        crew: Mixing of the thrusters.
+        crew: Conversion for the thrusters alone.
         wrenches: Wrench of each of n commands at full deflection of a servo, (6, n), 0 for thrusters; see
-            `effects.steering.servo_wrenches`.
+            `effects.steering.servo_wrenches`, which also gives the speed.
     """
     axes = [axis for axis in TURNING if crew.authority[axis] == 0.0]
     steered = np.zeros((len(crew.table), 6))
