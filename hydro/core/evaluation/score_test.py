@@ -107,10 +107,10 @@ def p_values(
     """Return the p-value of each group: the chance that the largest statistic of all groups reaches its own.
 
     The statistic of a group is m^T V^-1 m, with m its score against the model without it.  It is converted to
-    a normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
-    that white noise gives it.  The reason is that the fit's share of a block depends on the signs of the
-    other blocks (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for wide groups,
-    and where few blocks have most of the leverage.
+    a normal deviate so that groups of different size compare.  A flip gives whole blocks of the score random
+    signs.  Each flip is standardised by the covariance V that white noise gives it.  The reason is that the
+    fit's share of a block depends on the signs of the other blocks (De Santis, Goeman, Hemerik, Davenport and
+    Finos 2022).  So the level holds for wide groups, and where few blocks have most of the leverage.
 
     A block is as long as the residual with the group of largest gain is correlated.  The reason is that the
     part that this group explains is not noise.  Of a group with several shapes (alternative sets of columns),
