@@ -1,11 +1,12 @@
 """Posterior probabilities of assignments of command columns to thrusters, with any signs.
 
-By a hypothesis, column pi(i) drives thruster i with effectiveness g_i. The acceleration of axis a is s_a
-times that by the file's inertia. Then c_aj = s_a h_ai g_i with j = pi(i), where h are the file's
-accelerations per newton (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior with mean
-sigma_i m and standard deviation SPREAD m, where m is the scale common to all thrusters. So a thruster without
-thrust carries no information on its sign, and a weak one carries little. Marginal likelihoods are exact in g;
-m is summed over a grid, and s is set to its mode.
+By a hypothesis, column pi(i) drives thruster i with effectiveness g_i, the thrust relative to the file.  The
+acceleration of axis a is s_a times that by the file's inertia.  Then c_aj = s_a h_ai g_i with j = pi(i),
+where c_aj is the acceleration on axis a per newton of column j, and h are the file's accelerations per newton
+(`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior with mean sigma_i m and standard
+deviation SPREAD m, where m is the scale common to all thrusters. So a thruster without thrust carries no
+information on its sign, and a weak thruster carries little. Marginal likelihoods are exact in g; m is summed
+over a grid, and s is set to its mode.
 
 A command may accelerate an axis on which its thruster does not push in the file. Causes are a mixer outside
 the file, thrusters on the steep part of their curve, or a controller that reacts to a disturbance on two
@@ -39,37 +40,43 @@ SCALE_SPREAD = 0.5
 INERTIA = 0.3
 """Prior standard deviation of an axis factor: estimated inertia is accurate to about 30 %."""
 FACTORS = (0.2, 5.0)
-"""Range of an axis factor."""
+"""Range of an axis factor s_a, the measured over the file's acceleration per newton."""
 REVERSED, EXCHANGED = 0.1, 0.1
 """Prior probabilities that a thruster is reversed, and that another pair of columns is exchanged."""
 COUPLED = 0.1
 """Prior probability that a command accelerates an axis on which its thruster does not push in the file.
-Half or twice this changes none of 60 audits (20 sound files, 40 with a fault)."""
+
+Half or twice this value changes none of 60 audits (20 sound files, 40 with a fault).
+"""
 ALIKE = 0.9
-"""Minimum absolute correlation of two commands at which their thrusters are treated as one.  Neither 0.8 nor
-0.95 changes one of these audits."""
+"""Minimum absolute correlation of two commands at which their thrusters are treated as one.
+
+Neither 0.8 nor 0.95 changes one of the 60 audits of COUPLED.
+"""
 ENUMERATED = 10
 """Maximum number of thrusters for which all combinations of signs are evaluated: 1,024 combinations."""
 ROUNDS = 30
 """Maximum number of alternations between effectivenesses and axis factors."""
 WORTH = 12.0
-"""Maximum log odds against an order, relative to the best one, for it to enter the posterior."""
+"""Maximum log odds against an order of columns, relative to the best order, for it to enter the posterior."""
 MOST_ORDERS = 400
 """Maximum number of column orders that the search evaluates."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """Order of the columns, with all combinations of signs.
+    """Order of the command columns, evaluated with all combinations of thruster signs.
+
+    n is the number of thrusters, S that of combinations, M that of SCALES.
 
     Attributes:
-        column: Column of each thruster, (n,).
-        factors: Factor of each axis, (6,).
+        column: Index of the column of each thruster, (n,).
+        factors: Most probable factor of each axis, (6,).
         gram: Curvature of the negative log-likelihood in the effectivenesses, (n, n).
         score: Gradient of the log-likelihood in the effectivenesses at 0, (n,).
         signs: Combinations of signs, (S, n).
         evidence: Unnormalised log posterior of each combination at each of SCALES, (S, M).
-        prior: Logarithm of the prior probability of each combination of signs, (S,).
+        prior: Logarithm of the prior probability of each combination, (S,).
     """
 
     column: tuple[int, ...]
@@ -82,18 +89,18 @@ class Order:
 
     @cached_property
     def best(self) -> float:
-        """Return the unnormalised log posterior of the order, summed over signs and scales."""
+        """Unnormalised log posterior of the order of columns, summed over signs and scales."""
         return float(_summed(self.evidence.ravel()))
 
     def effectiveness(self) -> tuple[Array, Array]:
-        """Return the effectivenesses (n,) without assuming signs, and their covariance (n, n)."""
+        """Return the effectivenesses (n,) for unknown signs, and their covariance (n, n)."""
         covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram)) / FREE**2), np.float64)
         return covariance @ self.score, covariance
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior over all evaluated orders.
+    """Posterior probabilities over all evaluated orders of columns and signs.
 
     Attributes:
         orders: Orders sorted by probability, most probable first.
@@ -107,7 +114,7 @@ class Posterior:
         object.__setattr__(self, "_norm", float(_summed(np.array([order.best for order in self.orders]))))
 
     def wirings(self) -> list[tuple[Wiring, float]]:
-        """Return hypotheses with probabilities above 0.001, most probable first."""
+        """Return assignments of columns and signs, with probabilities above 0.001, most probable first."""
         found = []
         for order in self.orders:
             chances = np.exp(_summed(order.evidence) - self._norm)
@@ -117,7 +124,14 @@ class Posterior:
         return sorted(found, key=lambda each: -each[1])
 
     def scales(self, wiring: Wiring) -> Array:
-        """Return the probability of each of SCALES given a hypothesis, (M,)."""
+        """Return the probabilities of the M candidate common scales SCALES, given an assignment, (M,).
+
+        Args:
+            wiring: Assignment of columns and signs; its order of columns must have been evaluated.
+
+        Raises:
+            ValueError: The order of columns was not evaluated.
+        """
         for order in self.orders:
             if order.column == wiring.column:
                 row = order.evidence[(order.signs == np.array(wiring.sign)).all(axis=1)][0]
@@ -126,16 +140,16 @@ class Posterior:
 
 
 def _summed(logarithms: Array) -> Array:
-    """Return log(sum(exp(x))) over the last axis of finite values."""
+    """Return log(sum(exp(x))) over the last axis of x."""
     most = logarithms.max(axis=-1, keepdims=True)
     return np.asarray(most[..., 0] + np.log(np.exp(logarithms - most).sum(axis=-1)))
 
 
 def posterior(found: Balance) -> Posterior:
-    """Return the posterior over signs, for the file's order and for orders found by a local search.
+    """Return the posterior over orders of columns and signs; the orders come from a local search.
 
     Args:
-        found: Sufficient statistics of the regression.
+        found: Sufficient statistics of the regression of accelerations on thrusts.
     """
     count = found.arms.shape[1]
     tried: dict[tuple[int, ...], Order] = {}
@@ -148,7 +162,13 @@ def posterior(found: Balance) -> Posterior:
 
 
 def _search(found: Balance, start: tuple[int, ...], tried: dict[tuple[int, ...], Order]) -> None:
-    """Exchange the pair of columns with the largest gain until no exchange increases the posterior."""
+    """Exchange pairs of columns, each time that with the largest gain, until none increases the posterior.
+
+    Args:
+        found: Sufficient statistics of the regression.
+        start: Order to start from.
+        tried: Evaluated orders, added to.
+    """
     current = _remembered(found, start, tried)
     while len(tried) < MOST_ORDERS:
         nearby = [
@@ -162,13 +182,14 @@ def _search(found: Balance, start: tuple[int, ...], tried: dict[tuple[int, ...],
 
 
 def _remembered(found: Balance, column: tuple[int, ...], tried: dict[tuple[int, ...], Order]) -> Order:
+    """Return the evaluation of an order of columns, from `tried` if it is there."""
     if column not in tried:
         tried[column] = _order(found, column)
     return tried[column]
 
 
 def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
-    """Yield starting orders: the file's, its reverse, and the one with the best matching directions."""
+    """Yield orders to start from: the file's, its reverse, and that with the best matching directions."""
     count = found.arms.shape[1]
     yield tuple(range(count))
     yield tuple(reversed(range(count)))
@@ -183,7 +204,7 @@ def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
 
 
 def _order(found: Balance, column: tuple[int, ...]) -> Order:
-    """Evaluate all combinations of signs of one order of the columns, without couplings."""
+    """Evaluate all combinations of thruster signs for one order of the columns, without couplings."""
     count, fit = len(column), _Fit.of(found, column)
     whole, slope, _ = fit.summed()
     signs = _signs(whole, slope)
@@ -194,7 +215,7 @@ def _order(found: Balance, column: tuple[int, ...]) -> Order:
 
 
 def _coupled(found: Balance, order: Order) -> Order:
-    """Evaluate an order again, with the couplings found for the file's signs and for the likeliest signs."""
+    """Evaluate an order again with couplings, found for the file's signs and for the likeliest signs."""
     plain = _Fit.of(found, order.column)
     likeliest = order.signs[int(order.evidence.max(axis=1).argmax())]
     starts = np.unique([np.ones(len(likeliest)), likeliest], axis=0)
@@ -212,7 +233,7 @@ class _Fit:
         shown: Axes with measured accelerations, (6,).
         gram: Products of the columns that drive the thrusters, (6, n, n).
         score: Products of these columns with the accelerations, (6, n).
-        chance: Log prior and log likelihood of the couplings without any thrust.
+        chance: Log prior and log likelihood of the couplings alone.
     """
 
     arms: Array
@@ -223,19 +244,22 @@ class _Fit:
 
     @classmethod
     def of(cls, found: Balance, column: tuple[int, ...]) -> _Fit:
-        """Return the regression without couplings."""
+        """Return the regression for an order of the columns, without couplings."""
         at = found.kinds * len(column) + np.array(column)
         return cls(found.arms, found.shown, found.gram[:, at[:, None], at[None, :]], found.score[:, at])
 
     @cached_property
     def factors(self) -> Array:
-        """Return the most probable factor of each axis, (6,)."""
+        """Most probable factor of each axis, (6,)."""
         gram = self.gram * self.arms[:, :, None] * self.arms[:, None, :]
         return _factors(gram, self.score * self.arms)
 
     @cached_property
     def apart(self) -> Mask:
-        """Return the axes without thrust of a command in the file, within geometry errors, (6, n)."""
+        """Mask of pairs of axis and command whose thrusters do not push the axis in the file, (6, n).
+
+        Thrusts within the errors of the file's geometry count as none.
+        """
         size = np.sqrt(np.maximum(np.diagonal(self.gram, axis1=1, axis2=2), 1e-300))
         alike = self.gram / (size[:, :, None] * size[:, None, :])
         together = np.where(np.abs(alike) >= ALIKE, np.sign(alike), 0.0)
@@ -256,10 +280,12 @@ class _Fit:
         return _evidence(whole, slope, signs) + constant - 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
 
     def errors(self, signs: Array) -> tuple[Array, Array]:
-        """Return slope and curvature of the likelihood in each acceleration per newton, (6, n) each.
+        """Return slope and curvature of the log likelihood in the acceleration per newton, (6, n) each.
 
-        The signs are given.  The effectivenesses are integrated out, so residuals that they explain do not
-        count.
+        The effectivenesses are integrated out, so residuals that they explain do not count.
+
+        Args:
+            signs: Signs of all thrusters, (n,).
         """
         whole, slope, _ = self.summed()
         scale = SCALES[int(self.evidence(signs[None])[0].argmax())]
@@ -272,10 +298,13 @@ class _Fit:
         return left, np.diagonal(self.gram, axis1=1, axis2=2) - explained
 
     def coupled(self, signs: Array) -> _Fit:
-        """Add couplings while the gain in likelihood exceeds the prior cost, given all signs (n,).
+        """Return the regression with couplings added while the gain in likelihood exceeds their prior cost.
 
         For an error of z standard errors, the best variance of a coupling is z^2 - 1 squared standard errors.
         The log likelihood then increases by (z^2 - 1 - log z^2) / 2.
+
+        Args:
+            signs: Signs of all thrusters, (n,).
         """
         fit, cost, apart = self, float(np.log((1.0 - COUPLED) / COUPLED)), self.apart
         for _ in range(self.score.size):
@@ -290,7 +319,7 @@ class _Fit:
         return fit
 
     def _loosened(self, axis: int, i: int, variance: float, cost: float) -> _Fit:
-        """Return the regression with an error of this variance on one acceleration per newton."""
+        """Return the regression with a coupling of given variance of command `i` on an axis."""
         gram, score = self.gram.copy(), self.score.copy()
         row, own = self.gram[axis, i], self.score[axis, i]
         volume = 1.0 + variance * row[i]
@@ -301,7 +330,7 @@ class _Fit:
 
 
 def _factors(gram: Array, score: Array) -> Array:
-    """Fit the most probable factor of each axis, alternating with the effectivenesses, (6,)."""
+    """Fit the most probable factor of each axis, (6,), alternating with the effectivenesses."""
     count = score.shape[1]
     low, high = FACTORS
     flat, free = gram.reshape(AXES, -1), np.eye(count) / FREE**2
@@ -319,9 +348,9 @@ def _factors(gram: Array, score: Array) -> Array:
 
 
 def _signs(gram: Array, score: Array) -> Array:
-    """Return the combinations of signs to evaluate, (S, n).
+    """Return the combinations of thruster signs to evaluate, (S, n).
 
-    They are all combinations; for more than ENUMERATED thrusters, those near the best fit and near the file.
+    All combinations; for more than ENUMERATED thrusters, those near the best fit and near the file.
     """
     count = len(score)
     if count <= ENUMERATED:

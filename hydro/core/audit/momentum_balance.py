@@ -7,14 +7,14 @@ The momentum balance of a vehicle, integrated over windows of at most one second
 
 y is the measured acceleration minus the acceleration of the file without thrusters. F_j is the integrated
 thrust of command column j, and c_aj the acceleration per newton of that column. F_j is the part of the thrust
-curve that is odd in the command. A thruster mounted in reverse gives -F(u) to a command u, and one with a
+curve F(u) that is odd in the command u. A thruster mounted in reverse gives -F(u), and a thruster with a
 negated command gives F(-u). Both have the same odd part, and their even parts differ in sign. So the even
 part is a nuisance term.
 
-The nuisance terms N_a have Gaussian priors whose sizes follow from the mass and the box of the hull. They
-cover an unknown force and ballast, restoring moments, a current, damping, and products of velocities
-(Coriolis forces, Munk moments, lift). The errors e_a are autoregressive: unmodelled forces change slowly.
-Whitening keeps the fast changes, which thrusts cause and slow disturbances do not.
+The nuisance terms N_a have coefficients beta_a with Gaussian priors, whose sizes follow from the mass and the
+box of the hull. They cover an unknown force and ballast, restoring moments, a current, damping, and products
+of velocities (Coriolis forces, Munk moments, lift). The errors e_a are autoregressive: unmodelled forces
+change slowly. Whitening keeps the fast changes, which thrusts cause and slow disturbances do not.
 
 The delay between command and motion is selected by the likelihood with all c_aj free, so its choice is
 independent of any hypothesis about the thrusters.
@@ -49,7 +49,7 @@ LINEAR, ANGULAR = tuple(combinations(range(3), 2)), tuple(combinations(range(3, 
 WINDOW_SECONDS = (1.0, 0.5, 0.25)
 """Candidate window lengths [s]: long enough to average velocity noise, short relative to disturbances."""
 LEAST_POWER = 0.8
-"""Minimum share of the variance of the thrusts that the window integrals keep; otherwise windows shorten."""
+"""Minimum share of the variance of the thrusts that window integrals keep; otherwise windows shorten."""
 MOST_WINDOWS, RUN = 1200, 60
 """Maximum number of windows (ten minutes of motion), and number of consecutive windows kept together."""
 LEAST_WINDOWS, LEAST_ROWS = 24, 8
@@ -61,28 +61,35 @@ IDLE = 0.01
 DELAYS = np.arange(-0.1, 0.81, 0.05)
 """Candidate delays from command to motion [s]; negative if the commands were logged late."""
 ORDER = 2
-"""Order of the autoregression of the errors: a window overlaps the next one and touches the one after."""
+"""Order of the autoregression of the errors: a window overlaps the next and touches the one after that."""
 ROUNDS = 2
 """Number of alternations between regression and autoregression; more have no visible effect."""
 SLOW = 0.98
 """Maximum sum of absolute autoregressive coefficients: few windows cannot whiten a random walk."""
 GEOMETRY = 0.15
-"""Standard deviation of the errors of the file's lever arms, directions and cross inertias, relative to the
-root mean square acceleration per newton of the thrusters on an axis.  It equals 1 to 2 cm of a lever arm, or
-10 degrees."""
+"""Standard deviation of the errors of the file's lever arms, directions and cross inertias.
+
+It is relative to the root mean square acceleration per newton of the thrusters on an axis, and equals 1 to 2
+cm of a lever arm, or 10 degrees.
+"""
 LEAST_ARM = 0.25
-"""Minimum of that root mean square, relative to 1/m or (L/2)/I, for axes without thrust in the file."""
+"""Minimum root mean square acceleration per newton on an axis, for axes without thrust in the file.
+
+It is relative to 1/m or (L/2)/I, with the mass m, length L and moment of inertia I.
+"""
 BALLAST, OFFSET = 0.05, 0.05
-"""Prior standard deviations of an unknown weight, relative to the weight (BALLAST), and of an unknown lever
-arm of the weight, relative to the hull's length (OFFSET)."""
+"""Prior standard deviations of an unknown weight, relative to the weight, and of an unknown lever arm.
+
+The lever arm of the weight (OFFSET) is relative to the hull's length.
+"""
 STEADY = 0.2
 """Prior standard deviation of an unknown constant force, relative to the total thrust on the axis."""
 FLOW, UNSTEADY = 0.5, 0.1
 """Prior standard deviations of an unknown uniform current, and of other motion of the water [m/s]."""
 STILL, FIRST_STEP, LAST_STEP = (0.0, 0.0), 0.16, 0.02
-"""Start, first step and last step of the search for a current [m/s]."""
+"""Start [m/s, north and east], first step and last step of the search for a current [m/s]."""
 HORIZONTAL = (0, 1, 5)
-"""Axes used in the search for a current."""
+"""Axes used in the search for a current: surge, sway, yaw."""
 ROUNDING = 1e-10
 """Share of the largest eigenvalue below which a combination of thrust columns counts as not excited."""
 REACH = 10.0
@@ -90,9 +97,9 @@ REACH = 10.0
 DRAG = 1.0
 """Prior standard deviation of the error of a drag coefficient of the box's faces."""
 CREEP = 0.1
-"""Speed added to the recording's root mean square for the size of linear damping [m/s, rad/s]."""
+"""Speed added to the recording's root mean square, to give the size of linear damping [m/s, rad/s]."""
 CROSS = 0.3
-"""Prior standard deviation of cross damping, relative to the damping of the two axes."""
+"""Prior standard deviation of damping across axes, relative to the geometric mean of both axes' damping."""
 COUPLED = 0.5
 """Prior standard deviation of errors of Coriolis and Munk terms, relative to the displaced mass."""
 
@@ -100,6 +107,8 @@ COUPLED = 0.5
 @dataclass(frozen=True)
 class Balance:
     """Sufficient statistics of the regression in units of the noise, with nuisance terms integrated out.
+
+    n is the number of thrusters, K that of different thrust curves.
 
     Attributes:
         gram: Products of the thrust columns with one another, (6, K n, K n); column k n + j belongs to
@@ -109,7 +118,7 @@ class Balance:
         kinds: Index of each thruster's thrust curve, (n,).
         shown: Axes with measured accelerations, (6,).
         inertia: Relative standard errors of the file's inertia about its axes, (6,).
-        driven: Indices of the thrusters among the file's actuators, servos excluded, (n,).
+        driven: Indices of the thrusters among the file's commands, servos excluded, (n,).
         idle: Thrusters that did not run, (n,).
         delay: Delay from command to motion [s].
     """
@@ -131,7 +140,7 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
     Args:
         vehicle: The vehicle.
         record: The recording.
-        beside: Known wrench on the hull in addition to the file's at every row, (N, 6) [N, N m].
+        beside: Known wrench on the hull in addition to the forces of the file, at every row, (N, 6) [N, N m].
 
     Returns:
         The statistics, or None if there are no thrusters, too few windows or no measured acceleration.
@@ -184,7 +193,7 @@ def _windows(record: Recording, forces: Array) -> Windows:
 
 
 def _inertia_errors(vehicle: Vehicle, inverse: Array) -> Array:
-    """Return the standard errors of the file's added mass (0 if not given) relative to the inertia, (6,)."""
+    """Return the standard errors of the file's added mass over the total inertia, (6,); 0 if not given."""
     errors = np.zeros(AXES)
     for table in vehicle.effects(ADDED_MASS.name):
         given = np.asarray(table.get("standard_error", {}).get("diagonal", errors), float)
@@ -193,7 +202,7 @@ def _inertia_errors(vehicle: Vehicle, inverse: Array) -> Array:
 
 
 def _tilted(record: Recording) -> Recording:
-    """Return the recording with roll and pitch integrated from the rates where they are not measured.
+    """Return the recording with roll and pitch integrated from the rates if they are not measured.
 
     The integration leaks, because errors of rates accumulate and a restoring moment returns the vehicle.
     Without an attitude, an unmodelled restoring moment makes thrusters look reversed: below its natural
@@ -214,8 +223,9 @@ def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]
     """Compute the thrust of every command column through every thrust curve.
 
     Returns:
-        The index of each thruster's curve (n,), and forces (N, K n + n) [N].  The first K n are the parts odd
-        in the command, through each curve.  The last n are the even parts, each through its thruster's curve.
+        The index of each thruster's curve (n,), and thrusts (N, K n + n) [N].  The first K n are the parts
+        odd in the command, through each of K curves.  The last n are the even parts, each through its
+        thruster's curve.
     """
     curves = table.copy()
     curves[:, UNIT_WRENCH] = 0.0
@@ -233,7 +243,7 @@ def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]
 
 
 def _cheapest(axes: Sequence[_Axis], pushed: Sequence[Array]) -> int:
-    """Return the index of the integrated thrusts with the highest likelihood."""
+    """Return the index of the delay, among integrated thrusts by delay, with the highest likelihood."""
     return int(np.argmin([_cost(axes, each) for each in pushed]))
 
 
@@ -263,7 +273,7 @@ def _current(terms: _Terms, axes: Sequence[_Axis], pushed: Array) -> tuple[float
 
 
 def _shifted(forces: Array, windows: Windows, delay: float) -> Array:
-    """Return the forces at `delay` seconds before the rows of the windows, (K, k)."""
+    """Return the forces `delay` seconds before the rows of the windows, interpolated, (K, k)."""
     record, rows = windows.record, windows.rows
     segment = np.searchsorted(record.segments[:, 1], rows, side="right")
     first, last = record.segments[segment, 0], record.segments[segment, 1] - 1
@@ -275,14 +285,14 @@ def _shifted(forces: Array, windows: Windows, delay: float) -> Array:
 
 @dataclass(frozen=True)
 class _Axis:
-    """Regression of one axis.
+    """Regression of one axis over W windows.
 
     Attributes:
-        shown: Whether its acceleration is measured.
+        shown: Whether the acceleration of the axis is measured.
         left: Measured acceleration minus that of the file without thrusters, (W,).
         terms: Nuisance terms, each multiplied by its prior standard deviation, (W, p).
         size: Root mean square of the thrusters' accelerations per newton.
-        consecutive: Whether each window directly follows the previous one, (W,).
+        consecutive: Whether each window directly follows the previous window, (W,).
         weights: Weights of the windows by the samples in them, (W,).
         filter: Autoregressive coefficients of the errors, (ORDER,).
         spread: Standard deviation of the whitened errors.
@@ -313,7 +323,11 @@ class _Axis:
         return np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
 
     def fitted(self, pushed: Array) -> tuple[Array, float]:
-        """Fit with every column free; return the unwhitened errors (W,) and the effective parameter count."""
+        """Fit all columns freely; return the unwhitened errors (W,) and the effective number of parameters.
+
+        Args:
+            pushed: Integrated thrusts, (W, k).
+        """
         whole = self.design(pushed)
         y, columns = self.filtered(self.left), self.filtered(whole)
         gram = columns.T @ columns
@@ -330,7 +344,7 @@ class _Axis:
         return float(len(errors) * np.log(squares.sum() + 1e-300))
 
     def whitened(self, pushed: Array) -> _Axis:
-        """Estimate the autoregression and the spread of the errors."""
+        """Return the axis with autoregression and spread of the errors, estimated from thrusts (W, k)."""
         axis = self
         if not self.shown:
             return self
@@ -344,7 +358,7 @@ class _Axis:
 
     @property
     def least_variance(self) -> float:
-        """Return the variance of the whitened sensor noise, a lower bound on that of the errors.
+        """Variance of the whitened sensor noise, a lower bound on that of the errors.
 
         The estimated errors of a short recording can have a smaller variance.
         """
@@ -355,12 +369,13 @@ class _Axis:
     def reduced(self, pushed: Array, count: int) -> tuple[Array, Array]:
         """Return products of the thrust columns and the accelerations, with nuisance terms integrated out.
 
-        The first `count` columns are odd parts of thrusts.  The others are even parts, which are nuisance
-        terms.
-
         Errors of the geometry, one for each column, are integrated out last, in the eigenvectors of the
         products.  Commands of a mixer are linearly dependent, and rounding must not make the products
         indefinite.
+
+        Args:
+            pushed: Integrated thrusts, (W, k): odd parts, then even parts, which are nuisance terms.
+            count: Number of odd parts.
         """
         whole = pushed * self.weights[:, None]
         terms = self.filtered(np.hstack([self.terms, self.size * whole[:, count:]]))
@@ -377,7 +392,7 @@ class _Axis:
 
 
 def _autoregression(errors: Array, consecutive: Mask) -> Array:
-    """Fit autoregressive coefficients over consecutive windows by least squares, bounded by SLOW."""
+    """Fit autoregressive coefficients of errors over consecutive windows, (ORDER,), bounded by SLOW."""
     both = consecutive & np.roll(consecutive, 1)
     rows = np.flatnonzero(both)
     rows = rows[rows >= ORDER]
@@ -391,7 +406,7 @@ def _autoregression(errors: Array, consecutive: Mask) -> Array:
 
 @dataclass(frozen=True)
 class _Terms:
-    """Nuisance terms of all axes, for any current.
+    """Nuisance terms of all axes, as a function of the current.
 
     Attributes:
         vehicle: The vehicle.
@@ -400,7 +415,7 @@ class _Terms:
         inverse: Inverse mass matrix, (6, 6).
         arms: Acceleration per newton of each thruster, (6, n).
         authority: Maximum acceleration by all thrusters together, (6,).
-        beside: Known wrench on the hull in addition to the file's at every row, (N, 6); None if unknown.
+        beside: Known wrench on the hull in addition to the forces of the file, (N, 6); None if unknown.
     """
 
     vehicle: Vehicle
@@ -417,10 +432,10 @@ class _Terms:
         known: Sequence[_Axis] | None = None,
         wanted: Sequence[int] = tuple(range(AXES)),
     ) -> list[_Axis]:
-        """Collect the terms of the given axes.
+        """Set up the regressions of axes at a current.
 
         Args:
-            current: Velocity of the water north and east, in addition to the file's [m/s].
+            current: Velocity of the water north and east, in addition to the file's current [m/s].
             known: All axes with whitened errors; by default the errors are assumed to be white.
             wanted: Indices of the axes.
         """
@@ -437,7 +452,7 @@ class _Terms:
         return [self._axis(i, left[:, i], nu, R, None if known is None else known[i]) for i in wanted]
 
     def _axis(self, axis: int, left: Array, nu: Array, R: Array, known: _Axis | None) -> _Axis:
-        """Collect the terms of one axis, including an unknown mounting position of the DVL."""
+        """Set up the regression of one axis; an unknown mounting position of the DVL is a nuisance too."""
         windows = self.windows
         weights = np.ones(len(left)) if windows.known is None else windows.known[:, axis]
         terms = windows.sums(self._along(axis, nu, R))
@@ -513,5 +528,5 @@ class _Terms:
 
 
 def _products(nu: Array, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Return the products of velocities, (K, pairs)."""
+    """Return the products of pairs of velocity components, (K, pairs)."""
     return np.column_stack([nu[:, i] * nu[:, k] for i, k in pairs])

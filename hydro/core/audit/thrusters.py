@@ -24,34 +24,37 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
 SURE = 0.95
-"""Minimum probability at which directions and order are stated."""
+"""Minimum probability at which the audit states directions and order."""
 STATED = 3.0
-"""Minimum deviation of the common scale from 1 that is stated [standard errors]: one false alarm in 370."""
+"""Minimum deviation of the common scale from 1 that the audit states [standard errors].
+
+It gives one false alarm in 370.
+"""
 TOGETHER = 0.5
 """Minimum absolute correlation of the effectivenesses of thrusters that form a group."""
 WEAK = 0.5
-"""Upper limit of the whole interval of a weak thruster, relative to the common scale."""
+"""Thrust, relative to the common scale, below which the whole interval of a weak thruster lies."""
 MOST_ALTERNATIVES, LIKELY = 3, 0.05
 """Maximum number of listed alternatives, and their minimum probability."""
 
 
 @dataclass(frozen=True)
 class ThrusterAudit:
-    """Result of a thruster audit: directions, order and effectiveness.
+    """Result of a thruster audit: directions, order and effectiveness of n actuators.
 
     Attributes:
         wiring: Stated directions and order; those of the file if nothing else is stated.
         probability: Probability of the stated directions and order.
         plain: Probability that all directions and the order are those of the file.
-        alternatives: Most probable hypotheses if the file is wrong and none of them is certain.
+        alternatives: Most probable assignments, with probabilities, if the file is wrong and none is certain.
         effectiveness: Thrust of each thruster relative to the file's, by the column that drives it, (n,);
-            negative if it pushes opposite to the file.
+            negative if it pushes opposite to the file; NaN for servos.
         low: Lower end of the 95 % interval of the effectiveness, (n,).
-        high: Upper end of that interval, (n,).
+        high: Upper end of the 95 % interval of the effectiveness, (n,).
         scale: Common scale of all thrusters, with the ends of its 95 % interval.
         seen: Thrusters whose individual effectiveness is determined, (n,).
-        clear: Thrusters of these whose direction is certain, (n,); a dead thruster has none.
-        together: Groups of thrusters that the recording cannot separate.
+        clear: Thrusters in `seen` whose direction is certain, (n,); a thruster without thrust has none.
+        together: Groups of thrusters that the recording cannot separate, by index.
         idle: Thrusters that did not run, (n,).
         shown: Measured accelerations among u v w p q r, (6,).
         delay: Delay from command to motion [s].
@@ -74,16 +77,16 @@ class ThrusterAudit:
 
     @property
     def wrong(self) -> bool:
-        """Return whether directions or order differ from the file, even if the difference is ambiguous."""
+        """Whether directions or order certainly differ from the file, even if the difference is ambiguous."""
         return self.plain <= 1.0 - SURE
 
     def columns(self) -> tuple[str, ...]:
-        """Return the command columns that the stated hypothesis or an alternative changes."""
+        """Return the command columns that the stated assignment or an alternative changes, sorted."""
         every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
         return tuple(sorted({name for wiring in every for name in wiring.columns()}))
 
     def lines(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
-        """Yield the findings, one sentence each, most important first.
+        """Yield the results of the audit, one sentence each, most important first.
 
         Args:
             file: Name of the vehicle file, for the command that corrects it; empty if unknown.
@@ -98,14 +101,24 @@ class ThrusterAudit:
             yield f"accelerations of {listed(hidden)} are not measured and not used"
 
     def statements(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
-        """Yield contradictions of the file: directions and order, a common scale, weak thrusters."""
+        """Yield contradictions of the file: directions and order, a common scale, weak thrusters.
+
+        Args:
+            file: Name of the vehicle file, for the command that corrects it; empty if unknown.
+            sources: Names of the columns in the log, in the order of the map; None without a map.
+        """
         if self.wrong:
             yield self.headline(file, sources)
         if self.seen.any():
             yield from self._sizes()
 
     def headline(self, file: str = "", sources: Sequence[str] | None = None) -> str:
-        """Return the sentence on directions and order, with the command or map line that corrects them."""
+        """Return a sentence on directions and order, with the command or map line that corrects them.
+
+        Args:
+            file: Name of the vehicle file, for the command that corrects it; empty if unknown.
+            sources: Names of the columns in the log, in the order of the map; None without a map.
+        """
         if not self.wrong:
             clear = _places(self.clear)
             verb = "pushes" if len(clear) == 1 else "push"
@@ -129,7 +142,7 @@ class ThrusterAudit:
         return f"{told}: {'; '.join(advice)}"
 
     def table(self) -> pl.DataFrame:
-        """Return one row per thruster: effectiveness with its 95 % interval, and whether it is determined."""
+        """Return one row per actuator: effectiveness with its 95 % interval, and whether it is determined."""
         return pl.DataFrame(
             {
                 "thruster": range(1, len(self.seen) + 1),
@@ -141,7 +154,7 @@ class ThrusterAudit:
         ).with_columns(cs.float().fill_nan(None))
 
     def _told(self, wiring: Wiring) -> str:
-        """Return the directions and order of a hypothesis in words."""
+        """Return the directions and order of an assignment in words."""
         parts = []
         if wiring.reversed:
             verb = "pushes" if len(wiring.reversed) == 1 else "push"
@@ -159,7 +172,7 @@ class ThrusterAudit:
         return "; ".join(parts) or "all is as the file says"
 
     def _order(self, sources: Sequence[str] | None) -> str:
-        """Return the correction of the order: the line of the map, or the order in words."""
+        """Return how to correct the order of columns: the line of the map, or the order in words."""
         turned = {i for i in self.wiring.moved if self.wiring.sign[i] < 0}
         if sources:
             columns = [
@@ -175,7 +188,7 @@ class ThrusterAudit:
         return f"put the columns of [commands] in the map in the order {order}"
 
     def _unseen(self) -> Iterator[str]:
-        """Yield a sentence for the thrusters without a result."""
+        """Yield sentences on the thrusters for which the audit has no result."""
         if idle := _places(self.idle):
             yield f"{_thrusters(idle)} did not run: no result for {_it(idle)}"
         grouped = set(idle)
@@ -190,12 +203,12 @@ class ThrusterAudit:
             yield f"this recording does not show the direction of {_thrusters(rest, 'thruster')}"
 
     def _weak(self, i: int) -> bool:
-        """Return whether the whole interval of a thruster is below WEAK in both directions."""
+        """Return whether the whole interval of thruster `i` is below WEAK in both directions."""
         most = max(abs(self.low[i]), abs(self.high[i]))
         return bool(self.seen[i] and most < WEAK * self.scale[0])
 
     def _sizes(self) -> Iterator[str]:
-        """Yield the common scale, and thrusters that are weaker."""
+        """Yield sentences on a common scale far from 1, and on weak thrusters."""
         scale, low, high = self.scale
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
         if abs(np.log(scale)) > STATED / NORMAL_95 * np.log(high / scale):
@@ -214,7 +227,7 @@ def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> T
     Args:
         vehicle: The vehicle.
         record: The recording.
-        beside: Known wrench on the hull in addition to the file's at every row, (N, 6) [N, N m].
+        beside: Known wrench on the hull in addition to the forces of the file, at every row, (N, 6) [N, N m].
 
     Returns:
         The audit, or None if there are no thrusters, too few windows or no measured acceleration.
@@ -224,7 +237,13 @@ def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> T
 
 
 def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
-    """Derive the audit from the probabilities of all hypotheses."""
+    """Return the audit from the posterior probabilities of all assignments.
+
+    Args:
+        found: Sufficient statistics of the regression.
+        tried: Posterior over the assignments of the thrusters.
+        count: Number of actuators in the file, servos included.
+    """
     ranked = tried.wirings()
     likeliest, driven = ranked[0][0], found.driven
     order = next(order for order in tried.orders if order.column == likeliest.column)
@@ -272,10 +291,16 @@ def _turned(ranked: Sequence[tuple[Wiring, float]]) -> Array:
 def _stated(
     ranked: Sequence[tuple[Wiring, float]], turned: Array, plain: float, seen: Mask
 ) -> tuple[Wiring, float, tuple[tuple[Wiring, float], ...]]:
-    """Return the stated hypothesis, its probability, and alternatives if the file is certainly wrong.
+    """Return the stated assignment, its probability, and alternatives if the file is certainly wrong.
 
     A thruster is stated as reversed if its marginal probability reaches SURE.  So a dead thruster, whose sign
-    is not determined, does not weaken the statement about the others.
+    is not determined, does not weaken the statement about the other thrusters.
+
+    Args:
+        ranked: Assignments with probabilities, most probable first.
+        turned: Probability that each thruster is reversed, (n,).
+        plain: Probability of the file's assignment.
+        seen: Thrusters whose effectiveness is determined, (n,).
     """
     likeliest, probability = ranked[0]
     file = Wiring.plain(len(likeliest.column))
@@ -291,7 +316,7 @@ def _stated(
 
 
 def _scale(strength: Array, covariance: Array) -> tuple[float, float]:
-    """Estimate the common scale of effectivenesses with known signs, and its standard error.
+    """Return the common scale of effectivenesses (n,) with known signs, and its standard error.
 
     It is a random-effects mean: the scatter of the thrusters is estimated too (DerSimonian and Laird 1986).
     """
@@ -341,7 +366,13 @@ def _groups(covariance: Array, seen: Mask, idle: Mask, scale: float) -> list[tup
 
 
 def _spread(wiring: Wiring, driven: Rows, count: int) -> Wiring:
-    """Return the hypothesis extended to all actuators of the file, including servos."""
+    """Return an assignment of the thrusters as one of all actuators of the file, including servos.
+
+    Args:
+        wiring: Assignment of the thrusters.
+        driven: Indices of the thrusters among the actuators, (n,).
+        count: Number of actuators.
+    """
     column, sign = list(range(count)), [1] * count
     for at, (own, turned) in zip(driven, wiring.drives(), strict=True):
         column[at], sign[at] = int(driven[own]), turned
@@ -349,7 +380,7 @@ def _spread(wiring: Wiring, driven: Rows, count: int) -> Wiring:
 
 
 def _full(values: Any, driven: Rows, count: int, other: Any) -> Any:
-    """Return values (n,) of all actuators: those of the thrusters, and `other` for servos."""
+    """Return values for all actuators from those of the thrusters (n,), with `other` for servos."""
     out = np.full(count, other)
     out[driven] = values
     return out
@@ -361,9 +392,10 @@ def _places(mask: Mask) -> tuple[int, ...]:
 
 
 def _thrusters(indices: Sequence[int], word: str = "thruster") -> str:
-    """Return numbers in a sentence: `thrusters 1, 2 and 5`."""
+    """Return thruster numbers from 1 in words: `thrusters 1, 2 and 5` for the indices 0, 1 and 4."""
     return f"{word}{'s' if len(indices) > 1 else ''} {listed([str(i + 1) for i in indices])}"
 
 
 def _it(indices: Sequence[int]) -> str:
+    """Return "it" for one thruster, "them" for several."""
     return "it" if len(indices) == 1 else "them"

@@ -16,8 +16,8 @@ class Wiring:
     """Command column that drives each thruster, and the thruster's direction.
 
     Attributes:
-        column: Index of the column, from 0, for each thruster.
-        sign: 1, or -1 where the thruster pushes opposite to the file.
+        column: For each thruster, the index of its command column, from 0.
+        sign: For each thruster, 1, or -1 if it pushes opposite to the file.
     """
 
     column: tuple[int, ...]
@@ -25,41 +25,45 @@ class Wiring:
 
     @classmethod
     def plain(cls, count: int) -> Wiring:
-        """Return the assignment of the vehicle file."""
+        """Return the assignment of the vehicle file for a number of thrusters."""
         return cls(tuple(range(count)), (1,) * count)
 
     @property
     def is_plain(self) -> bool:
-        """Return whether it is the assignment of the vehicle file."""
+        """Whether this is the assignment of the vehicle file."""
         return self == Wiring.plain(len(self.column))
 
     @property
     def reversed(self) -> tuple[int, ...]:
-        """Return the indices of thrusters that have their own column and push opposite to the file."""
+        """Indices of the thrusters that have their own column and push opposite to the file."""
         return tuple(i for i, drive in enumerate(self.drives()) if drive == (i, -1))
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Return the indices of thrusters that another column drives."""
+        """Indices of the thrusters that another column drives."""
         return tuple(i for i, column in enumerate(self.column) if column != i)
 
     def drives(self) -> Iterator[tuple[int, int]]:
-        """Yield column and sign of each thruster."""
+        """Yield command column and sign of each thruster."""
         return zip(self.column, self.sign, strict=True)
 
     def exchanges(self) -> Iterator[tuple[int, ...]]:
-        """Yield the columns after each exchange of the columns of two thrusters."""
+        """Yield `column` after each possible exchange between two thrusters."""
         for i, k in combinations(range(len(self.column)), 2):
             changed = list(self.column)
             changed[i], changed[k] = changed[k], changed[i]
             yield tuple(changed)
 
     def apply(self, commands: Array) -> Array:
-        """Return commands (N, n) in the order and with the signs that the file expects."""
+        """Return logged commands in the order and with the signs that the file expects.
+
+        Args:
+            commands: Commands of n columns in N rows, (N, n).
+        """
         return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
 
     def columns(self) -> tuple[str, ...]:
-        """Return the columns that drive another thruster than in the file, or drive it in reverse."""
+        """Return the command columns that drive another thruster than in the file, or drive it in reverse."""
         drives = enumerate(self.drives())
         return tuple(
             sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))

@@ -1,1 +1,1 @@
-"""Cleaned recording used by all commands, and a test of whether it can answer a question."""
+"""Cleaning of a recording before any fit, and a test of whether the recording shows the vehicle at all."""

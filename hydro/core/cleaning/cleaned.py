@@ -1,10 +1,10 @@
 """Cleaned recording used by compare, diagnose, explain and fit, with a list of the changes.
 
 The order matters.  Impossible readings are removed first, since they would hide mislabelled columns.
-Mislabelled columns are corrected next.  A gyro's bias and the tails of the noise come last.
+Mislabelled columns are corrected next.  A gyro's bias is removed and outliers are handled last.
 
-Every change is a line in `Cleaned.changes`.  Outliers of a channel with heavy tails get a smaller weight in
-the observation model (`Cleaned.record`) and stay in the table as logged.
+Every correction is a sentence in `Cleaned.changes`.  Outliers of a channel with heavy-tailed noise get a
+smaller weight in `Cleaned.record` and stay in the table as logged.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Cleaned:
     """Recording with the faults of its log corrected.
 
     Attributes:
-        raw: Raw table; rows and columns without faults are as logged.
-        record: The table as arrays, with the observation model of channels whose noise has heavy tails.
-        faults: Faults of the log, one of each kind.
-        tails: Noise of the channels with heavy tails.
+        raw: Corrected raw table; rows and columns without faults are as logged.
+        record: The corrected table as arrays; outliers of channels with heavy-tailed noise have less weight.
+        faults: Corrected faults of the log, one of each kind.
+        tails: Channels with heavy-tailed noise, and the shape of their noise.
     """
 
     raw: pl.DataFrame
@@ -46,21 +46,22 @@ class Cleaned:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Sentences on the changes, one each."""
+        """One sentence for each correction of the recording."""
         return (*(fault.message for fault in self.faults), *heavy_tails_told(self.tails))
 
 
 def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> Cleaned:
-    """Clean a recording.
+    """Correct the faults of a log: bad readings, mislabelled columns, a gyro's bias and outliers.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: Vehicle of the recording.
         raw: Raw table.
-        put_right: Whether mislabelled columns are corrected; otherwise they are refused.
+        put_right: Whether to correct mislabelled columns (reversed, exchanged, in degrees or in another
+            frame); if False, they raise an error.
 
     Raises:
         DataError: The recording does not fit the vehicle, columns contradict each other without showing which
-            is wrong, or a column is wrong and `put_right` is False.
+            is wrong, or a column is mislabelled and `put_right` is False.
     """
     readings = without_bad_readings(vehicle, raw)
     found = axis_faults(readings.raw, readings.record)
@@ -73,7 +74,7 @@ def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> C
 
 
 def heavy_tails_told(tails: tuple[Tail, ...]) -> tuple[str, ...]:
-    """Return the sentence on channels whose noise has heavy tails; empty without any."""
+    """Return a tuple with a sentence on the channels with heavy-tailed noise; empty without such channels."""
     if not tails:
         return ()
     names = ", ".join(f"{tail.channel} ({tail.freedom:g})" for tail in tails)
@@ -81,5 +82,5 @@ def heavy_tails_told(tails: tuple[Tail, ...]) -> tuple[str, ...]:
 
 
 def _of(log: Corrected) -> Cleaned:
-    """Return the cleaned recording of one whose sensors were corrected."""
+    """Return the cleaned recording from a log whose sensor faults were corrected."""
     return Cleaned(log.raw, log.record, log.faults, log.tails)

@@ -1,7 +1,8 @@
 """Test of whether a recording can answer any question about the vehicle.
 
-The thrusters must have run, or the vehicle must have sunk or risen freely.  It must have moved beyond the
-noise of its sensors, and under water.  Its commands must be sampled faster than the vehicle responds.
+The thrusters must have run, or the vehicle must have sunk or risen freely.  The vehicle must have moved
+beyond the noise of its sensors, and under water.  Its commands must be sampled faster than the vehicle
+responds.
 """
 
 from __future__ import annotations
@@ -17,34 +18,34 @@ from hydro.core.recording.filling import unshown
 from hydro.core.recording.jumps import is_sparse
 
 LEAST_COMMAND = 0.02
-"""Share of full thrust below which a command is an offset of the neutral pulse [1]."""
+"""Largest command of a stopped thruster, as a share of full command: the offset of a neutral pulse."""
 WINDOW = 1.0
-"""Window of the average of velocities before they are compared with their noise [s]."""
+"""Window over which velocities and poses are averaged before they are compared with their noise [s]."""
 MOVES = 0.02
-"""Smallest root mean square velocity that is motion [m/s, rad/s]: drift of a sensor at rest is less."""
+"""Minimum velocity that counts as motion, root mean square [m/s, rad/s]; a resting sensor drifts less."""
 ABOVE_NOISE = 3.0
-"""Ratio to the noise that the mean velocity of a window must exceed."""
+"""Minimum ratio of windowed mean velocities to their noise that counts as motion."""
 BEYOND_NOISE = 1.5
-"""Ratio of variation to noise above which the depth changes; noise alone gives 1."""
+"""Minimum ratio of the depth's standard deviation to its noise in a changing depth; noise alone gives 1."""
 TRAVEL = 0.3
-"""Change of position or attitude that counts as motion at any speed [m, rad]."""
+"""Change of position or attitude that counts as motion however slow it is [m, rad]."""
 SURFACE = 0.3
-"""Depth within which a vehicle floats at the surface [m]: half the height of a small vehicle."""
+"""Maximum depth of a vehicle that floats at the surface [m]: half the height of a small vehicle."""
 MOSTLY = 0.95
-"""Minimum share of rows within SURFACE of a floating vehicle."""
+"""Minimum share of depth samples within SURFACE of a vehicle that floats."""
 SLOW_COMMANDS = 1.0
 """Longest sample time of commands [s]: a small vehicle reaches its speed within one second."""
 LEVELS, LEAST_TICKS = 20, 10
-"""Minimum distinct values and changes of commands that can be samples of a curve."""
+"""Minimum numbers of distinct values and of changes in a command column that samples a continuous curve."""
 EVEN = 0.9
-"""Minimum share of changes at multiples of the commands' sample time."""
+"""Minimum share of command changes at multiples of the commands' sample time."""
 SMOOTH = 0.5
-"""Correlation of successive values above which commands are samples of a curve, not steps."""
+"""Correlation of successive command values above which they sample a curve rather than a pilot's steps."""
 NOTHING = "nothing can be concluded about the vehicle"
 
 
 def unready(record: Recording) -> str:
-    """Return the reason why a recording shows nothing of the vehicle, in one sentence; else empty."""
+    """Return why a recording shows nothing about the vehicle; empty if the recording is usable."""
     runs, still, floats = ran(record), not moved(record), at_surface(record)
     if not runs and still:
         return f"the thrusters never ran and the vehicle did not move: {NOTHING}; record it under way"
@@ -73,22 +74,22 @@ def unready(record: Recording) -> str:
 
 
 def require_ready(record: Recording) -> None:
-    """Refuse a recording that shows nothing of the vehicle.
+    """Refuse a recording that shows nothing about the vehicle.
 
     Raises:
-        DataError: It shows nothing; the message gives the reason.
+        DataError: The recording is not usable; the message gives the reason and what to do.
     """
     if why := unready(record):
         raise DataError(why)
 
 
 def ran(record: Recording) -> bool:
-    """Return whether any thruster was commanded, or there is none to command."""
+    """Return whether any thruster ran; True for a recording without command columns."""
     return not record.commands.shape[1] or bool((np.abs(record.commands) > LEAST_COMMAND).any())
 
 
 def moved(record: Recording) -> bool:
-    """Return whether any axis moved beyond its noise."""
+    """Return whether the vehicle moved: velocity or pose of any axis changes by more than its noise."""
     sigma, every = noise(record), list(channels(record))
     blind = np.zeros(12, bool)
     if record.seen is not None:
@@ -99,19 +100,23 @@ def moved(record: Recording) -> bool:
 
 
 def at_surface(record: Recording) -> bool:
-    """Return whether the depth was measured and stayed within SURFACE."""
+    """Return whether the depth was measured and nearly always within SURFACE."""
     z = _depth(record)
     return bool(z.size) and float(np.mean(np.abs(z) <= SURFACE)) >= MOSTLY
 
 
 def command_step(record: Recording) -> float:
-    """Return the sample time of the commands [s]; that of the recording if they are steps."""
+    """Return the sample time of the commands [s].
+
+    Commands that a pilot changes in steps have no own sample time; the result is then the sample time of the
+    recording.
+    """
     steps = [_held(record, column) for column in record.commands.T]
     return max(steps, default=0.0) or record.dt
 
 
 def _depth(record: Recording) -> Array:
-    """Return the samples of the depth [m]."""
+    """Return the measured depths [m], without filled values."""
     return record.eta[:, 2] if record.seen is None else record.eta[record.seen[:, 2], 2]
 
 
@@ -121,15 +126,21 @@ def _depth_known(record: Recording) -> bool:
 
 
 def _heaves(record: Recording) -> bool:
-    """Return whether the depth changes beyond its noise."""
+    """Return whether the depth varies by more than its noise."""
     z = _depth(record)
     return bool(np.std(z) > BEYOND_NOISE * noise(record)[2])
 
 
 def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bool:
-    """Return whether mean velocities of windows exceed their noise.
+    """Return whether the mean velocities of windows exceed their noise.
 
     Between sparse samples noise and motion cannot be separated, so the pose alone decides.
+
+    Args:
+        record: The recording.
+        axis: Velocity component, 0 to 5 for u v w p q r.
+        parts: The component by segments, (n,) each; slope of the pose where it was not measured.
+        sigma: Noise of all channels, (12,).
     """
     rows = max(round(WINDOW / record.dt), 1)
     measured = record.seen is None or bool(record.seen[:, 6 + axis].any())
@@ -150,7 +161,7 @@ def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bo
 
 
 def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) -> bool:
-    """Return whether the pose changes within a segment by more than TRAVEL and more than its noise."""
+    """Return whether a pose channel changes within a segment by more than TRAVEL and more than its noise."""
     if record.seen is not None and not record.seen[:, channel].any():
         return False
     rows = max(round(WINDOW / record.dt), 1)
@@ -160,13 +171,13 @@ def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) 
 
 
 def _pieces(part: Array, rows: int) -> Iterator[Array]:
-    """Yield contiguous pieces of `rows` rows; the whole of a shorter part."""
+    """Yield contiguous pieces of `rows` rows; a shorter part as a whole."""
     for start in range(0, max(len(part) - rows + 1, min(len(part), 1)), rows):
         yield part[start : start + rows]
 
 
 def _held(record: Recording, column: Array) -> float:
-    """Return the time for which a command column holds each sample [s]; 0 for steps by a pilot."""
+    """Return the time for which a command column holds each sample [s]; 0 for a pilot's steps."""
     changes = np.flatnonzero(np.diff(column) != 0.0)
     if len(changes) < LEAST_TICKS or len(np.unique(column)) < LEVELS:
         return 0.0

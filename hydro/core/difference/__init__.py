@@ -1,1 +1,1 @@
-"""Differences of two vehicle files, in words and in prediction error."""
+"""Comparison of two vehicle files: differences in words, and the prediction error that each one causes."""

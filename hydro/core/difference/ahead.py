@@ -1,7 +1,7 @@
 """Prediction errors of vehicle files 5 s ahead, where another vehicle file or a recording is the truth.
 
-Without a recording the manoeuvres of the library are simulated with the true vehicle, without noise.  The
-error of another file on these runs is due to its differences only.
+Without a recording, the true vehicle is simulated in the manoeuvres of the library, without noise.  The error
+of another file on these runs is then due to its differences from the true vehicle only.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 
 ERROR = "error 5 s ahead [m/s]"
-"""Name of the column in tables."""
+"""Name of the column of prediction errors in tables."""
 
 
 def flights(vehicle: Vehicle) -> pl.DataFrame:
-    """Simulate the manoeuvres of the library open loop from rest, as a raw table.
+    """Simulate the manoeuvres of the library open loop from rest, and return them as one raw table.
+
+    Manoeuvres in which the motion diverges are left out.
 
     Raises:
         DataError: The vehicle has no thrusters, or its motion diverges in every manoeuvre.
@@ -38,18 +40,18 @@ def flights(vehicle: Vehicle) -> pl.DataFrame:
 
 
 class Errors:
-    """Prediction errors of vehicle files 5 s ahead.
+    """Prediction errors of vehicle files 5 s ahead, against a true vehicle or its recording.
 
     Attributes:
-        own: Error of the true vehicle itself [m/s]; due to smoothing alone on simulated manoeuvres.
+        own: Error of the true vehicle's file itself [m/s]; on simulated manoeuvres due to smoothing alone.
     """
 
     def __init__(self, vehicle: Vehicle, raw: pl.DataFrame | None = None) -> None:
-        """Simulate the manoeuvres if no recording is given.
+        """Prepare the true motion: the recording, or else simulated manoeuvres.
 
         Args:
             vehicle: True vehicle, whose inertia weights the axes.
-            raw: Raw table of a recording of it.
+            raw: Raw table of a recording of the true vehicle; None to simulate the manoeuvres of the library.
 
         Raises:
             DataError: The motion of the vehicle diverges, or the recording does not fit it.
@@ -60,7 +62,12 @@ class Errors:
         self.own = self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Return the root mean square velocity error 5 s ahead [m/s], as in `compare` and `explain`.
+        """Return the root mean square velocity error of a vehicle file 5 s ahead [m/s].
+
+        It is the measure of `hydro compare` and `hydro explain`.
+
+        Args:
+            vehicle: Vehicle file to test.
 
         Raises:
             DataError: The vehicle does not fit the commands.
@@ -68,7 +75,7 @@ class Errors:
         return self._ahead.of(self._logged(vehicle))
 
     def _logged(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle, without errors of its velocity sensor on simulated manoeuvres."""
+        """Return the vehicle; on simulated manoeuvres without errors of sensors, which are not simulated."""
         if self._recorded:
             return vehicle
         kept = (table for table in vehicle.effect if CATALOGUE[table["name"]].kind != "sensor")

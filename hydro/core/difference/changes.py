@@ -19,9 +19,9 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster, Vehicle
 
 Unit = Callable[[str, Index], str]
-"""Function from a key and the index of an entry to the entry's unit."""
+"""Function from a key of a table and an index within its value to the unit of that number."""
 PARTS = ("environment", "rigid_body", "buoyancy", "hull", "battery")
-"""Tables that a vehicle file has at most once."""
+"""Tables of a vehicle file that occur at most once."""
 UNITS = {
     "water_density": "kg/m^3",
     "gravity": "m/s^2",
@@ -41,19 +41,19 @@ UNITS = {
     "lag_step": "s",
     "delay": "s",
 }
-"""Units of the keys of a vehicle file; units of effects are in their records."""
+"""Units of the keys of a vehicle file outside effects; effects name their units in the catalogue."""
 NOTHING, EVERYTHING = "nothing", "everything"
-"""Rows of the table for the second file unchanged, and for the first file."""
+"""Rows of the table in `table` with no difference undone, and with all differences undone."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """One part of a file that differs.
+    """Part of a vehicle file that differs from another file.
 
     Attributes:
         part: `rigid_body`, `thruster T1, T2`, or `effect` and its name.
-        words: Former and present values.
-        undone: Second vehicle with this part as in the first; None if no file can have it.
+        words: Values of the first and of the second file.
+        undone: Second vehicle with this part replaced by that of the first; None if no file can have it.
     """
 
     part: str
@@ -62,9 +62,13 @@ class Change:
 
 
 def changes(first: Vehicle, second: Vehicle) -> list[Change]:
-    """Return the differences of the second of two vehicle files from the first.
+    """Return the differences between two vehicle files, part by part.
 
-    The bookkeeping of a fit, such as standard errors, and the mark `known` are not compared.
+    Standard errors, other records of a fit, and the mark `known` are not compared.
+
+    Args:
+        first: First vehicle file.
+        second: Second vehicle file.
     """
     found = []
     for part in PARTS:
@@ -76,17 +80,17 @@ def changes(first: Vehicle, second: Vehicle) -> list[Change]:
 
 
 def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> pl.DataFrame:
-    """Return the differences of two vehicle files, with the prediction error that each one causes.
+    """Return the differences of two vehicle files, with the prediction error that each difference causes.
 
     Args:
-        first: Vehicle file.
-        second: Other vehicle file, which is the truth without a recording.
-        raw: Raw table of a recording.
+        first: First vehicle file.
+        second: Second vehicle file; without a recording it is the truth.
+        raw: Raw table of a recording, which is then the truth.
 
     Returns:
-        Columns `undone`, `change` and the error 5 s ahead of the second file with that part as in the first.
-        The rows are the second file unchanged, each part, and the first file.  Errors are null where the
-        files have different numbers of commands.
+        Columns `undone` (part), `change` (words) and the error 5 s ahead [m/s] of the second file with this
+        part as in the first file.  The first row is the unchanged second file, the last the first file.
+        Errors are null where the files have different numbers of commands.  No rows if the files agree.
 
     Raises:
         DataError: The motion of the second vehicle diverges, or the recording does not fit it.
@@ -111,7 +115,7 @@ def table(first: Vehicle, second: Vehicle, raw: pl.DataFrame | None = None) -> p
 
 
 def _of_thrusters(first: Vehicle, second: Vehicle) -> Iterator[Change]:
-    """Yield differences of thrusters; thrusters with the same difference share one entry."""
+    """Yield the differences of thrusters; thrusters with the same difference share one entry."""
     if len(first.thruster) != len(second.thruster):
         words = f"{len(first.thruster)} -> {len(second.thruster)}: the files do not share commands"
         yield Change("thruster", words, None)
@@ -146,7 +150,7 @@ def _of_effects(first: Vehicle, second: Vehicle) -> Iterator[Change]:
 
 
 def _effect_words(name: str, was: Sequence[Table], now: Sequence[Table]) -> str:
-    """Return the differences of the effects of one name in words, numbered if there are several."""
+    """Return the differences between all effects of one name in words, numbered if there are several."""
 
     def unit(key: str, index: Index) -> str:
         given = [one.unit_at(index) for one in CATALOGUE[name].parameters if one.name == key]
@@ -166,7 +170,7 @@ def _effect_words(name: str, was: Sequence[Table], now: Sequence[Table]) -> str:
 
 
 def _values(table: Mapping[str, Any]) -> Table:
-    """Return the values of an effect's table, without the bookkeeping of a fit."""
+    """Return an effect's table without standard errors and other records of a fit."""
     return {key: value for key, value in table.items() if key not in BOOKKEEPING}
 
 
@@ -176,12 +180,12 @@ def _table(part: Any) -> Table:
 
 
 def _own_unit(key: str, index: Index) -> str:
-    """Return the unit of a key that belongs to no effect."""
+    """Return the unit of a key outside effects; empty for a key without unit."""
     return UNITS.get(key, "")
 
 
 def _listed(table: Table, unit: Unit) -> str:
-    """Return a table's values with units, in words."""
+    """Return all values of a table with their units, in words."""
     kept = (key for key in table if key != "name")
     return ", ".join(f"{key} {_said(table[key])}{_common(key, table[key], unit)}" for key in kept)
 
@@ -196,7 +200,7 @@ def _words(was: Table, now: Table, unit: Unit) -> str:
 
 
 def _entries(key: str, was: Any, now: Any, unit: Unit) -> list[str]:
-    """Return the differences of two values of one key, entry by entry for number arrays of one shape."""
+    """Return the differences of two values of one key; arrays of equal shape are compared entry by entry."""
     before, after = _numbers(was), _numbers(now)
     if before is None or after is None or before.shape != after.shape:
         one = was if now is None else now
@@ -216,7 +220,7 @@ def _apart(was: float, now: float) -> str:
 
 
 def _numbers(value: Any) -> Array | None:
-    """Return a value as an array of numbers; None if it has others."""
+    """Return a value as an array of numbers; None if it contains anything else."""
     if value is None or isinstance(value, str | Mapping | msgspec.Struct):
         return None
     try:
@@ -226,7 +230,7 @@ def _numbers(value: Any) -> Array | None:
 
 
 def _said(value: Any) -> str:
-    """Return a value in short, as a vehicle file would have it."""
+    """Return a value in short, as in a vehicle file."""
     if value is None:
         return "none"
     if isinstance(value, msgspec.Struct):
@@ -237,11 +241,12 @@ def _said(value: Any) -> str:
 
 
 def _common(key: str, value: Any, unit: Unit) -> str:
-    """The unit of all entries of a value, behind a blank; nothing where they differ."""
+    """Return the unit of all numbers of a value after a blank; empty if their units differ."""
     numbers = _numbers(value)
     units = set() if numbers is None else {unit(key, index) for index in np.ndindex(*numbers.shape)}
     return _behind(units.pop()) if len(units) == 1 else ""
 
 
 def _behind(unit: str) -> str:
+    """Return a unit after a blank; empty without unit."""
     return f" {unit}" if unit else ""

@@ -1,1 +1,1 @@
-"""Discovery of sparse force terms outside the catalogue that transfer between regimes of motion."""
+"""Discovery of sparse force terms that no effect of the catalogue describes, tested on held-out data."""

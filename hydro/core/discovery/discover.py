@@ -1,9 +1,12 @@
-"""Discovery of sparse terms that reduce the error of held-out data.
+"""Discovery of sparse force terms that reduce the error of held-out data.
 
-Terms join a formula one at a time where no effect of the catalogue explains a recording (forward selection;
-Brunton, Proctor and Kutz 2016 select such terms by thresholds).  A term is scored by the error that it
-removes from held-out sessions and from held-out regimes of motion.  The lesser of both scores counts.  A term
-is dropped when later terms make it redundant.  The powers of a term are fitted together with its coefficient.
+A formula is a sum of terms, such as `X |u|^n sgn(u)`.  Terms join it one at a time where no effect of the
+catalogue explains a recording (forward selection; Brunton, Proctor and Kutz 2016 select such terms by
+thresholds).  A term is scored by the error that it removes from held-out sessions and from held-out motion
+regimes; the lesser of both scores counts.  A term is dropped when later terms make it redundant.  The powers
+of a term are fitted together with its coefficient.
+
+Errors are squared residuals of shots: predictions of two seconds from free initial values.
 """
 
 from __future__ import annotations
@@ -52,7 +55,7 @@ from hydro.core.progress import Progress, part, silent
 from hydro.core.vehicle.description import Vehicle
 
 UNNAMED = ("far_from_noise", "none_of_the_known")
-"""Verdicts after which a discovery is attempted."""
+"""Verdicts of a diagnosis after which a discovery is attempted."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,9 @@ class Choice:
 
     Attributes:
         model: The vehicle with the formula, fitted together with the effects of the file.
-        left: Excess squared residual of every shot over the noise, (2, S): predicted from the other sessions
-            and from the other regimes. NaN where the other data hold too little information.
+        left: Held-out squared residual of each of S shots beyond that of noise, (2, S).  Row 0 is predicted
+            from the other sessions, row 1 from the other motion regimes; NaN where these hold too little
+            information.
     """
 
     model: Model
@@ -70,7 +74,7 @@ class Choice:
 
     @property
     def costs(self) -> Array:
-        """Held-out excess squared residual, summed over sessions and over regimes, (2,)."""
+        """Held-out squared residual beyond the noise, summed over shots, (2,): by sessions, by regimes."""
         return np.asarray(np.nansum(self.left, axis=1))
 
 
@@ -79,7 +83,7 @@ class Found:
     """Result of a discovery.
 
     Attributes:
-        findings: The formula, and values of the file that changed with it.
+        findings: The formula, and the effects of the file whose values changed with it.
         fit: The joint fit of the formula and the file's effects.
         left: Reduced chi-square after the fit.
     """
@@ -91,13 +95,13 @@ class Found:
 
 @dataclass(frozen=True)
 class Discovery:
-    """Data and prior knowledge used to select terms.
+    """Data and prior knowledge for the selection of terms.
 
     Attributes:
-        baseline: The vehicle file and the shots.
-        known: Prior of the file's components.
-        folds: Sessions and regimes of the shots, (S,) each.
-        first: Effects of the file, fitted without a new term; None before that fit.
+        baseline: The vehicle file and the shots of the recording.
+        known: Prior of the values in the file.
+        folds: Number of the session and of the motion regime of each of S shots, (S,) each.
+        first: Fit of the file's effects without a new term; None before that fit.
     """
 
     baseline: Baseline
@@ -107,11 +111,15 @@ class Discovery:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Effects of the file that are fitted together with the terms."""
+        """Effects of the file that are fitted together with the formula."""
         return tuple(name for name in self.baseline.effects if name != FORMULA.name)
 
     def fitted(self, vehicle: Vehicle, steps: int) -> Choice:
         """Fit the formula of a vehicle together with the effects of the file.
+
+        Args:
+            vehicle: Vehicle with the formula.
+            steps: Maximum number of iterations.
 
         Raises:
             Diverges: The predicted motion diverges.
@@ -122,12 +130,18 @@ class Discovery:
         return Choice(model, self.transferred(model))
 
     def transferred(self, model: Model) -> Array:
-        """Return the held-out excess squared residual over the noise, (2, S)."""
+        """Return the held-out squared residual of a fitted model beyond the noise, by shot, (2, S).
+
+        Row 0 is predicted from the other sessions, row 1 from the other motion regimes.
+        """
         freedom = model.normal.freedoms
         return np.stack([left_out(model, self.known, fold) - freedom for fold in self.folds])
 
     def shortlist(self, choice: Choice) -> list[Term]:
-        """Return the terms with the largest explained error, sorted by how well they transfer."""
+        """Return the terms that would reduce the held-out error of a formula, the best first.
+
+        Only the TERM_SHORTLIST terms that explain most of the error are tested on held-out data.
+        """
         model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
         pulls = [SMALL_STEP * size for size in _sizes(model.vehicle)]
@@ -144,7 +158,14 @@ class Discovery:
         return [terms[number] for gain, number in sorted(scored, reverse=True) if gain > 0.0]
 
     def _left(self, model: Model, normal: Normal, columns: Sequence[int], fold: Rows) -> Array:
-        """Return the held-out squared residual of each shot with the given columns, (S,)."""
+        """Return the held-out squared residual of each shot for a linearised model with more terms, (S,).
+
+        Args:
+            model: Fitted model.
+            normal: Its linearisation, with further terms as columns after its own.
+            columns: Columns in use: all of the model, then those of new terms.
+            fold: Number of the session or regime of each shot, (S,).
+        """
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
@@ -153,26 +174,36 @@ class Discovery:
         return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
 
     def is_open(self, choice: Choice) -> bool:
-        """Return whether the formula may have another term."""
+        """Return whether another term may be added: a formula has at most MOST_STEPS new terms."""
         return self._new_terms(choice) < MOST_STEPS
 
     def _new_terms(self, choice: Choice) -> int:
-        """Return the number of terms that the file does not have."""
+        """Return the number of terms in a formula that the vehicle file does not have."""
         return _count(choice.model.vehicle) - _count(self.baseline.vehicle)
 
     def added(self, choice: Choice, tried: Choice) -> Choice:
-        """Return the formula with the new term."""
+        """Return the accepted formula `tried`, as `selection.grow` needs it."""
         return tried
 
     def belongs(self, choice: Choice, tried: Choice) -> bool:
-        """Return whether a term removes enough held-out error, of sessions and of regimes alike."""
+        """Return whether another term clearly reduces the held-out error, by sessions and by regimes.
+
+        Args:
+            choice: Formula so far.
+            tried: Formula with the additional term.
+        """
         assert self.first is not None
         gained, noise = choice.costs - tried.costs, choice.model.normal.residuals
         least = np.maximum(MATERIAL * choice.costs, np.maximum(VISIBLE * self.first.costs, MATERIAL * noise))
         return bool((gained >= least).all())
 
     def best(self, choice: Choice, progress: Progress) -> Choice | None:
-        """Return the formula with the best further term; None if no term can be fitted."""
+        """Return the formula with the best additional term; None if no term can be fitted.
+
+        Args:
+            choice: Formula so far.
+            progress: Called with a few words and the share of the work done.
+        """
         share = self._new_terms(choice) / MOST_STEPS
         progress = part(progress, share, share + 1.0 / MOST_STEPS)
         progress("terms tested on held-out data", 0.0)
@@ -188,7 +219,7 @@ class Discovery:
         return best
 
     def needed(self, choice: Choice) -> Choice:
-        """Remove terms that later terms made redundant; terms given in the file stay."""
+        """Return the formula without terms that later terms made redundant; terms given in the file stay."""
         given = {
             text for table in self.baseline.vehicle.effects(FORMULA.name) for text, _, _ in amounts(table)
         }
@@ -214,17 +245,18 @@ class Discovery:
 def discovered(
     vehicle: Vehicle, log: Preprocessed, diagnosis: Diagnosis, progress: Progress | None = None
 ) -> Diagnosis:
-    """Add a discovered formula to a diagnosis where the catalogue leaves an unexplained residual.
+    """Add a discovered formula to a diagnosis if the catalogue leaves an unexplained residual.
 
     Args:
-        vehicle: The file.
+        vehicle: The vehicle file.
         log: The preprocessed recording.
-        diagnosis: Of both.
+        diagnosis: Diagnosis of the file from this recording.
         progress: Called with a few words and the share of the work done.
 
     Returns:
-        The diagnosis, unchanged if nothing is unexplained or no term transfers.  Named forces become
-        unconfirmed if the formula has a smaller residual: they may imitate the same law.
+        The diagnosis, unchanged if nothing is unexplained or no term reduces held-out error.  If the formula
+        has a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the
+        law of the formula.
     """
     unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:
@@ -251,10 +283,15 @@ def _force(finding: Finding) -> bool:
 
 
 def _doubted(one: Finding, left: float, leaves: float) -> Finding:
-    """Make a named force unconfirmed where a formula has the smaller residual.
+    """Return a finding as unconfirmed if it names a force, since a formula has the smaller residual.
 
     The confidence in a force that was already unconfirmed is lowered only where the formula reaches the noise
     floor.
+
+    Args:
+        one: The finding.
+        left: Reduced chi-square of the formula.
+        leaves: Reduced chi-square of the diagnosis.
     """
     named = one.verdict == "missing" or (one.verdict == "suspect" and left <= RIGHT)
     if not (named and _force(one) and np.isfinite(one.confidence)):
@@ -272,11 +309,12 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
 
     Args:
         vehicle: Vehicle file.
-        log: Recording.
+        log: Preprocessed recording.
         progress: Called with a short text and the share of the work done.
 
     Returns:
-        The formula; None if no term reduces the error on sessions and regimes that it was not fitted to.
+        The formula and its fit; None if the file explains the recording, or no term reduces the error on
+        held-out sessions and regimes.
     """
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
@@ -292,7 +330,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
 
 
 def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
-    """Prepare the data, and fit the file without a formula within its prior."""
+    """Prepare the data, and fit the effects of the file within their prior, without a new term."""
     start, problem = stable_start(vehicle, log)
     baseline = refit(vehicle, log, problem, start)
     baseline = replace(baseline, problem=baseline.problem.some(SHOTS))
@@ -305,7 +343,7 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
 
 
 def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
-    """Return the formula as a finding, and the values of the file that change with it."""
+    """Return the formula as a finding, with the effects of the file whose values change with it."""
     model = choice.model
     fit = model.estimated()
     findings = (_formula(first, choice, fit), *_retuned(file, fit))
@@ -313,7 +351,7 @@ def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
 
 
 def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
-    """Yield the values of the file that the joint fit moved far from the file."""
+    """Yield a finding for each effect whose values the joint fit moved far from those of the file."""
     entries = fit.free.entries
     change = (fit.values - in_file(file, entries)) / deviations(file, entries)
     for name in dict.fromkeys(entry.effect for entry in entries):
@@ -327,7 +365,10 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
 
 
 def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
-    """Return the formula as a finding; its share is that of held-out data, the lesser of both folds."""
+    """Return the formula as a finding.
+
+    Its share is that of the held-out error which it removes, by sessions or by regimes, whichever is less.
+    """
     model = choice.model
     values, errors = fit.table(FORMULA.name)
     removed = first.left - choice.left
@@ -353,7 +394,18 @@ def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
 
 
 def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, model: Model) -> list[int]:
-    """Rank terms by the error that they explain in addition to the first `count` columns, best first."""
+    """Return the numbers of the terms that explain most of the error beyond the model's columns.
+
+    Args:
+        normal: Linearisation whose first `count` columns are those of the model, then one for each term.
+        count: Number of columns of the model.
+        preferred: Factor on the gain of each term.
+        known: Prior of the values in the file.
+        model: The model.
+
+    Returns:
+        At most TERM_SHORTLIST numbers from 0, the best term first.
+    """
     matrix, score = normal.matrix.sum(axis=0), normal.score.sum(axis=0)
     held = matrix[:count, :count] + np.diag(known(model.unknown).information)
     across = matrix[count:, :count]
@@ -365,13 +417,13 @@ def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, 
 
 
 def _sizes(vehicle: Vehicle) -> list[float]:
-    """Return the weight [N] for force axes and weight times length [N m] for moment axes."""
+    """Return the size of a large force by axis: weight [N], weight times length for moments [N m]."""
     weight = vehicle.rigid_body.mass * vehicle.environment.gravity
     return [weight] * 3 + [weight * vehicle.hull.length] * 3
 
 
 def _with(vehicle: Vehicle, tables: Sequence[dict[str, Any]]) -> Vehicle:
-    """Return the vehicle with more terms in its formula."""
+    """Return the vehicle with terms added to its formula."""
     return _replaced(vehicle, joined([*vehicle.effects(FORMULA.name), *tables]))
 
 
@@ -388,4 +440,5 @@ def _terms(vehicle: Vehicle) -> list[dict[str, Any]]:
 
 
 def _count(vehicle: Vehicle) -> int:
+    """Return the number of terms in the formula of a vehicle."""
     return len(_terms(vehicle))

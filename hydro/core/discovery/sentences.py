@@ -1,4 +1,4 @@
-"""Descriptions of discovered terms in sentences for engineers."""
+"""Descriptions of discovered force terms in sentences for engineers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OFFSETS = {
     ("Y", "K"): (-1.0, "below"),
     ("X", "M"): (1.0, "below"),
 }
-"""Force and moment axes, sign of the lever arm (N = x Y, M = -x Z, K = -z Y, M = z X), and its direction."""
+"""For a force and a moment axis: sign of the lever arm (N = x Y, M = -x Z, K = -z Y, M = z X), direction."""
 AGAINST = {"ahead of": "aft of", "below": "above"}
 OF_DOWN = {"g_x": "pitch", "g_y": "roll", "g_z": "being upright"}
 
@@ -25,9 +25,11 @@ OF_DOWN = {"g_x": "pitch", "g_y": "roll", "g_z": "being upright"}
 def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
     """Describe the terms of a discovered formula in words.
 
+    A force and a moment with the same law are described together, as a force with a point of action.
+
     Args:
-        table: Its terms and values.
-        errors: Their standard errors, in the same shape.
+        table: Terms, coefficients and powers of the formula, as in a vehicle file.
+        errors: Standard errors of the numbers, in the same form.
     """
     found = amounts(table)
     spread = [powers for _, _, powers in amounts({**table, **errors})]
@@ -46,7 +48,14 @@ def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
 
 
 def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence[float]) -> str:
-    """Describe one term."""
+    """Describe one term.
+
+    Args:
+        text: The term as in a vehicle file.
+        value: Coefficient.
+        powers: Fitted powers.
+        spread: Standard errors of the powers.
+    """
     axis, *factors = text.split()
     dof, own = DOF[AXES.index(axis)], VELOCITY[AXES.index(axis)]
     what = "force" if axis in "XYZ" else "moment"
@@ -80,7 +89,12 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
 def _lever(
     force: tuple[str, float, tuple[float, ...]], moment: tuple[str, float, tuple[float, ...]]
 ) -> str | None:
-    """Return where a force acts if its moment is another term with the same law on both axes."""
+    """Return in words where a force acts, if a moment term has the same law as the force term; else None.
+
+    Args:
+        force: Text, coefficient and powers of the force term.
+        moment: Text, coefficient and powers of another term.
+    """
     (text, value, powers), (other, turning, its) = force, moment
     sign, way = OFFSETS.get((text[0], other[0]), (0.0, ""))
     if not sign or not value or text[1:] != other[1:] or text[1:].startswith((" g", " z")):

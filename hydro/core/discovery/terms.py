@@ -1,8 +1,8 @@
 """Library of candidate terms: a wrench axis and a product of velocities, commands or gravity direction.
 
 The terms cover drag, lift and friction of bodies in water (Fossen 2011, section 6.4, with free powers),
-weight, trim and steady forces, and jets and fins that follow a command.  A grid of powers supplies the
-initial values; the fit moves them.
+weight, trim and steady forces, and jets and fins that follow a command.  A grid of powers gives the initial
+values; a fit changes the powers.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from hydro.core.diagnosis.settings import UNEVEN_WEIGHT
 from hydro.core.effects.formula import AXES, one_term
 from hydro.core.effects.layout import COMMAND_NAMES
 
-OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)
-SIZE_POWERS = (0.5, 1.0, 2.0)
+OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)  # initial powers of the velocity along the axis
+OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)  # initial powers of another velocity, with its sign
+SIZE_POWERS = (0.5, 1.0, 2.0)  # initial powers of a velocity without its sign
 AHEAD_POWERS = (1.0, 2.0)
 """Powers of surge speed in the force of a command: about 1 for the thrust loss of a jet, 2 for the lift of a
-fin."""
+fin.
+"""
 DOWN = ("g_x", "g_y", "g_z")
 MIRRORED = frozenset("YKNvpr")
-"""Axes and velocities that change sign in a mirror that swaps port and starboard, and g_y."""
+"""Axes and velocities that change sign when port and starboard are swapped; so does g_y."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,8 @@ class Term:
 
     Attributes:
         text: The term as written in a vehicle file, see `effects.formula`.
-        powers: Initial values of its free powers.
-        preferred: Factor on its gain, at most 1.
+        powers: Initial values of the free powers n.
+        preferred: Factor on the error that the term removes when terms are ranked, at most 1.
     """
 
     text: str
@@ -44,16 +45,16 @@ class Term:
 
     @property
     def axis(self) -> int:
-        """Axis of the wrench."""
+        """Axis of the wrench on which the term acts, 0 to 5."""
         return AXES.index(self.text[0])
 
     def table(self, amount: float) -> dict[str, Any]:
-        """Return the `[[effect]]` table of a formula with this term alone."""
+        """Return the `[[effect]]` table of a formula of this term alone, with a coefficient `amount`."""
         return one_term(self.text, amount, self.powers)
 
 
 def library(commands: int = 0) -> list[Term]:
-    """Return all candidates, axis by axis; each term appears once per initial power.
+    """Return all candidate terms, axis by axis; a term with a free power appears once per initial power.
 
     Args:
         commands: Number of the vehicle's thrusters and servos.
@@ -63,7 +64,12 @@ def library(commands: int = 0) -> list[Term]:
 
 
 def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
-    """Yield the candidates of one axis that depend on a command."""
+    """Yield the candidate terms of one wrench axis that depend on a command.
+
+    Args:
+        axis: One of X Y Z K M N.
+        names: Names of the commands.
+    """
     for name in names:
         yield Term(f"{axis} {name}")
         yield Term(f"{axis} |{name}|^n sgn({name})", (2.0,))
@@ -72,7 +78,7 @@ def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
 
 
 def of_axis(axis: str) -> Iterator[Term]:
-    """Yield the candidates of one axis that depend on motion or on the direction of gravity."""
+    """Yield the candidate terms of a wrench axis (X Y Z K M N) that depend on motion or gravity direction."""
     own = VELOCITY[AXES.index(axis)]
     for power in OWN_POWERS:
         yield Term(f"{axis} |{own}|^n sgn({own})", (power,))
@@ -93,7 +99,12 @@ def of_axis(axis: str) -> Iterator[Term]:
 
 
 def even(term: Term, *odd: str) -> Term:
-    """Return the term, with a lower weight where port-starboard symmetry rules it out."""
+    """Return a term, with a lower preference if port-starboard symmetry of the hull rules it out.
+
+    Args:
+        term: Candidate term.
+        odd: Velocities or gravity components in the term that change its sign.
+    """
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)
     return Term(term.text, term.powers, UNEVEN_WEIGHT if uneven else term.preferred)

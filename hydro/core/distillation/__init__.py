@@ -1,1 +1,1 @@
-"""Preparation of training tables for residual networks from recordings."""
+"""Preparation of training tables for residual networks: labels, features, past velocities and data split."""

@@ -1,4 +1,4 @@
-"""Features of residual networks, computed from (nu, nu_dot); paper (4) and section III-C.
+"""Features of residual networks, computed from velocity nu and acceleration nu_dot; paper (4), section III-C.
 
 The set `physfeat` has 45 features, so the network 45-128-256-128-6 has 72,582 parameters, the paper's "73K":
 
@@ -26,9 +26,9 @@ from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError
 
 INPUTS = (*(f"{name}_s" for name in VELOCITY), *(f"{name}_dot" for name in VELOCITY))
-"""Columns of a labels table that hold (nu, nu_dot)."""
+"""Columns of a labels table with smoothed velocity nu and acceleration nu_dot."""
 OUTPUTS = tuple(f"{name}_res" for name in WRENCH)
-"""Columns of a labels table that are the targets of networks, X_res to N_res [N, N m]."""
+"""Columns of a labels table that networks predict: the residual wrench X_res to N_res [N, N m]."""
 
 CROSS = np.array(  # pairs (i, j) of the features |nu_i| nu_j
     [(1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2), (2, 3), (0, 4), (2, 4), (0, 5), (1, 5), (2, 5)]
@@ -43,12 +43,12 @@ _PHYSFEAT = (
     *(f"|{VELOCITY[i]}|{VELOCITY[j]}" for i, j in CROSS),
 )
 NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
-"""Names of the features by set."""
+"""Names of the features, by feature set."""
 
 
 @kernel
 def physfeat_kernel(x: Array, out: Array) -> None:
-    """Write the 45 features of one state `x` = (nu, nu_dot), shape (12,), to `out`, shape (45,)."""
+    """Write the 45 features of a state `x` = (nu, nu_dot), (12,), to `out`, (45,)."""
     for i in range(12):
         out[i] = x[i]
     for i in range(6):
@@ -64,12 +64,16 @@ def physfeat_kernel(x: Array, out: Array) -> None:
 
 @jit
 def _physfeat_columns(states: Array, out: Array) -> None:
+    """Write the features of many states (N, 12) to `out` (N, 45)."""
     for k in range(states.shape[0]):
         physfeat_kernel(states[k], out[k])
 
 
 def names(feature_set: str) -> tuple[str, ...]:
-    """Return the names of a set's features in order, e.g. u, u_dot, u|u|, uv, |v|u; u is smoothed velocity.
+    """Return the names of a feature set in order, such as u, u_dot, u|u|, uv, |v|u; u is smoothed velocity.
+
+    Args:
+        feature_set: `raw` (nu and nu_dot) or `physfeat` (also products of velocities).
 
     Raises:
         DataError: The set is unknown.
@@ -83,11 +87,11 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
     """Compute the features of many states.
 
     Args:
-        states: (nu, nu_dot) in body axes, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
-        feature_set: `raw`, the states themselves, or `physfeat`.
+        states: Velocity and acceleration (nu, nu_dot) in body axes, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
+        feature_set: `raw`, the states themselves, or `physfeat`, also products of velocities.
 
     Returns:
-        Features, shape (N, len(names(feature_set))).
+        Features in the order of `names`, (N, len(names(feature_set))).
 
     Raises:
         DataError: The set is unknown.
@@ -101,10 +105,15 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
 
 
 def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
-    """Compute the features of a labels or split table.
+    """Compute the training table of a network: features and targets of every row with a label.
 
-    The result also has `session`, `t`, the targets tau_res [N, N m], and `block` and `part` if present.
-    Features are float32 columns named by `names`.  Rows without a label are dropped.
+    Args:
+        labels: Labels table, or the same table after `split`.
+        feature_set: `raw` or `physfeat`, see `features`.
+
+    Returns:
+        `session`, `t`; `block` and `part` if the table was split; the features as float32 columns, named by
+        `names`; and the targets tau_res, OUTPUTS [N, N m].
 
     Raises:
         DataError: The set is unknown, or the table lacks a column.

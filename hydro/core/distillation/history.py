@@ -17,17 +17,25 @@ PERIOD_TOLERANCE = 0.01  # greatest deviation of a period from whole sample time
 
 
 def memory_size(window: int) -> int:
-    """Return the number of past values for a window of velocities that includes the present one."""
+    """Return the number of past values of six velocities, for a window that includes the present velocity."""
     return AXES * (window - 1)
 
 
 def names(window: int) -> tuple[str, ...]:
-    """Return the feature names of a window of past velocities, such as u-1 for surge one period ago."""
+    """Return the feature names of past velocities, such as `u-1` for surge one period ago.
+
+    Args:
+        window: Number of velocities, including the present one, which has no name here.
+    """
     return tuple(f"{axis}-{back}" for back in range(1, window) for axis in VELOCITY)
 
 
 def stride(period: float, dt: float) -> int:
-    """Return the number of rows per period [s] of a recording with sample time `dt` [s].
+    """Return the number of rows per period of a recording.
+
+    Args:
+        period: Time between the past velocities of a network [s].
+        dt: Sample time of the recording [s].
 
     Raises:
         DataError: The period is not a multiple of the sample time.
@@ -45,13 +53,14 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
     """Return the past velocities at every row of a recording.
 
     Args:
-        nu: Velocities (N, 6) [m/s, rad/s].
-        bounds: First and past-the-last row of each unbroken segment (S, 2); the past does not cross segments.
+        nu: Velocities in N rows, (N, 6) [m/s, rad/s].
+        bounds: First and past-the-last row of each of S unbroken segments, (S, 2); the past does not cross
+            segments.
         window: Number of velocities, including the present one.
-        stride: Rows between them.
+        stride: Rows between two of these velocities.
 
     Returns:
-        Shape (N, 6 (window - 1)), newest first.
+        Past velocities without the present one, newest first, (N, 6 (window - 1)).
     """
     velocities = np.asarray(nu, dtype=np.float64)
     edges = np.asarray(bounds, dtype=np.int64).reshape(-1, 2)
@@ -63,14 +72,14 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
 
 @kernel
 def begin(nu: Array, memory: Array) -> None:
-    """Fill the memory (6 (window - 1),) with the velocity nu (6,) at the start of a flight."""
+    """Fill the memory of past velocities (6 (window - 1),) with the first velocity nu (6,) of a flight."""
     for k in range(memory.size):
         memory[k] = nu[k % AXES]
 
 
 @kernel
 def remember(nu: Array, memory: Array) -> None:
-    """Shift the memory (6 (window - 1),) by one period; nu (6,) becomes the newest entry."""
+    """Shift the memory of past velocities (6 (window - 1),) by one period; nu (6,) becomes the newest."""
     for k in range(memory.size - 1, AXES - 1, -1):
         memory[k] = memory[k - AXES]
     for k in range(min(AXES, memory.size)):

@@ -2,14 +2,16 @@
 
     tau_res = tau_prop - M nu_dot - g(eta)  ~  C(nu) nu + D(nu) nu,      M = M_RB + M_A
 
-tau_res is on the left-hand side of the balance and opposes motion: the wrench on the vehicle is -tau_res.
+tau_prop is the wrench of the thrusters, M the mass matrix with added mass, and -g(eta) that of weight and
+buoyancy.  tau_res is on the left-hand side of the balance and opposes motion: the wrench on the vehicle is
+-tau_res.
 
 With `subtract="effects"` all wrenches of the vehicle's effects are subtracted too: damping and others, the
 Coriolis terms C_A of the added mass, and the current through nu_r and nu_r_dot.  If the effects are complete,
-C_RB(nu) nu remains, because the rigid body is not an effect.  A simulation with a residual model omits its
-own C_RB in either case (paper 5).
+C_RB(nu) nu of the rigid body remains, because the rigid body is not an effect.  A simulation with a residual
+model omits its own C_RB in either case (paper 5).
 
-Effects of thrusters always enter tau_prop, and those of the DVL are always corrected first.
+Effects of thrusters always enter tau_prop, and errors of the DVL are always corrected first.
 
 All terms of a row refer to its time t_k: pose and velocity as logged, the smoothed acceleration, and the
 thrust due to the commands before t_k (a command without lag acts from the next row).  A simulator that
@@ -62,8 +64,8 @@ from hydro.core.vehicle.thrusters import INFLOW, thrusts
 Subtract = Literal["inertia", "effects"]
 
 UNCERTAIN = DEVIATIONS[0]
-"""Column that only labels of a recording with nulls have."""
-RATIO_FACTOR = 3.0  # factor on the likeliest ratio q dt^3 / R: regression averages label noise, but not bias
+"""Column that exists only in the labels of a recording with nulls."""
+RATIO_FACTOR = 3.0  # factor on q dt^3 / R (jerk density q, noise R) of the likeliest filter
 BATCH = 32_768  # rows per batch: they fit the processor's cache, and no whole column is copied to float64
 
 
@@ -77,7 +79,7 @@ def labels(
     subtract: Subtract = "inertia",
     limits: Bounds | None = None,
 ) -> pl.DataFrame:
-    """Compute smoothed motion, thrusts and the residual wrench of every row of a recording.
+    """Compute smoothed motion, thrusts and the residual wrench tau_res of every row of a recording.
 
     If pose or velocity has nulls, see `labels_of_samples`: only rows that the samples determine have labels.
 
@@ -88,7 +90,7 @@ def labels(
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         design: Filter design; by default `filter_design(raw, noise)`.
-        subtract: Effects subtracted from tau_res: `inertia`, through M alone, or all `effects`.
+        subtract: `inertia` subtracts only M nu_dot, `effects` also the wrenches of all effects.
         limits: For a recording with nulls, the greatest standard deviations of a row with a label.
 
     Returns:
@@ -140,7 +142,12 @@ def labels(
 
 
 def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
-    """Return the names of the effects subtracted from tau_res, in the order of the vehicle file."""
+    """Return the names of the effects whose force or inertia is subtracted from tau_res, in the file's order.
+
+    Args:
+        vehicle: The vehicle.
+        subtract: `inertia` (effects that add inertia only) or `effects` (all), as for `labels`.
+    """
     kinds = ("wrench", "inertia", "flow")
     return [
         effect.name
@@ -152,9 +159,9 @@ def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
 def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> Design:
     """Return the filter design that `labels` uses for a raw or labels table, estimated from its velocities.
 
-    It follows the log more closely than the likeliest filter, which is nearest to the motion row by row.  A
-    regression on labels averages thousands of rows: noise cancels, but the bias of smoothed acceleration
-    peaks does not.
+    The design follows the log more closely than the likeliest filter, which has the smallest error in each
+    row. A regression on labels averages thousands of rows: noise cancels, but the bias of smoothed
+    acceleration peaks does not.
 
     Args:
         raw: Table with `session`, `t` and `u` ... `r`.
@@ -172,13 +179,13 @@ def filter_design_of_sessions(
     velocity: Callable[[str], pl.DataFrame],
     noise: Sequence[float] | None = None,
 ) -> Design:
-    """Return the same filter design for sessions that are read one at a time.
+    """Return the result of `filter_design` for a large recording whose sessions are read one at a time.
 
     Args:
         clocks: Times of the rows of each session, in the order of the sessions.
-        velocity: Function that returns a session with `u` ... `r`; called only for sessions with a window for
-            the noise estimate.
-        noise: As for `filter_design`.
+        velocity: Function from the name of a session to its table with `u` ... `r`; called only for sessions
+            from which the noise is estimated.
+        noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; by default estimated.
 
     Raises:
         DataError: A session has another sample time than most, or `noise` is not six numbers of at least 0.
@@ -198,12 +205,15 @@ def filter_design_of_sessions(
 
 
 def labelled(labels: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of a labels or split table that have a label."""
+    """Return the rows of a labels or split table in which tau_res is known."""
     return labels.filter(pl.col(f"{WRENCH[0]}_res").is_not_null()) if UNCERTAIN in labels.columns else labels
 
 
 def smoother_reach(labels: pl.DataFrame) -> int:
-    """Return the number of rows on either side that influence the smoothed motion of a row.
+    """Return the number of rows on either side of a row that influence its smoothed motion.
+
+    Args:
+        labels: Labels table.
 
     Raises:
         DataError: The sample time is not constant, or no row has a label.
@@ -212,7 +222,7 @@ def smoother_reach(labels: pl.DataFrame) -> int:
 
 
 def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) -> Array:
-    """Return the standard deviation of nu_dot in a labels table due to sensor noise (6,) [m/s^2, rad/s^2].
+    """Return the standard deviation of nu_dot in a labels table due to sensor noise, (6,) [m/s^2, rad/s^2].
 
     Args:
         labels: Labels or split table.
@@ -225,7 +235,7 @@ def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) 
 
 
 def _require_no_isolated_rows(raw: pl.DataFrame, bounds: Rows) -> None:
-    """Raise if a row is isolated between gaps, because it has no acceleration."""
+    """Refuse a recording with a row between two gaps, because such a row has no acceleration."""
     isolated = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
     if isolated.size:
         raise DataError(
@@ -235,7 +245,10 @@ def _require_no_isolated_rows(raw: pl.DataFrame, bounds: Rows) -> None:
 
 
 def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
-    """Raise if labels are not finite; a bad value spreads over its segment, so name the first bad row."""
+    """Refuse labels that are not finite.
+
+    A bad raw value spreads over its segment, so the message names the first bad row.
+    """
     broken = ~np.isfinite(out[-6:]).all(axis=0)
     if broken.any():
         row = int(np.argmax(broken))
@@ -246,7 +259,7 @@ def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
 
 
 def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
-    """Yield runs of whole segments [first, last) of at least BATCH rows; the last run may be shorter."""
+    """Yield ranges of segments [first, last) with at least BATCH rows together; the last may have fewer."""
     first = 0
     for last in range(1, len(bounds) + 1):
         if last == len(bounds) or bounds[last - 1, 1] - bounds[first, 0] >= BATCH:
@@ -255,7 +268,7 @@ def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
 
 
 def _velocities(frame: pl.DataFrame, bounds: Rows, log: Array) -> Array:
-    """Return the velocity of CO (N, 6), with the DVL's errors corrected."""
+    """Return the velocity of CO (N, 6) [m/s, rad/s], with the DVL errors `log` corrected."""
     nu = columns(frame, VELOCITY)
     if log.any() and np.isfinite(nu).all():  # values that are not finite are reported after all labels exist
         t = frame["t"].to_numpy()

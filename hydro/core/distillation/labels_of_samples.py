@@ -1,8 +1,9 @@
 """Labels of a recording with nulls, only for rows that its samples determine, with standard deviations.
 
-Pose, velocity and acceleration come from `recording.kinematic_smoother`.  A row has a label if attitude,
-velocity and acceleration are all determined within a bound.  The standard deviation of tau_res is that of M
-nu_dot; it ignores the uncertainty of thrust, attitude, M and the vehicle's effects.
+Pose, velocity and acceleration come from `recording.kinematic_smoother`.  A row has a label, the residual
+wrench tau_res, if the standard deviations of its attitude, velocity and acceleration are within bounds.  The
+standard deviation of tau_res is that of M nu_dot; it ignores the uncertainty of thrust, attitude, the mass
+matrix M and the vehicle's effects.
 
 Beyond the bounds a label contains more noise than information.  0.05 m/s is a tenth of the speed of a small
 vehicle, 0.25 m/s^2 is half of the acceleration by its thrusters, and 0.05 rad rotates a twentieth of its
@@ -55,18 +56,23 @@ DEVIATIONS = (
     *(f"{name}_dot_sd" for name in VELOCITY),
     *(f"{name}_res_sd" for name in WRENCH),
 )
-"""Additional columns of labels of a recording with nulls."""
+"""Columns of standard deviations, which exist only in the labels of a recording with nulls."""
 ATTITUDE_BOUND = 0.05
-"""Greatest standard deviation of the attitude of a row with a label [rad]."""
+"""Greatest standard deviation of the attitude in a row with a label [rad]."""
 POSITION_BOUND = 0.1
-"""Greatest standard deviation of its position [m], if a subtracted effect depends on position."""
-DISPLACEMENT = 1.0  # displacement that reveals such an effect [m]
+"""Greatest standard deviation of the position in a row with a label [m], if an effect depends on position."""
+DISPLACEMENT = 1.0  # displacement that reveals an effect that depends on position [m]
 ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
-"""Words for the columns of attitude."""
+"""Names of the attitude angles in messages."""
 
 
 class Bounds(NamedTuple):
-    """Greatest standard deviations of a row with a label: of velocity [m/s, rad/s], acceleration [per s]."""
+    """Greatest standard deviations of a row with a label.
+
+    Attributes:
+        velocity: Bound of the velocities [m/s, rad/s].
+        acceleration: Bound of the accelerations [m/s^2, rad/s^2].
+    """
 
     velocity: float = 0.05
     acceleration: float = 0.25
@@ -85,18 +91,18 @@ def labels_of_samples(
     subtract: Literal["inertia", "effects"] = "inertia",
     limits: Bounds | None = None,
 ) -> pl.DataFrame:
-    """Compute the labels of the rows of a recording that its samples determine.
+    """Compute the labels of a recording with nulls, in the rows that its samples determine.
 
     Args:
         vehicle: Rigid body, buoyancy, thrusters and effects.
         raw: Raw table; pose and velocity may be null.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
-        subtract: As for `labels.labels`.
-        limits: Bounds of the standard deviations; by default those of `Bounds`.
+        subtract: `inertia` subtracts only M nu_dot, `effects` also the wrenches of all effects.
+        limits: Bounds of the standard deviations of a row with a label; by default those of `Bounds`.
 
     Returns:
-        As `labels.labels`, null in rows without a label; in addition the standard deviations DEVIATIONS of
-        each row, null in segments in which an angle was never measured.
+        The columns of `labels.labels`, null in rows without a label, and the standard deviations DEVIATIONS
+        of each row.  The standard deviations are null in segments in which an angle was never measured.
 
     Raises:
         DataError: The sample time is not constant, the commands do not fit the thrusters, a value is not
@@ -128,10 +134,10 @@ def labels_of_samples(
 
 
 def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
-    """Return how many rows of a labels table have no label, and why, in words; empty if all have one.
+    """Return how many rows of a labels table have no label, and why, in words; empty if all rows have labels.
 
     Args:
-        labels: Table from `labels_of_samples` with the same bounds.
+        labels: Result of `labels_of_samples` with the same bounds.
         limits: Bounds of the standard deviations; by default those of `Bounds`.
     """
     part = labels.filter(pl.col(f"{WRENCH[0]}_res").is_null())
@@ -148,12 +154,15 @@ def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
 
 
 def reach_of_samples(labels: pl.DataFrame) -> int:
-    """Return the number of rows on either side that influence the smoothed motion of a row.
+    """Return the number of rows on either side of a row that influence its smoothed motion.
 
-    It is estimated from the standard deviations.  A smoother for white jerk or its derivative passes 1 / (1 +
-    (f / f_0)^2n) of a measurement.  Its time constant is therefore the ratio of the standard deviations of
-    velocity and acceleration, within a factor of the square root of 2.  The weight of a sample falls to a
-    thousandth of the largest within 10 such time constants if velocity is measured, 20 if position is.
+    It is estimated from the standard deviations.  The smoother is a low-pass filter, whose time constant is
+    about the ratio of the standard deviations of velocity and acceleration (within a factor of the square
+    root of 2). The weight of a sample falls to a thousandth of the largest within 10 time constants if the
+    velocity is measured, and within 20 if only the position is.
+
+    Args:
+        labels: Result of `labels_of_samples`.
 
     Raises:
         DataError: No row has a label.
@@ -170,7 +179,7 @@ def reach_of_samples(labels: pl.DataFrame) -> int:
 
 
 def _causes(part: pl.DataFrame, limits: Bounds) -> dict[str, Mask]:
-    """Return a mask of the rows without a label for each cause, by its description."""
+    """Return masks of rows by the reason, in words, for which they have no label."""
     never = part[DEVIATIONS[0]].is_null().to_numpy()
     causes = dict[str, Mask]()
     if never.any():
@@ -202,7 +211,7 @@ def _samples(raw: pl.DataFrame, commands: Sequence[str]) -> Array:
 
 
 def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | None) -> Array:
-    """Return the standard deviation of each channel (12,), estimated, or given for the velocities."""
+    """Return the standard deviation of each channel (12,): estimated, or as given for the velocities."""
     shown = np.array([np.isfinite(samples[a:b, 3:6]).any(axis=0).all() for a, b in bounds], dtype=bool)
     sigma = UNSEEN.copy()
     if shown.any():
@@ -235,7 +244,7 @@ def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | Non
 def _forces(
     vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, t: ArrayLike, commands: Array
 ) -> tuple[Array, bool]:
-    """Return the wrench of the effects (N, 6), and whether it depends on position."""
+    """Return the wrench of the effects, (N, 6), and whether this wrench depends on position."""
     forces = effect_forces(vehicle, pose, nu, bounds, t, commands)
     displaced = pose.copy()
     displaced[:, :3] += DISPLACEMENT

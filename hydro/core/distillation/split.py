@@ -44,12 +44,12 @@ def split(
         block: Rows per block.
         test: Expected share of blocks that are test data, 0 to 1.
         salt: Text added to the hashes; another salt gives another split.
-        guard: Rows next to a block of the other part that neither part uses; by default the reach of the
-            smoother that `labels` designs for these velocities.
+        guard: Rows at the border between a training and a test block that neither uses; by default the reach
+            of the smoother that `labels` designs for these velocities.
 
     Returns:
-        The rows with a label, with `block` (64 hexadecimal digits) and `part` (train, test, guard); and the
-        table of all blocks: `block`, `part` (train, test), sorted, each id once.
+        The rows with a label, with the columns `block` (64 hexadecimal digits) and `part` (train, test,
+        guard); and the table of all blocks: `block`, `part` (train, test), sorted, each id once.
 
     Raises:
         DataError: An argument is out of range, or the sample time is not constant.
@@ -69,17 +69,18 @@ def split_from(
     salt: str = "",
     guard: int | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Divide a labels table as given by a table of blocks.
+    """Divide a labels table into the training and test blocks of an earlier split.
 
     Args:
         labels: Labels table.
-        blocks: `block` and `part` of (at least) every block of the table.
-        block: Rows per block of the table of blocks.
-        salt: Salt of the table of blocks.
-        guard: Guard rows; see `split`.
+        blocks: Table of blocks of the earlier split, `block` and `part`; it must contain every block of
+            `labels`.
+        block: Rows per block of the earlier split.
+        salt: Salt of the earlier split.
+        guard: Rows at the border between a training and a test block that neither uses; see `split`.
 
     Returns:
-        As `split`; the table of blocks is limited to these labels.
+        As `split`; the table of blocks contains only the blocks of these labels.
 
     Raises:
         DataError: A block of the labels is not in the table of blocks.
@@ -98,7 +99,14 @@ def split_from(
 
 
 def block_bounds(bounds: Rows, block: int) -> Rows:
-    """Cut segments [start, stop) into blocks, shape (B, 2); the last of each takes the remainder.
+    """Cut segments into blocks; the last block of each segment takes the remainder.
+
+    Args:
+        bounds: First and past-the-last row of each of S segments, (S, 2).
+        block: Rows per block.
+
+    Returns:
+        First and past-the-last row of each of B blocks, (B, 2).
 
     Raises:
         DataError: `block` is below 1.
@@ -113,7 +121,7 @@ def block_bounds(bounds: Rows, block: int) -> Rows:
 
 
 def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str]]:
-    """Return bounds and ids of all blocks."""
+    """Return the bounds (B, 2) and the ids of all blocks of a labels table."""
     bounds = block_bounds(segments(labels), block)
     suffix = salt.encode()
 
@@ -130,7 +138,7 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str
 
 
 def _content(labels: pl.DataFrame) -> Array:
-    """Return the raw values, row after row, as little-endian float64, with -0 as 0."""
+    """Return the raw values that a block's hash covers, row after row, as little-endian float64."""
     commands = sum(name.startswith(COMMAND) for name in labels.columns)
     names = (*CONTENT, *command_columns(commands))
     content = np.empty((labels.height, len(names)), "<f8")
@@ -144,6 +152,7 @@ def _content(labels: pl.DataFrame) -> Array:
 def _divide(
     labels: pl.DataFrame, bounds: Rows, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
 ) -> pl.DataFrame:
+    """Return the labelled rows with the columns `block` and `part`, after marking guard rows."""
     rows = smoother_reach(labels) if guard is None else guard
     of_row = np.repeat(np.arange(len(bounds)), bounds[:, 1] - bounds[:, 0])
     part = is_test[of_row].astype(np.uint8)
@@ -157,13 +166,14 @@ def _divide(
 
 
 def _table(ids: list[str], is_test: NDArray[np.bool_]) -> pl.DataFrame:
+    """Return the table of all blocks with their parts, sorted, each id once."""
     table = pl.DataFrame({"block": ids, "part": PARTS.gather(is_test.astype(np.uint8))})
     return table.unique().sort("block")
 
 
 @jit
 def _guard_kernel(part: NDArray[np.uint8], rows: int) -> None:
-    """Mark rows within `rows` of a row of the other part as guard, in one segment."""
+    """Mark the rows of one segment that are within `rows` rows of the other part as guard."""
     side = part.copy()
     for step in (1, -1):
         begin = 0 if step == 1 else side.size - 1

@@ -1,4 +1,4 @@
-"""Residual wrench of a row from its motion, thrust and attitude; paper (3), (10), (11)."""
+"""Residual wrench of each row from motion, thrust and attitude; paper (3), (10), (11)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hydro.core.vehicle.thrusters import UNIT_WRENCH
 
 
 def names(thrusters: int) -> list[str]:
-    """Return the names of the columns that labels add."""
+    """Return the names of the columns that labels add to a raw table, for a number of thrusters."""
     return [
         *(f"{name}_s" for name in VELOCITY),
         *(f"{name}_dot" for name in VELOCITY),
@@ -29,7 +29,7 @@ def names(thrusters: int) -> list[str]:
 
 
 def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
-    """Return columns as one C-contiguous float64 array, shape (N, k)."""
+    """Return k columns of a table of N rows as one C-contiguous float64 array, (N, k)."""
     out = np.empty((frame.height, len(names)))
     for i, name in enumerate(names):
         out[:, i] = frame[name].to_numpy()
@@ -37,7 +37,13 @@ def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
 
 
 class Constants(NamedTuple):
-    """Constants of a vehicle: B^T (n, 6), M (6, 6), and the four numbers of weight and buoyancy."""
+    """Constants of a vehicle in the wrench balance.
+
+    Attributes:
+        configuration: Wrench about CO per newton of each of n thrusters, B^T, (n, 6).
+        mass: Mass matrix M with added mass about CO, (6, 6).
+        weight: Net weight and its moments, (4,), from `rigid_body.balance`.
+    """
 
     configuration: Array
     mass: Array
@@ -45,9 +51,13 @@ class Constants(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Terms of N rows: (nu, nu_dot) (N, 6, 2), phi theta psi (N, 3), thrusts (N, n), forces of the effects.
+    """Terms of the wrench balance in N rows.
 
-    The forces (N, 6) are subtracted in tau_res; their shape is (0, 6) if no effects are subtracted.
+    Attributes:
+        motion: nu and nu_dot of CO, body axes, (N, 6, 2).
+        attitude: phi, theta, psi [rad], (N, 3).
+        thrust: Thrusts of n thrusters [N], (N, n).
+        forces: Wrenches of the effects to subtract, (N, 6) [N, N m]; (0, 6) if none are subtracted.
     """
 
     motion: Array
@@ -57,14 +67,27 @@ class Terms(NamedTuple):
 
 
 def constants(vehicle: Vehicle, table: Array) -> Constants:
-    """Return the constants of labels for a vehicle and its thruster table."""
+    """Return the constants of the wrench balance.
+
+    Args:
+        vehicle: The vehicle.
+        table: Thruster table of its n thrusters, (n, columns).
+    """
     mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
     return Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
 
 
 @jit
 def label_kernel(rows: Terms, known: Constants, start: int, out: Array32) -> None:
-    """Write a batch to the columns of `out` (24 + n, N) from `start`: nu, nu_dot, f, tau_prop, tau_res."""
+    """Write the label columns of consecutive rows to `out`, from row `start` on.
+
+    Args:
+        rows: Terms of the rows.
+        known: Constants of the vehicle.
+        start: First row to write.
+        out: Output: columns nu, nu_dot, thrusts, tau_prop, tau_res of all N rows in the order of `names`, for
+            n thrusters, (24 + n, N).
+    """
     motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
     configuration, mass, weight = known.configuration, known.mass, known.weight
     count = thrust.shape[1]

@@ -1,1 +1,1 @@
-"""Evaluation: the size of a model's errors, and the conditions in which they occur."""
+"""Evaluation of a model on a recording: the size of its errors, and the conditions in which they occur."""

@@ -16,14 +16,15 @@ def added_force(vehicle: Vehicle, without: Vehicle, record: Recording, eta: Arra
     """Return the wrench on the vehicle that an effect adds along a recorded motion, (N, 6) [N, N m].
 
     The result is M (a - a_0): accelerations a with and a_0 without the effect, M the mass matrix of `vehicle`
-    with added mass.  If the effect changes the inertia, it is the wrench that changes the motion as much.
+    with added mass.  If the effect changes the inertia, the result is the wrench that changes the motion as
+    much.
 
     Args:
         vehicle: Vehicle file with the effect.
         without: The same vehicle file without the effect.
-        record: Recording.
-        eta: Smoothed pose of the recording, (N, 6).
-        nu: Smoothed velocity, (N, 6).
+        record: Recording of N rows.
+        eta: Smoothed pose of the recording, NED, (N, 6) [m, rad].
+        nu: Smoothed velocity of CO, body axes, (N, 6) [m/s, rad/s].
 
     Raises:
         DataError: A file is not valid in the catalogue.

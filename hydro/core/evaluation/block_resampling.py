@@ -18,13 +18,21 @@ INTERVAL = (2.5, 97.5)
 
 
 def block_sums(values: Array, size: int) -> Array:
-    """Sum the N rows of K columns over B blocks of `size` rows, shape (B, K); the last may be shorter."""
+    """Sum the N rows of K columns over B blocks of `size` rows, (B, K); the last block may be shorter."""
     sums: Array = np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
     return sums
 
 
 def draws(blocks: int, seed: int) -> Array:
-    """Draw how often each of SAMPLES bootstrap resamples contains each block, shape (SAMPLES, blocks)."""
+    """Draw how often each of SAMPLES bootstrap resamples of a recording contains each of its blocks.
+
+    Args:
+        blocks: Number B of blocks of the recording.
+        seed: Seed of the draws.
+
+    Returns:
+        Numbers, (SAMPLES, B); each row sums to B.
+    """
     drawn = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SAMPLES)
     return drawn.astype(np.float64)
 
@@ -46,7 +54,16 @@ def redrawn(sums: Array, seed: int) -> Array:
 
 
 def weights(blocks: int, samples: int, seed: int) -> Array:
-    """Draw weights of the blocks for a Bayesian bootstrap, shape (samples, blocks); each row sums to 1."""
+    """Draw weights of blocks for a Bayesian bootstrap; the weights of each resample sum to 1.
+
+    Args:
+        blocks: Number of blocks of the recording.
+        samples: Number of resamples.
+        seed: Seed of the draws.
+
+    Returns:
+        Weights, (samples, blocks).
+    """
     return np.random.default_rng(seed).dirichlet(np.ones(blocks), samples)
 
 

@@ -37,13 +37,13 @@ from hydro.core.vehicle.description import Vehicle
 NOISE_KNOWN = 0.1
 """Relative uncertainty of the squared noise floor, the error that sensor noise alone causes."""
 SURE_PART = 0.5
-"""Percentile of the bootstrap at which an axis' errors must exceed the noise; low because of six axes."""
+"""Percentile of the bootstrap at which errors on an axis must exceed the noise; low because of six axes."""
 
 Line = dict[str, Any]
 
 KEY = ("level", "horizon", "axis", "by", "place")
 NEEDED_COLUMNS = (*KEY, "rmse", "rank", "weight")
-"""Columns that are read from an earlier comparison."""
+"""Columns that an earlier comparison must have."""
 
 
 def compare(
@@ -62,10 +62,10 @@ def compare(
         vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
         record: Cleaned recording as arrays; by default the table as it was logged.
-        against: Earlier comparison with the same recording. The conditions that it lists are evaluated again,
-            its errors are listed with the new ones, and its weights of the axes are used.
-        yardstick: Weights of the axes and simple reference predictors.  By default they come from `vehicle`,
-            and the least-squares predictor of each session is fitted to the other sessions.
+        against: Earlier comparison with the same recording. Its conditions are evaluated again, its errors
+            are listed with the new errors, and its weights of the axes are used.
+        yardstick: Weights of the axes and simple reference predictors.  By default the weights come from
+            `vehicle`, and the least-squares predictor of each session is fitted to the other sessions.
         seed: Seed of the bootstrap and of the noise from which the noise floor is computed.
         progress: Called with a short text and the share of the work done.
 
@@ -117,7 +117,7 @@ def compare(
 
 @dataclass
 class _Lines:
-    """Rows of the table for one kind of error."""
+    """Rows of the comparison table for one kind of error, from its squares by piece of time."""
 
     misfit: Misfit
     seed: int
@@ -141,7 +141,7 @@ class _Lines:
         self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)
 
     def of(self, found: Sequence[Family], *, whole: bool = True) -> Iterator[Line]:
-        """Yield rows of all data together and of every condition of every family."""
+        """Yield the rows of all data together and of every condition of families of conditions."""
         misfit = self.misfit
         if whole:
             everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
@@ -155,13 +155,13 @@ class _Lines:
             yield from self._family(family)
 
     def place(self, place: failure_regimes.Place, rank: int | None) -> Line:
-        """Return the row of one place on one axis."""
+        """Return the row of the table for one place on one axis, with its rank."""
         family = Family("place", (place.words,), np.where(place.met, 0, -1), doing=False)
         line = next(line for line in self._family(family) if line["axis"] == self.misfit.axes[place.axis])
         return line | {"share": place.share, "rank": rank}
 
     def _family(self, family: Family) -> Iterator[Line]:
-        """Yield the rows of every condition, axis by axis and for all axes together."""
+        """Yield the rows of every condition of a family, axis by axis and for all axes together."""
         misfit, count = self.misfit, len(family.words)
         rows, squares, noise = (
             _by_block(values, family.code, count, misfit.block)
@@ -194,7 +194,15 @@ class _Lines:
                 }
 
     def _interval(self, rows: Array, squares: Array) -> tuple[Array, Array]:
-        """Return the bootstrap interval of the rmse by condition and axis, (K, A) each; NaN without one."""
+        """Return the lower and upper ends of the bootstrap interval of the rmse, by condition and axis.
+
+        Args:
+            rows: Number of samples by block, condition and axis, (B, K, A).
+            squares: Sums of squared errors, (B, K, A).
+
+        Returns:
+            (K, A + 1) each, with all axes together last; NaN for a condition within a single block.
+        """
         blocks, count, axes = squares.shape
         nothing = np.full((count, axes + 1), np.nan)
         if self.drawn is None:
@@ -211,13 +219,19 @@ class _Lines:
         return low, high
 
     def _root(self, sums: Array, number: Array) -> Array:
-        """Return root mean squares of sums (..., A) over so many samples, and of all axes, (..., A + 1)."""
+        """Return root mean squares by axis and of all axes together, (..., A + 1).
+
+        Args:
+            sums: Sums of squares, (..., A).
+            number: Number of samples in these sums, (..., A).
+        """
         return np.sqrt(_all_too(sums / np.maximum(number, 1.0), self.misfit.weight))
 
     def _shares(self, family: Family) -> Array:
         """Return the share of the unexplained error by condition, on every axis and on all, (K, A + 1).
 
-        Sums that noise makes negative count as zero, and the others as parts of the share of the axis.
+        A condition whose sum noise makes negative counts as zero.  All other sums are parts of the share of
+        the axis.
         """
         once = np.zeros(len(family.code), np.int64)
         positive = np.maximum(_by_block(self.unexplained, family.code, len(family.words), once)[0], 0.0)
@@ -228,7 +242,7 @@ class _Lines:
 
 
 def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None) -> Iterator[Line]:
-    """Yield rows of the places where the model fails, and of other places of the earlier comparison."""
+    """Yield the rows of the places where the model fails, and of other places of an earlier comparison."""
     listed = failure_regimes.rank(lines.unexplained, lines.misfit.rows, lines.misfit.block, found)
     for number, place in enumerate(listed):
         yield lines.place(place, number + 1)
@@ -245,7 +259,7 @@ def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None
 
 
 def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterator[Line]:
-    """Yield the noise of the recording's channels, and the rows and sample time of its sessions."""
+    """Yield rows with the noise of the recording's channels, and with the sample time of its sessions."""
 
     def line(axis: str, by: str, place: str, rows: int, size: float, unit: str) -> Line:
         key = {
@@ -273,7 +287,7 @@ def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterat
 
 
 def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
-    """Return the table with the earlier errors as the column `before`; null where there was none."""
+    """Return the table with the errors of an earlier comparison as the column `before`; null where none."""
     same = against.filter(
         pl.col("place") != failure_regimes.ELSEWHERE
     )  # whose extent depends on the other places
@@ -282,7 +296,14 @@ def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
 
 
 def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
-    """Return sums of values of pieces (P, A) by block and code, (B, count, A); code -1 is left out."""
+    """Return sums over pieces of time by block and condition, (B, count, A).
+
+    Args:
+        values: Values of P pieces on A axes, (P, A).
+        code: Condition of each piece, (P,); pieces with -1 are left out.
+        count: Number of conditions.
+        block: Block of each piece, (P,).
+    """
     blocks, of = int(block.max()) + 1, code >= 0
     place = block[of] * count + code[of]
     sums = [np.bincount(place, column[of], blocks * count) for column in values.T]
@@ -291,5 +312,5 @@ def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
 
 
 def _all_too(squares: Array, weight: Array) -> Array:
-    """Return squares of the axes (..., A) and of all together, (..., A + 1)."""
+    """Return squares of the axes (..., A) followed by their weighted sum, (..., A + 1)."""
     return np.concatenate([squares, squares @ weight[:, None]], axis=-1)

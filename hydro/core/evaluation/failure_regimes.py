@@ -1,10 +1,11 @@
 """Conditions in which a model fails: much of the unexplained error of an axis in little of the time.
 
-All single conditions and all pairs are tried.  A place with share e of an axis' error and share t of the time
-has the quality (e - t) / sqrt(t).  This is proportional to the number of standard deviations above an even
-distribution of the error (Klösgen 1996).  The lesser quality of the even and the odd blocks of the recording
-counts.  The best place is taken, the error in it is removed, and the search continues
-(sequential covering).  So the list does not repeat one place in other words.
+A place is a condition, such as turning left, or a pair of conditions.  All conditions and all pairs are
+tried. A place with share e of an axis' error and share t of the time has the quality (e - t) / sqrt(t).  This
+is proportional to the number of standard deviations above an even distribution of the error (Klösgen 1996).
+The lesser quality in the even and in the odd blocks of the recording counts.  The best place is taken, the
+error in it is removed, and the search continues (sequential covering).  So the list does not repeat one place
+in other words.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from hydro.core.columns import Array, Mask, Rows
 from hydro.core.evaluation.regimes import PIECE_SECONDS, Condition, Family, conditions, phrase
 
 LEAST_TIME = 0.01
-"""Minimum duration of a place, as a share of the time."""
+"""Minimum duration of a place, as a share of the recording's."""
 LEAST_SECONDS = 4.0
 """Minimum duration of a place [s]."""
 MATERIAL_SHARE = 0.02
@@ -31,7 +32,7 @@ NEW = 0.5
 SIMPLER = 1.2
 """Minimum ratio of a pair's quality to that of each of its conditions alone."""
 MOST_SESSIONS = 100
-"""Maximum number of conditions, such as sessions, of a family that is searched."""
+"""Maximum number of conditions in a family that is searched: one of many sessions fails by chance."""
 ELSEWHERE = "elsewhere"
 """Place of the error of an axis that lies in none of the listed places."""
 MOST_PLACES = 12
@@ -45,8 +46,8 @@ class Place:
     Attributes:
         words: Description in words, such as "while turning left".
         axis: Number of the axis.
-        met: Mask of the pieces of time in which the condition is met, (P,).
-        share: Share of all unexplained error that lies here and in no place listed earlier.
+        met: Mask of P pieces of time in which the condition is met, (P,).
+        share: Share of all unexplained error that lies in this place and in no place listed earlier.
     """
 
     words: str
@@ -91,7 +92,7 @@ def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family
 
 
 def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:
-    """Return all of the time on one axis without the places found on it."""
+    """Return the place of all time on an axis that lies in none of the places found on the axis."""
     taken = [place.met for place in found if place.axis == axis]
     met = ~np.logical_or.reduce([np.zeros(len(left), bool), *taken])
     return Place(ELSEWHERE if taken else "throughout", axis, met, float(left.sum()))
@@ -102,9 +103,12 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """Return the mask of pieces (P,) of each place in `wanted`, by its words.
+    """Return the mask of P pieces of time in which each of several places is met, (P,), by its words.
 
-    A place whose words match no condition, or pair of conditions, of `families` is left out.
+    Args:
+        wanted: Words of the places, such as "while turning left".
+        families: Families of conditions.  A place whose words match no condition, or pair of conditions, of
+            these families is left out.
     """
     tried, found = list(conditions(families)), dict[str, Mask]()
     free = [c for c in tried if not c.family.alone]
@@ -118,12 +122,15 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """Return the words for several conditions that hold at the same time."""
+    """Return the words for conditions that hold at the same time: "while turning left below 1 m/s"."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 
 class _Search:
-    """Search over all conditions and pairs of conditions, with each axis' error in both halves."""
+    """Search over all conditions and pairs of conditions.
+
+    The error of each axis is summed over the even and over the odd blocks of the recording, its two halves.
+    """
 
     def __init__(self, tried: Sequence[Condition], rows: Array, half: Mask, unexplained: Array) -> None:
         self.tried = tried
@@ -142,12 +149,12 @@ class _Search:
         self.known: dict[int, tuple[float, int, int] | None] = {}
 
     def _together(self, values: Array) -> Array:
-        """Return sums of values (P,) over pieces that meet both of two conditions, by half, (2, K, K)."""
+        """Return sums of values (P,) over pieces that meet two of K conditions, by half, (2, K, K)."""
         weighted = self.met * values[:, None].astype(np.float32)
         return np.array([self.met[half].T @ weighted[half] for half in self.halves], np.float64)
 
     def _halves(self, values: Array) -> Array:
-        """Return sums of values (P, ...) over each half, (2, ...); at least 0."""
+        """Return sums of values (P, ...) over each half of the recording, (2, ...); at least 0."""
         return np.array([np.maximum(values[half].sum(axis=0), 0.0) for half in self.halves])
 
     def forget(self, axis: int) -> None:
@@ -155,7 +162,11 @@ class _Search:
         self.known.pop(axis, None)
 
     def best(self, left: Array) -> tuple[int, tuple[Condition, ...]] | None:
-        """Return axis and conditions of the best place of the remaining error, (P, A); None without one."""
+        """Return axis and conditions of the place with the best quality; None if no place stands out.
+
+        Args:
+            left: Unexplained error of pieces and axes that no place contains yet, (P, A).
+        """
         if not self.tried:
             return None
         for axis in range(left.shape[1]):
@@ -169,7 +180,12 @@ class _Search:
         return axis, several
 
     def _best_on(self, axis: int, left: Array) -> tuple[float, int, int] | None:
-        """Return quality and two conditions of the best place on an axis, equal if it has only one."""
+        """Return quality and two conditions of the best place on an axis; equal if one is enough.
+
+        Args:
+            axis: Number of the axis.
+            left: Unexplained error of the pieces on this axis that no place contains yet, (P,).
+        """
         error, own = self._together(left), self.own[axis]
         part = self.time / self.length[:, None, None]
         even = part * self._halves(left)[:, None, None]

@@ -1,10 +1,10 @@
 """Force that a model lacks in a recording, and the part of this force that is due to noise alone.
 
 The model's acceleration is integrated along the smoothed motion and subtracted from the measured velocity.
-The difference changes only where the model's forces are wrong.  Its smoothed derivative times M is the
-missing wrench.  So the smoother never blurs a force that the model has, such as a jump of thrust, and a true
-model leaves noise alone.  Changes faster than FASTEST are nearly all noise in any log: they count in the
-frequency bands only.
+The difference changes only where the model's forces are wrong.  Its smoothed derivative times the mass matrix
+M is the missing wrench.  So the smoother never blurs a force that the model has, such as a jump of thrust,
+and a true model leaves noise alone.  Changes faster than FASTEST are nearly all noise in any log: they count
+in the frequency bands only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import CHANNELS
 
 FASTEST = 2.0
-"""Frequency of the fastest change of force that counts [Hz]."""
+"""Highest frequency of changes of force that count [Hz]."""
 BANDS = (
     ("in motions slower than 10 s", 0.0, 0.1),
     ("in motions of 2 to 10 s", 0.1, 0.5),
@@ -37,7 +37,7 @@ BANDS = (
 )
 """Frequency bands [Hz], named by the period of the motion."""
 SLOW_BAND = ("", 0.0, FASTEST)
-"""Frequency band that counts in the force error [Hz]."""
+"""Frequency band that counts in the force error: name (unused) and limits [Hz]."""
 
 
 def force(
@@ -124,7 +124,10 @@ def missing_wrench(
 
 
 def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, float]]) -> Iterator[Array]:
-    """Yield the parts of a wrench (N, 6) in each band; each segment is extended by its mirror image."""
+    """Yield the parts of a wrench (N, 6) in each frequency band, (N, 6).
+
+    Segments are extended by their mirror images, so that their ends cause no jump.
+    """
     spectra = [scipy.fft.dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
     for _, low, high in bands:
         out = np.empty_like(wrench)
@@ -136,7 +139,15 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return noise of the 12 channels, (N, 12), interpolated linearly in rows without a sample."""
+    """Return noise as it is in a recording with slow sensors: interpolated in rows without a sample.
+
+    Args:
+        noise: Noise of 12 channels in N rows, (N, 12).
+        record: Recording, for the rows with a sample of each channel.
+
+    Returns:
+        Noise, (N, 12); 0 for a channel without a sample in its segment.
+    """
     if record.seen is None:
         return noise
     out = np.zeros_like(noise)

@@ -5,9 +5,10 @@ force.  Along each axis i the model is
 
     F_i = -d |nu_i|^n sgn(nu_i) - sum over j of d_j |nu_j|^m_j nu_i + mixed products,
 
-one power at a time.  Every power of a grid is tried while all other terms have their usual powers.  The power
-with the least residual is reported.  Its interval comes from a Bayesian bootstrap over blocks of the
-recording (Rubin 1981), since neighbouring rows have correlated errors.
+with coefficients d and d_j and powers n and m_j.  One power at a time is estimated.  Every power of a grid is
+tried while all other terms have their usual powers.  The power with the least residual is reported.  Its
+interval comes from a Bayesian bootstrap over blocks of the recording (Rubin 1981), since neighbouring rows
+have correlated errors.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ RIDGE = 1e-9
 LEAST_SHARE = 0.02
 """Minimum share of the force's variance that a reported term explains."""
 WIDEST_POWER = 1.5
-"""Maximum width of a power's 95 % interval for the power to be reported: wider ones do not tell 1 from 2."""
+"""Maximum width of a power's 95 % interval for a report: a wider interval does not separate 1 from 2."""
 
 
 def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None) -> pl.DataFrame:
@@ -50,10 +51,11 @@ def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None)
         record: The cleaned recording as arrays; by default the table as it was logged.
 
     Returns:
-        The growth table: `axis` of the force, `against` which velocity through the water; `power` n with its
-        95 % interval `low` to `high`, of |nu_i|^n along the axis' own velocity, |nu_j|^n nu_i along another;
-        `drag`, the size of the term at 1 m/s or 1 rad/s (positive opposes the motion), with its `unit`; and
-        `share` of the force's variance that the term holds.  Only terms that the recording shows.
+        The growth table, with the terms that the recording shows.  Columns: `axis` i of the force; `against`,
+        the velocity j through the water; `power` n with its 95 % interval `low` to `high`; `drag`, the size
+        of the term at 1 m/s or 1 rad/s (positive opposes the motion), with its `unit`; and `share`, the share
+        of the force's variance that the term explains.  A term is |nu_i|^n sgn(nu_i) if j = i, else |nu_j|^n
+        nu_i.
 
     Raises:
         DataError: The recording does not fit the vehicle, or too few rows have a sample.
@@ -69,7 +71,7 @@ def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None)
 
 
 def without_hull_water(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle without damping, drag and lift on the hull."""
+    """Return the vehicle without damping, drag and lift on its hull."""
 
     def stays(name: str) -> bool:
         effect = CATALOGUE[name]
@@ -81,7 +83,7 @@ def without_hull_water(vehicle: Vehicle) -> Vehicle:
 
 
 def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
-    """Yield the table rows of one axis, its own velocity first."""
+    """Yield the table rows of the force on one axis, its own velocity first."""
     nu, force, number = means.velocity, means.force[:, axis], _numbers(means.block)
     for against in (axis, *(j for j in range(6) if j != axis)):
         tried = np.stack([_term(nu, axis, against, power) for power in POWERS], axis=1)
@@ -106,13 +108,13 @@ def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
 
 
 def _term(nu: Array, axis: int, against: int, power: float) -> Array:
-    """Return |nu_i|^n sgn(nu_i) if i = j, else |nu_j|^n nu_i."""
+    """Return |nu_i|^n sgn(nu_i) if i = j, else |nu_j|^n nu_i, with i `axis`, j `against` and n `power`."""
     size = np.abs(nu[:, against]) ** power
     return np.asarray(size * (np.sign(nu[:, axis]) if against == axis else nu[:, axis]))
 
 
 def _beside(nu: Array, axis: int, against: int) -> Array:
-    """Return all other terms with their usual powers, mixed products and a constant."""
+    """Return all other terms of the force on an axis, with usual powers, mixed products and a constant."""
     own, size = nu[:, axis], np.abs(nu)
     drags = [size[:, j] * own for j in range(6) if j not in (axis, against)]
     if against != axis:
@@ -123,20 +125,22 @@ def _beside(nu: Array, axis: int, against: int) -> Array:
 
 
 def _numbers(block: Rows) -> Rows:
+    """Return the block of each piece, renumbered from 0 without gaps, (P,)."""
     return np.asarray(np.unique(block, return_inverse=True)[1], np.int64)
 
 
 def _grams(tried: Array, beside: Array, number: Rows) -> Array:
-    """Return the products of every candidate column with itself and with the other columns, block by block.
+    """Return the products of every candidate column with itself and with the other columns, by block.
 
     Args:
-        tried: A column for each power, (P, G).
-        beside: Other columns and the force, (P, K + 1).
-        number: Block of each row, from 0.
+        tried: A column for each of G powers, (P, G).
+        beside: K other columns, and the force, (P, K + 1).
+        number: Block of each row, from 0, (P,).
 
     Returns:
-        (B, G + K + 1, K + 2): the first G rows hold the products of a candidate column with the other columns
-        and with itself, the rest those of the other columns with one another.
+        (B, G + K + 1, K + 2): the first G rows hold the products of a candidate column with the other
+        columns, the force and itself; the rest hold those of the other columns and the force with one
+        another.
     """
     blocks, out = int(number.max()) + 1, []
     for k in range(blocks):
@@ -147,7 +151,13 @@ def _grams(tried: Array, beside: Array, number: Rows) -> Array:
 
 
 def _profile(gram: Array) -> tuple[Array, Array, Array]:
-    """Return residual, coefficient and share of the force's square of each candidate column, (G,) each."""
+    """Return residual, coefficient and share of each candidate column, (G,) each.
+
+    The residual is that of a fit with all other columns; the share is that of the force's square.
+
+    Args:
+        gram: Sum of `_grams` over blocks, (G + K + 1, K + 2).
+    """
     powers, count = len(POWERS), gram.shape[1] - 2
     within = gram[powers:, : count + 1]
     held = within[:count, :count] + RIDGE * np.diag(np.diag(within)[:count])
@@ -161,6 +171,10 @@ def _profile(gram: Array) -> tuple[Array, Array, Array]:
 
 
 def _drawn(gram: Array) -> Array:
-    """Return the best powers of resampled recordings, (SAMPLES,)."""
+    """Return the best powers of recordings resampled from blocks, (SAMPLES,).
+
+    Args:
+        gram: Products by block, from `_grams`.
+    """
     drawn = weights(len(gram), SAMPLES, 0)
     return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])

@@ -1,8 +1,8 @@
 """Force residual of a vehicle file against each velocity, with the force that the file exerts there.
 
-The force residual is the wrench ON the vehicle that the file does not account for.  The file
-accounts for thrusters, weight, buoyancy, effects and rigid body (C_RB and M_RB among them).  For a drag that
-is too small it points against the motion, as the drag does.  Along each axis it is averaged in bins of
+The force residual is the wrench ON the vehicle that the file does not account for.  The file accounts for
+thrusters, weight, buoyancy, effects and rigid body (C_RB and M_RB among them).  Where the drag of the file is
+too small, the residual points against the motion, as drag does.  Along each axis it is averaged in bins of
 velocity of equal counts.  Its interval rests on blocks of the recording, because neighbouring rows share
 their errors: a cluster-robust variance with leverage correction (Bell and McCaffrey 2002), and Student's t
 with as many degrees of freedom as the bin has effective blocks (Kish 1965), less one.
@@ -39,17 +39,17 @@ CURVE_POINTS = 33
 RANGE = (0.5, 99.5)
 """Percentiles of the velocity that bound the force curve."""
 SAMPLED = 0.9
-"""Minimum share of rows that have a sample of attitude and velocity."""
+"""Minimum share of rows that must have a sample of attitude and velocity."""
 NEEDED = slice(3, 12)
 """Attitude and velocity among the twelve channels."""
 PLAINER = 0.05
-"""Minimum share of the variance that another axis' velocity must explain beyond the axis' own velocity."""
+"""Minimum share of the force variance that another axis' velocity explains beyond the axis' own velocity."""
 PLAIN = 0.1
-"""Minimum share of the variance that a shown velocity of another axis must explain in all."""
+"""Minimum share of the force variance that another axis' velocity must explain to be shown."""
 LEVEL = 0.975
 """Probability below the upper end of a two-sided 95 % interval."""
 DEEP = 1e3
-"""Depth at which the curve is computed [m], away from the surface."""
+"""Depth at which the file's force curve is computed [m], away from the surface."""
 
 Line = dict[str, Any]
 
@@ -60,9 +60,9 @@ def leftover(
     """Return the mean force residual in bins of velocity, and the files' force curves.
 
     Args:
-        vehicles: Vehicle files by the number of the step of an explanation that made them.  The first file
-            decides against which velocities the force on an axis is shown: the velocity along the same axis,
-            and another velocity that explains clearly more of the residual.
+        vehicles: Vehicle files, by the number of the step of `hydro explain` that made each file.  The first
+            file decides against which velocities the force on an axis is shown: the velocity along the same
+            axis, and another velocity that explains clearly more of the residual.
         raw: Raw table of the measured motion and commands.
         record: Cleaned recording as arrays; by default the table as it was logged.
 
@@ -71,7 +71,7 @@ def leftover(
         to the file, at CO in body axes), and `velocity` [m/s, rad/s].  A bin has the mean residual `force`
         [N, N m], its 95 % interval `low` to `high` (null with fewer than two effective `blocks`) and its
         `rows`.  Rows without `force` are points of the curve.  `model` is the force that the file exerts at
-        that velocity, steady, level and deep, at rest in the other axes.  `unit` is that of the forces,
+        that velocity, steady, level and deep, at rest in all other axes.  `unit` is that of the forces,
         `velocity_unit` that of the velocity.
 
     Raises:
@@ -98,7 +98,7 @@ def leftover(
 
 
 def with_samples(record: Recording) -> Mask:
-    """Return the mask of rows with a sample of attitude and velocity, (N,).
+    """Return the mask of N rows with a sample of attitude and velocity, (N,).
 
     Raises:
         DataError: A channel of attitude or velocity has samples in fewer than SAMPLED of the rows.
@@ -121,9 +121,12 @@ def with_samples(record: Recording) -> Mask:
 
 
 def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
-    """Return the velocity of CO relative to the water, nu_r in body axes, (N, 6) [m/s, rad/s].
+    """Return the velocity of CO through the water at every row, body axes, (N, 6) [m/s, rad/s].
 
-    The current is that of the model.
+    Args:
+        model: Vehicle, with its current and DVL errors.
+        record: Recording of N rows.
+        motion: Smoothed motion of the recording.
     """
     flow = constants_of(model.program.flat)[FLOW]
     return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu), record.t)
@@ -131,10 +134,10 @@ def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
 
 @dataclass(frozen=True)
 class Means:
-    """Means over pieces of a fifth of a second.
+    """Means of force residual and velocity over P pieces of a fifth of a second.
 
     Attributes:
-        force: Force residual, (P, 6) [N, N m].
+        force: Force residual on the vehicle, (P, 6) [N, N m].
         velocity: Velocity through the water, (P, 6) [m/s, rad/s].
         rows: Number of rows with samples, (P,).
         block: Block of each piece, (P,).
@@ -147,9 +150,15 @@ class Means:
 
     @classmethod
     def of(cls, force: Array, velocity: Array, counted: Mask, pieces: Pieces) -> Means:
-        """Average force and velocity (N, 6) over the counted rows (N,) of each piece.
+        """Average force and velocity over the rows with samples of each piece.
 
-        Pieces without a counted row are left out.
+        Pieces without such a row are left out.
+
+        Args:
+            force: Force residual at every row, (N, 6) [N, N m].
+            velocity: Velocity through the water at every row, (N, 6) [m/s, rad/s].
+            counted: Mask of the rows with samples, (N,).
+            pieces: Pieces of the recording.
         """
         rows = pieces.total(counted.astype(np.float64))
         some = rows > 0.0
@@ -159,7 +168,7 @@ class Means:
         return cls(force, velocity, rows[some], pieces.block[some])
 
     def code(self, against: int) -> Rows:
-        """Return the velocity bin of each piece, (P,); bins have equal counts apart from ties."""
+        """Return the bin of each piece by velocity component `against`, 0 to 5, (P,); counts are equal."""
         speed = self.velocity[:, against]
         edges = np.quantile(speed, np.arange(1, BINS) / BINS)
         code: Rows = np.searchsorted(edges, speed, side="right")
@@ -172,7 +181,11 @@ class Means:
         return float(1.0 - within / max(float(np.var(force)), 1e-300))
 
     def worth_showing(self) -> list[tuple[int, int]]:
-        """Return pairs (force axis, velocity) to show: the same axis, and a velocity that explains more."""
+        """Return the pairs (force axis, velocity axis) to show, 0 to 5.
+
+        Each force axis is shown with its own velocity, and also with another velocity that explains clearly
+        more.
+        """
         pairs = [(axis, axis) for axis in range(6)]
         for axis in range(6):
             shares = [self.explained(axis, against) for against in range(6)]
@@ -183,7 +196,7 @@ class Means:
 
 
 def _bins(means: Means, program: Program, axis: int, against: int) -> Iterator[Line]:
-    """Yield the mean force residual in each bin, and the file's force at the bin's mean velocity."""
+    """Yield the mean force residual on `axis` by bins of velocity `against`, and the file's force there."""
     code, speed = means.code(against), means.velocity[:, against]
     for one in np.unique(code):
         there = code == one
@@ -201,7 +214,7 @@ def _bins(means: Means, program: Program, axis: int, against: int) -> Iterator[L
 
 
 def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[Line]:
-    """Yield points of the file's force curve."""
+    """Yield points of the file's force on `axis` as a curve of velocity `against`."""
     slowest, fastest = np.percentile(means.velocity[:, against], RANGE)
     speeds = np.unique(np.linspace(float(slowest), float(fastest), CURVE_POINTS))
     for speed, force in zip(speeds, steady_force(program, speeds, against)[:, axis], strict=True):
@@ -210,12 +223,12 @@ def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[
 
 
 def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
-    """Return the mean of values whose errors are shared within blocks, with its interval.
+    """Return the mean of P values whose errors are shared within blocks, with its interval.
 
     Args:
         values: Values, (P,).
-        rows: Weight of each, (P,).
-        block: Block of each, (P,).
+        rows: Weight of each value, (P,).
+        block: Block of each value, (P,).
 
     Returns:
         The mean; half the width of its 95 % interval, None with fewer than two effective blocks; and the
@@ -233,7 +246,7 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
-    """Return a mask of the bins whose force is not zero, at a 5 % family-wise error rate (Bonferroni).
+    """Return a mask of the bins whose force differs from zero, at a 5 % family-wise error rate (Bonferroni).
 
     Args:
         bins: Rows of a leftover table; a row without an interval never differs.
@@ -246,18 +259,18 @@ def stands_out(bins: pl.DataFrame) -> pl.Series:
 
 
 def steady_force(program: Program, speeds: Array, against: int) -> Array:
-    """Return the force that the water exerts on a level vehicle, deep and in steady motion along one axis.
+    """Return the force of the water on a level vehicle, deep and in steady motion along one axis.
 
-    It sums the effects of the vehicle file, with settled memories, and -C_A(nu_r) nu_r, minus their values at
-    rest.
+    It is the sum of the effects of the vehicle file, with steady internal states, and -C_A(nu_r) nu_r, minus
+    their values at rest.
 
     Args:
-        program: Vehicle.
-        speeds: Velocity through the water along that axis, (K,) [m/s, rad/s].
-        against: Number of the axis; the others are at rest.
+        program: Compiled vehicle.
+        speeds: K velocities through the water along the axis, (K,) [m/s, rad/s].
+        against: Number of the axis, 0 to 5; the vehicle is at rest in all other axes.
 
     Returns:
-        Force, (K, 6) [N, N m] about CO in body axes.
+        Force on the vehicle about CO in body axes, (K, 6) [N, N m].
     """
     moving = np.array([_fluid_wrench(program, speed * np.eye(6)[against]) for speed in speeds])
     force: Array = moving - _fluid_wrench(program, np.zeros(6))
@@ -265,7 +278,7 @@ def steady_force(program: Program, speeds: Array, against: int) -> Array:
 
 
 def _fluid_wrench(program: Program, nu_r: Array) -> Array:
-    """Return effects and added-mass Coriolis terms of one steady motion, (6,)."""
+    """Return effects and added-mass Coriolis terms of steady motion at nu_r (6,), (6,) [N, N m]."""
     flat, s, tau, coriolis = program.flat, np.zeros(MOTION), np.zeros(6), np.zeros(6)
     memory, rates = np.zeros(program.states), np.zeros(program.states)
     s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6] = s[OVER_GROUND : OVER_GROUND + 6] = nu_r

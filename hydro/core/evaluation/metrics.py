@@ -1,7 +1,7 @@
 """Errors of a model per axis, with block-bootstrap intervals, and the single figures of the paper.
 
 The paper (Table II) combines newtons and newton metres: its RMSE and MAE are over all rows and all six axes.
-They have the axis `all` here, and its mean R^2 has the axis `mean`.
+Here these have the axis `all`, and the mean of R^2 over the axes has the axis `mean`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hydro.core.evaluation.block_resampling import interval, redrawn
 
 
 class Sums(NamedTuple):
-    """Sums over rows, from which all error measures follow; arrays (..., 6), but `rows` (..., 1).
+    """Sums over rows, from which all error measures follow; arrays (..., 6), except `rows` (..., 1).
 
     Attributes:
         rows: Number of rows.
@@ -37,7 +37,7 @@ class Sums(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """Model, dataset and variant whose errors are listed: columns of every row of a metrics table."""
+    """Model, dataset and variant to which errors belong: columns of every row of a metrics table."""
 
     model: str
     dataset: str
@@ -56,11 +56,11 @@ def measure(
     """Return root mean square error, mean absolute error and R^2 of each axis and of all together.
 
     Args:
-        truth: Measured values, shape (N, 6).
-        predicted: Predicted values, shape (N, 6).
-        blocks: Block of each row, shape (N,): ids or numbers; see `consecutive`.
-        subject: Subject of the errors.
-        axes: Names of the axes, columns that `hydro.core.columns` knows the units of.
+        truth: Measured values in N rows, (N, 6).
+        predicted: Predicted values, (N, 6).
+        blocks: Block of each row, (N,): ids or numbers; see `consecutive`.
+        subject: Model, dataset and variant, which every row of the result names.
+        axes: Names of the axes, columns whose units `hydro.core.columns` knows.
         seed: Seed of the bootstrap.
 
     Returns:
@@ -94,8 +94,8 @@ def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, floa
     """Return rows of a metrics table.
 
     Args:
-        subject: Subject of the numbers.
-        lines: Axis, metric, value, ends of its interval (NaN without one) and unit.
+        subject: Model, dataset and variant, which every row names.
+        lines: Axis, metric, value, ends of the value's interval (NaN without an interval) and unit.
     """
     table = pl.DataFrame(
         list(lines),
@@ -109,7 +109,7 @@ def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, floa
 
 
 def _interval(drawn: Array | None) -> tuple[float, float]:
-    """Return the percentile interval of bootstrap values; NaN where a draw left a value undefined."""
+    """Return the 95 % interval of bootstrap values; NaN if a value is undefined."""
     if drawn is None or not np.isfinite(drawn).all():
         return np.nan, np.nan
     low, high = interval(drawn)
@@ -117,12 +117,18 @@ def _interval(drawn: Array | None) -> tuple[float, float]:
 
 
 def consecutive(rows: int, length: int) -> NDArray[np.int64]:
-    """Return the block number of each of `rows` rows, in blocks of `length`; the last takes the remainder."""
+    """Return the block number of each of `rows` rows, in blocks of `length`; the last has the remainder."""
     return np.minimum(np.arange(rows) // length, max(rows // length, 1) - 1)
 
 
 def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
-    """Return sums of every block, arrays of shape (B, 6)."""
+    """Return the sums over each of B blocks, arrays (B, 6).
+
+    Args:
+        truth: Measured values, (N, 6).
+        predicted: Predicted values, (N, 6).
+        group: Block of each row, from 0, (N,).
+    """
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
     error = predicted - truth
@@ -135,7 +141,7 @@ def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
 
 
 def _bootstrap(by_block: Sums, seed: int) -> Sums:
-    """Draw sums of recordings from the blocks, arrays (SAMPLES, 6)."""
+    """Return the sums of SAMPLES recordings drawn from the blocks, arrays (SAMPLES, 6)."""
     drawn = redrawn(np.concatenate(by_block, axis=1), seed)
     edges = np.cumsum([part.shape[1] for part in by_block])[:-1]
     return Sums(*np.split(drawn, edges, axis=1))
@@ -164,7 +170,7 @@ def _measures(
 
 
 def _merged(sums: Sums) -> Sums:
-    """Return all axes as one, for the single figures of the paper."""
+    """Return sums over all axes as if they were one axis, for the single figures of the paper."""
     axes = sums.squares.shape[-1]
     return Sums(sums.rows * axes, *(part.sum(axis=-1, keepdims=True) for part in sums[1:]))
 

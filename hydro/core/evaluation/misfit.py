@@ -1,4 +1,4 @@
-"""Squared errors of a model on a recording, piece by piece, with those that noise alone causes.
+"""Squared errors of a model on a recording, piece by piece, with the errors that noise alone causes.
 
 The noise floor is the error that noise alone causes. To compute the floor, noise of the measured size is
 added to the recording, and the uncertainty of the smoothed motion to the start of each prediction. The floor
@@ -19,7 +19,7 @@ class Misfit:
     """Squared errors of a force or of a prediction, in each of P pieces of time and on each of A axes.
 
     Attributes:
-        level: `force` or `replay`.
+        level: `force` or `replay`; `yardstick` for a simple predictor.
         horizon: Horizon of the replay [s]; None for forces and for the whole run.
         axes: Names of the A axes, then the name for all axes together.
         units: Units of the A axes.
@@ -54,5 +54,10 @@ class Misfit:
 
 
 def counted(values: Array, seen: Mask | None) -> Array:
-    """Return values (N, C) where there is a sample, and 0 elsewhere."""
+    """Return values of C channels in N rows, (N, C), set to 0 where there is no sample.
+
+    Args:
+        values: The values, (N, C).
+        seen: Mask of the samples, (N, C); None if every value is a sample.
+    """
     return values if seen is None else values * seen

@@ -1,4 +1,4 @@
-"""Rows of a recording that belong to the places where a comparison says that a model fails."""
+"""Rows of a recording in which the conditions are met under which a model fails."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hydro.core.vehicle.description import Vehicle
 def place_times(
     comparison: pl.DataFrame, vehicle: Vehicle, record: Recording, sessions: Sequence[str]
 ) -> dict[str, Rows]:
-    """Return the rows in which each ranked condition of a comparison is met, the longest stretch first.
+    """Return the rows in which each ranked condition (place) of a comparison is met.
 
     Args:
         comparison: Comparison table, see `evaluation.compare`.
@@ -27,8 +27,8 @@ def place_times(
         sessions: Name of each segment's session.
 
     Returns:
-        First row, and row after the last, of the K stretches of each place, (K, 2), by the words of the
-        place. Places that cover the whole recording are left out.
+        First row, and row after the last, of the K stretches of each place, the longest first, (K, 2), by the
+        words of the place. Places that are no condition, such as `elsewhere`, are left out.
     """
     wanted = set(comparison.filter(pl.col("rank").is_not_null())["place"].unique().to_list())
     motion, pieces = Motion.of(record), Pieces.of(record)
@@ -38,7 +38,13 @@ def place_times(
 
 
 def _stretches(met: Mask, pieces: Pieces, rows: int) -> Rows:
-    """Return the runs of consecutive pieces (P,) as rows, (K, 2), the longest first."""
+    """Return runs of consecutive pieces that meet a condition, as rows, (K, 2), the longest first.
+
+    Args:
+        met: Mask of the pieces that meet the condition, (P,).
+        pieces: Pieces of the recording.
+        rows: Number of rows of the recording.
+    """
     ends = np.append(pieces.starts[1:], rows)
     taken = np.flatnonzero(met)
     if not taken.size:

@@ -25,7 +25,7 @@ from hydro.core.vehicle.thrusters import MAX_THRUST, configuration_matrix, thrus
 PIECE_SECONDS = 0.2
 """Length of a piece [s]."""
 BLOCK_SECONDS = 20.0
-"""Length of the bootstrap blocks [s]; shorter where a recording has fewer than LEAST_DRAWN."""
+"""Length of the bootstrap blocks [s]; shorter where a recording has fewer than LEAST_DRAWN such blocks."""
 LEAST_DRAWN = 8
 """Minimum number of blocks in a recording."""
 HOVERING_SPEED = 0.1
@@ -50,7 +50,7 @@ NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 
 @dataclass(frozen=True)
 class Pieces:
-    """Recording cut into pieces of a fifth of a second, and into blocks of many pieces.
+    """Recording cut into P pieces of a fifth of a second, and into blocks of many pieces.
 
     Attributes:
         starts: First row of each piece, (P,).
@@ -80,23 +80,23 @@ class Pieces:
         return cls(np.concatenate(starts), np.concatenate(block), np.concatenate(segment))
 
     def total(self, values: Array) -> Array:
-        """Return sums over each piece of values of every row, (N, ...) -> (P, ...)."""
+        """Return sums over each of P pieces of values in N rows, (N, ...) -> (P, ...)."""
         sums: Array = np.add.reduceat(values, self.starts, axis=0)
         return sums
 
 
 @dataclass(frozen=True)
 class Family:
-    """Conditions of one kind, of which each piece meets at most one.
+    """Conditions of one kind, of which each of P pieces of time meets at most one.
 
     Attributes:
         by: Name of the kind, such as `turn` or `speed`.
         words: Words of each condition.
         code: Number of the condition that each piece meets, (P,); -1 for none.
-        doing: Whether the words name an activity and follow `while`; otherwise they qualify one.
-        unions: Words for several conditions together, and their numbers.
-        alone: Whether the conditions are not combined with other families: there are so many of them that
-            some pair would fit by chance.
+        doing: Whether the words name an activity and follow `while`; otherwise they qualify an activity.
+        unions: Words for several conditions together, and the numbers of these conditions.
+        alone: Whether the conditions are not combined with other families: there are so many of them that a
+            pair would fit by chance.
     """
 
     by: str
@@ -109,7 +109,13 @@ class Family:
 
 @dataclass(frozen=True)
 class Condition:
-    """Condition, or union of conditions, of a family: its words and the pieces that meet it, (P,)."""
+    """Condition of a family, or union of conditions.
+
+    Attributes:
+        family: The family.
+        words: Description in words.
+        met: Mask of P pieces of time that meet the condition, (P,).
+    """
 
     family: Family
     words: str
@@ -128,12 +134,12 @@ def families(
     """Return the families of conditions that distinguish pieces of a recording.
 
     Args:
-        record: Recording.
+        record: Recording of N rows.
         vehicle: Vehicle, with the positions and names of its thrusters.
         pieces: Pieces of the recording.
-        eta: Smoothed pose with unwrapped angles, (N, 6).
-        nu: Smoothed velocity, (N, 6).
-        nu_dot: Derivative of the velocity, (N, 6).
+        eta: Smoothed pose with unwrapped angles, (N, 6) [m, rad].
+        nu: Smoothed velocity, body axes, (N, 6) [m/s, rad/s].
+        nu_dot: Derivative of the velocity, (N, 6) [m/s^2, rad/s^2].
         names: Name of each segment's session.
 
     Returns:
@@ -156,7 +162,7 @@ def families(
 
 
 def conditions(found: Sequence[Family]) -> Iterator[Condition]:
-    """Yield all conditions of families and their unions, without those that no piece meets."""
+    """Yield all conditions of families and their unions, except those that no piece of time meets."""
     for family in found:
         single = tuple((words, (code,)) for code, words in enumerate(family.words))
         for words, codes in single + family.unions:
@@ -166,13 +172,18 @@ def conditions(found: Sequence[Family]) -> Iterator[Condition]:
 
 
 def phrase(several: Sequence[tuple[str, bool]]) -> str:
-    """Join the words of one to three conditions; each has a flag that tells whether it is an activity."""
+    """Return the words of several conditions as one phrase, such as "while turning left below 1 m/s".
+
+    Args:
+        several: Words of each condition, and whether they name an activity.
+    """
     doing = [words for words, is_doing in several if is_doing]
     being = [words for words, is_doing in several if not is_doing]
     return " ".join(["while " + " and ".join(doing)] * bool(doing) + [" and ".join(being)] * bool(being))
 
 
 def _sessions(pieces: Pieces, names: Sequence[str]) -> Family:
+    """Return the family of conditions "in session NAME"."""
     different = list(dict.fromkeys(names))
     number = np.array([different.index(name) for name in names], np.int64)
     words = tuple(f"in session {name}" for name in different)
@@ -180,7 +191,7 @@ def _sessions(pieces: Pieces, names: Sequence[str]) -> Family:
 
 
 def _manoeuvres(motion: Array) -> Iterator[Family]:
-    """Yield turn, climb, change of speed, speed and drift angle of the pieces' mean motion (P, 18)."""
+    """Yield the families turn, depth change, acceleration, speed and drift, from mean motions (P, 18)."""
     nu, nu_dot = motion[:, 6:12], motion[:, 12:]
     R = rotation(*motion[:, 3:6].T)
     sinking = np.einsum("kj,kj->k", R[:, 2], nu[:, :3])
@@ -194,6 +205,7 @@ def _manoeuvres(motion: Array) -> Iterator[Family]:
 
 
 def _drift(nu: Array) -> Family:
+    """Return the family of directions of motion in the horizontal body plane, in sectors of 45 degrees."""
     sector = np.round(np.arctan2(nu[:, 1], nu[:, 0]) / (0.25 * np.pi)).astype(np.int64) % 8
     sideways = ("moving right", "moving left")
     return Family(
@@ -219,7 +231,7 @@ def _drift(nu: Array) -> Family:
 
 
 def _surroundings(motion: Array) -> Iterator[Family]:
-    """Yield depth, heading, pitch and roll of the pieces' mean motion (P, 18)."""
+    """Yield the families depth, heading, pitch and roll, from mean motions (P, 18)."""
     z, phi, theta, psi = motion[:, 2:6].T
     yield _ordered(
         "depth",
@@ -244,7 +256,12 @@ def _surroundings(motion: Array) -> Iterator[Family]:
 
 
 def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
-    """Yield the level of all commands, the commanded wrench and each thruster's command, of pieces (P, n)."""
+    """Yield families for the level of all commands, the commanded wrench and each thruster's command.
+
+    Args:
+        command: Mean commands of the pieces, (P, n).
+        vehicle: Vehicle, with its thrusters.
+    """
     if not command.shape[1]:
         return
     yield _ordered_words(
@@ -287,7 +304,16 @@ def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
 
 
 def _signed(by: str, value: Array, words: tuple[str, str, str], both: str) -> Family:
-    """Return the ranges below, about and above zero, divided at half the rms or 0.02 to 0.1 [SI units]."""
+    """Return the family of ranges below, about and above zero of a quantity (P,).
+
+    The ranges are divided at half the root mean square, at least 0.02 and at most 0.1 [SI units].
+
+    Args:
+        by: Name of the family.
+        value: The quantity, (P,).
+        words: Words of the three ranges.
+        both: Words for the first and the last range together.
+    """
     least = float(np.clip(0.5 * np.sqrt(np.mean(value**2)), 0.02, 0.1))
     return Family(by, words, np.digitize(value, [-least, least]), unions=((both, (0, 2)),))
 
@@ -300,7 +326,16 @@ def _ordered(
     above: Callable[[float], str] | None = None,
     below: Callable[[float], str] | None = None,
 ) -> Family:
-    """Return ranges of a quantity, with unions of all above or below each edge."""
+    """Return the family of ranges of a quantity (P,), with unions of all ranges above or below each edge.
+
+    Args:
+        by: Name of the family.
+        value: The quantity, (P,).
+        edges: Limits between ranges, ascending.
+        unit: Unit in the words.
+        above: Function from an edge to the words for all ranges above; by default "above 1 m/s".
+        below: Function from an edge to the words for all ranges below.
+    """
     over = above or (lambda e: f"above {e:g} {unit}")
     under = below or (lambda e: f"below {e:g} {unit}")
     if not edges:
@@ -314,12 +349,12 @@ def _ordered(
 
 
 def _ordered_words(by: str, value: Array, edges: Sequence[float], words: tuple[str, ...]) -> Family:
-    """Return ranges of a quantity with given words."""
+    """Return the family of ranges of a quantity (P,) between edges, with given words."""
     return Family(by, words, np.digitize(value, edges))
 
 
 def _edges(value: Array, first: float | None = None) -> list[float]:
-    """Return round numbers near the quartiles of positive values, and `first`."""
+    """Return round numbers near the quartiles of positive values, and `first` if given."""
     if not len(value):
         return []
     quartiles = np.maximum(np.quantile(value, [0.25, 0.5, 0.75]), 1e-3)

@@ -18,24 +18,22 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
 SAME_POWER = 0.3
-"""Difference of two powers of speed up to which they count as equal: those of known laws differ by 0.5 or
-more."""
+"""Largest difference of two powers of speed that count as equal; those of known laws differ by 0.5."""
 SPEED_BINS = 8
-"""Number of speed bins, with equal counts, and minimum number of pieces in each."""
+"""Number of speed bins of equal counts, and minimum number of pieces of time in each bin."""
 
 
 @dataclass(frozen=True)
 class Leftover:
-    """Axis, place and growth with speed of the wrench that a model lacks.
+    """Wrench that a model lacks: its main axis, the place with most of it, and its growth with speed.
 
     Attributes:
-        axis: Axis with the largest wrench, 0 to 5; None where the residual is noise in the forces.
-        share: Share of the residual that is on this axis.
+        axis: Axis with the largest wrench, 0 to 5; None if the residual forces are noise only.
+        share: Share of the squared residual that is on this axis.
         name: Name of the axis.
-        place: Condition with most of the residual, in words; empty if the residual is in no special
-            condition.
+        place: Condition with most of the residual, in words; empty if no condition stands out.
         power: Exponent n in wrench ~ speed^n; None if the data do not show an exponent.
-        powers: Exponents of the growth with each velocity u to r alone, likewise.
+        powers: The same exponent for each velocity u to r alone; None where the data do not show it.
     """
 
     axis: int | None = None
@@ -79,6 +77,7 @@ class Leftover:
         )
 
     def _steepest(self) -> list[int]:
+        """Return the velocities with growth, by number, the steepest growth first."""
         grown = [
             (power, i) for i, power in enumerate(self.powers) if power is not None and power > SAME_POWER
         ]
@@ -86,10 +85,10 @@ class Leftover:
 
 
 def leftover(vehicle: Vehicle, record: Recording, sessions: Sequence[str], seed: int = 0) -> Leftover:
-    """Locate the wrench that a model lacks, and estimate how it grows with speed.
+    """Return the main axis and place of the wrench that a model lacks, and how it grows with speed.
 
     Args:
-        vehicle: Model with all findings.
+        vehicle: Model with all findings of a diagnosis.
         record: Recording.
         sessions: Name of each segment's session.
         seed: Seed of the noise from which the noise floor is computed.
@@ -124,8 +123,8 @@ def growth(speed: Array, square: Array) -> float | None:
     """Fit the exponent n in force ~ speed^n to means over speed bins; None if the data do not show n.
 
     Args:
-        speed: Speed of each piece [m/s], (P,).
-        square: Mean squared force beyond the noise of each piece, (P,).
+        speed: Speed in each of P pieces of time [m/s], (P,).
+        square: Mean squared force beyond the noise in each piece, (P,).
     """
     if len(speed) < SPEED_BINS**2:
         return None
@@ -139,5 +138,6 @@ def growth(speed: Array, square: Array) -> float | None:
 
 
 def _mean(misfit: Misfit, axis: int) -> Array:
+    """Return the mean squared force beyond the noise in each piece of time on an axis, (P,)."""
     mean: Array = (misfit.squares - misfit.noise)[:, axis] / misfit.rows
     return mean

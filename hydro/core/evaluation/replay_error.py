@@ -1,7 +1,7 @@
 """Errors of predictions of a recording, with the part that noise alone causes.
 
-Predictions of a few seconds restart along the recording at the smoothed motion.  One further prediction runs
-from the first row of every session to its last.
+Predictions of a few seconds restart along the recording at the smoothed motion.  A further prediction covers
+each segment from its first row to its last.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 PREDICTIONS_TOGETHER = 64
 """Maximum number of predictions in one unit of parallel work."""
 DRAWS = (3, 16)
-"""Noise draws per prediction: for all predictions, then for those whose noise floor is still uncertain."""
+"""Noise draws per prediction: for all predictions, then for those with a still uncertain noise floor."""
 SETTLED = 0.2
-"""Relative standard error of the squared noise floor at which the draws end; a tenth in the error itself."""
+"""Relative standard error of the squared noise floor at which draws end: a tenth in the error itself."""
 
 
 def replay(
@@ -71,9 +71,9 @@ def replay(
         weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
-        Squares of the velocity errors, and of the errors of x, y, z in NED and of the rotation from the
-        predicted to the measured attitude about the body axes, as `phi`, `theta` and `psi`.  None where no
-        segment is as long as the horizon.
+        Squares of the velocity errors; and squares of the pose errors: x, y, z in NED, and the rotation from
+        the predicted to the measured attitude about the body axes, named `phi`, `theta` and `psi`.  None if
+        no segment is as long as the horizon.
     """
     if (found := _predictions(model, record, motion, horizon, seed)) is None:
         return None
@@ -102,6 +102,16 @@ class Ahead:
     """
 
     def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
+        """Smooth a recording, and take the weights of the axes from the first vehicle.
+
+        Args:
+            raw: Raw table of the measured motion and commands.
+            vehicle: First vehicle.
+
+        Raises:
+            DataError: The recording does not fit the vehicle, or no session lasts AHEAD seconds without a
+                gap.
+        """
         self.record = record = recording(vehicle, raw)
         self.motion, self.pieces = Motion.of(record), Pieces.of(record)
         self.weight: Array | None = None
@@ -126,15 +136,15 @@ class Ahead:
 
 
 class _Predictions(NamedTuple):
-    """Errors of all predictions of one horizon, row by row of the recording.
+    """Errors of all predictions over one horizon, in every row of the recording.
 
     Attributes:
-        compared: 1 where a prediction was compared with the row, (N,).
+        compared: 1 where a prediction was compared with the row, else 0, (N,).
         squares: Squared errors, pose and then velocity, (N, 12).
         noise: Squared errors due to noise and to the waves of the file, (N, 12).
-        end: Root mean square errors in the last row of the predictions, or of their last samples, (12,); NaN
-            of a channel without samples.
-        counted: Mask of the samples of each channel, (N, 12); None where every row is one.
+        end: Root mean square errors in the last row of the predictions, or at their last samples, (12,); NaN
+            for a channel without samples.
+        counted: Mask of the samples of each channel, (N, 12); None if every row has samples.
     """
 
     compared: Array
@@ -147,7 +157,7 @@ class _Predictions(NamedTuple):
 def _predictions(
     model: Candidate, record: Recording, motion: Motion, horizon: float | None, seed: int
 ) -> _Predictions | None:
-    """Predict end to end along the recording; None where no segment is as long as the horizon."""
+    """Return the errors of predictions end to end along a recording; None if no segment is long enough."""
     starts, segment, lengths = laid(record, horizon)
     if not starts.size:
         return None
@@ -162,7 +172,7 @@ def _predictions(
     sums, typical = np.zeros((len(starts), DRAWS[-1], CHANNELS)), np.zeros((len(starts), CHANNELS))
 
     def shots_of(part: Rows) -> tuple[Prepared, Shots, Rows]:
-        """Return some predictions of one length, and their rows."""
+        """Return predictions of equal length as shots of a prepared candidate, and their rows."""
         rows = starts[part, None] + np.arange(lengths[part[0]])
         there = replace(
             every,
@@ -221,22 +231,28 @@ def last_samples(errors: Array, seen: Mask | None) -> Array:
 
 
 def root_mean_square(errors: Array) -> Array:
-    """Return the root mean square of each column of (S, C), ignoring NaN, (C,); NaN if all are NaN."""
+    """Return the root mean square of each of C columns of errors, without NaN, (C,).
+
+    The result is NaN where all errors are NaN.
+
+    Args:
+        errors: Errors of S predictions, (S, C).
+    """
     there = np.isfinite(errors)
     squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
     return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)
 
 
 def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
-    """Store the squared error due to noise of open predictions, and return the mask (S,) of those still open.
+    """Store the squared error due to noise of open predictions, and return which are still open, (S,).
 
-    It is the mean of the draws if their scatter is small enough, and the median otherwise: a few draws in
-    which a prediction diverges are not representative of a recording.
+    The stored value is the mean of the draws if their scatter is small enough, and the median otherwise: a
+    few draws in which a prediction diverges are not representative of a recording.
 
     Args:
         sums: Squared errors due to uncertain starts, of each prediction in each draw, (S, D, C).
         known: Squared errors of all predictions due to other noise, (C,).
-        open_: Mask of the predictions that were drawn.
+        open_: Mask of the predictions that were drawn, (S,).
         typical: Output: squared error due to noise of each prediction, (S, C).
     """
     mean = np.where(open_[:, None], sums.mean(axis=1), typical)
@@ -248,10 +264,12 @@ def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
 
 
 def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
-    """Return first row, segment and number of rows of each prediction, (S,) each.
+    """Return first row, segment and number of rows of each of S predictions, (S,) each.
 
-    Predictions of `horizon` [s] lie end to end along each segment; without a horizon, one covers each
-    segment.
+    Args:
+        record: Recording.
+        horizon: Length of predictions [s], which lie end to end along each segment; None for one prediction
+            over each segment.
     """
     if horizon is None:
         begin, end = record.segments.T
@@ -263,7 +281,7 @@ def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
 
 
 def _batches(lengths: Rows) -> list[Rows]:
-    """Return runs of at most PREDICTIONS_TOGETHER predictions of one length."""
+    """Return groups of at most PREDICTIONS_TOGETHER predictions of equal length, as arrays of numbers."""
     edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
     return [
         np.arange(at, min(at + PREDICTIONS_TOGETHER, end))
@@ -273,14 +291,17 @@ def _batches(lengths: Rows) -> list[Rows]:
 
 
 def _begun_elsewhere(shots: Shots, motion: Motion, rng: np.random.Generator) -> Shots:
-    """Return the shots with random starts that have the uncertainty of the smoothed motion."""
+    """Return shots whose starts are disturbed at random by the uncertainty of the smoothed motion."""
     at_edge = shots.starts == shots.record.segments[shots.segment, 0]
     shift = rng.standard_normal((len(shots.starts), CHANNELS)) * motion.uncertainty[np.where(at_edge, 0, 1)]
     return replace(shots, first=displaced(shots.first, shift))
 
 
 def _bounded(error: Array) -> Array:
-    """Return errors within BEYOND; attitude as a rotation vector, not as twice a quaternion's vector part."""
+    """Return errors clipped to BEYOND, with the attitude as a rotation vector [rad].
+
+    On entry the attitude is twice the vector part of a quaternion.
+    """
     out = np.nan_to_num(error, nan=np.inf, posinf=np.inf, neginf=-np.inf)
     half = np.clip(0.5 * np.linalg.norm(out[..., 3:6], axis=-1, keepdims=True), 0.0, 1.0)
     out[..., 3:6] *= np.where(half > 1e-9, np.arcsin(half) / np.maximum(half, 1e-9), 1.0)

@@ -26,11 +26,11 @@ MEASURED = "measured"
 RESTART_INTERVAL = 20.0
 """Time between restarts [s]."""
 SHOWN_SECONDS = 120.0
-"""Length of a session that is shown [s], from its first row."""
+"""Length of the part of a session that is shown, from its first row [s]."""
 MOST_SESSIONS = 12
-"""Maximum number of sessions that are shown, the first ones."""
+"""Maximum number of sessions that are shown, the first of a recording."""
 FEW_DRAWS = 40
-"""Number of vehicles drawn for a band."""
+"""Number of vehicles drawn from the covariance for a band."""
 SHOWN_RATE = 10.0
 """Minimum rate of the rows in a plot [Hz], fast enough for a vehicle's motion."""
 
@@ -43,9 +43,9 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
         raw: Raw table of the measured motion and commands.
 
     Returns:
-        A replay table in float32: `session`, `variant` (`measured` and those of `vehicles`), `t`, pose in NED
-        [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
-        `measured`, null for the others.  A variant lacks the rows in which its motion diverges.
+        A replay table in float32: `session`, `variant` (`measured` and the keys of `vehicles`), `t`, pose in
+        NED [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
+        `measured`, null for other variants.  A variant lacks the rows in which its motion diverges.
 
     Raises:
         DataError: The recording does not fit a vehicle.
@@ -79,11 +79,12 @@ def restarted_bands(
         vehicle: Vehicle.
         estimates: Estimated values of the vehicle.
         raw: Raw table of the measured motion and commands.
-        draws: Number of vehicles drawn.
+        draws: Number of vehicles to draw.
         seed: Seed of the draws.
 
     Returns:
-        The bands table in float32, with the rows of `restarted` without those in which the motion diverges.
+        The bands table of `simulation.bands` in float32, with the rows of `restarted`, except those in which
+        the motion diverges.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -103,20 +104,20 @@ def restarted_bands(
 
 
 def _heads(raw: pl.DataFrame) -> pl.DataFrame:
-    """Return the first SHOWN_SECONDS of the first sessions."""
+    """Return the first SHOWN_SECONDS of the first MOST_SESSIONS sessions."""
     since = pl.col("t") - pl.col("t").first().over("session")
     first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
     return raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
 
 
 def _thinned(record: Recording) -> Rows:
-    """Return evenly spaced rows of each segment, from its first, at SHOWN_RATE or faster."""
+    """Return evenly spaced rows of each segment, from its first row on, at SHOWN_RATE or faster."""
     every = max(int(1.0 / (SHOWN_RATE * record.dt) + 1e-9), 1)
     return np.concatenate([np.arange(a, b, every, dtype=np.int64) for a, b in record.segments])
 
 
 def _predicted(vehicle: Vehicle, record: Recording) -> Array:
-    """Return pose and velocity as a vehicle would log them, (N, 12); NaN where they diverge."""
+    """Return pose and velocity as a vehicle would log them, (N, 12); NaN where its motion diverges."""
     model, length = candidate(vehicle), max(round(RESTART_INTERVAL / record.dt), 1)
     eta, nu = smoothed(record)
     calm = body_states(eta, nu)

@@ -1,8 +1,9 @@
 """Score tests, gains and standard errors of groups of columns of a linearised problem.
 
-A group of columns is tested given the columns that are in the model already: its gain, and the p-value of
-that gain. The p-value is found by flipping the signs of whole blocks of the score (Hemerik, Goeman and Finos
-2020). This needs independent blocks, but no noise model.
+A column is the derivative of the prediction by one parameter.  A group of columns is tested given the columns
+that are in the model already: its gain, the squared residual that it explains in addition, and the p-value of
+that gain.  The p-value is found by flipping the signs of whole blocks of the score (Hemerik, Goeman and Finos
+2020).  This needs independent blocks, but no noise model.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class Evidence:
-    """Linearised least-squares problem with P columns X of unit size and residual e, in S pieces.
+    """Linearised least-squares problem with P columns X of unit size and residual e, in S pieces of data.
 
     Attributes:
         matrix: X^T X of each piece, (S, P, P).
         score: X^T e of each piece, (S, P).
         error: e^T e of each piece, (S,).
-        size: Divisor of each column, (P,).
+        size: Norm by which each column was divided, (P,).
     """
 
     matrix: Array
@@ -46,7 +47,7 @@ class Evidence:
 
     @classmethod
     def of(cls, normal: Normal) -> Evidence:
-        """Scale the columns of a problem, and drop pieces whose prediction diverges."""
+        """Return a problem with columns scaled to unit size, without pieces whose prediction diverges."""
         kept = np.isfinite(normal.gram[:, -1, -1])
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
@@ -57,16 +58,21 @@ class Evidence:
 
     @cached_property
     def total(self) -> Array:
-        """X^T X of all pieces, (P, P)."""
+        """Products of the columns over all pieces, X^T X, (P, P)."""
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
-        """Return the least-squares coefficients of p columns alone in the model, times `size`, (p,)."""
+        """Return the least-squares coefficients of p columns, without all others, times `size`, (p,)."""
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def gain(self, given: Columns, group: Columns) -> float:
-        """Return how much a group of columns, added to the given ones, reduces the squared residual."""
+        """Return how much a group of columns reduces the squared residual, in addition to given columns.
+
+        Args:
+            given: Columns in the model already.
+            group: Columns of the group.
+        """
         return self._explained([*given, *group]) - self._explained(given)
 
     def scores(self, columns: Columns) -> Array:
@@ -76,7 +82,7 @@ class Evidence:
         return left
 
     def _explained(self, columns: Columns) -> float:
-        """Return the squared residual that the least-squares amounts of some columns explain."""
+        """Return the squared residual that the least-squares fit of the given columns explains."""
         found = self.solve(columns)
         matrix = self.total[np.ix_(columns, columns)]
         return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
@@ -85,9 +91,9 @@ class Evidence:
         """Return the covariance of the coefficients of a group of p columns, (p, p), in the problem's units.
 
         Args:
-            given: Columns in the model.
-            group: Further columns.
-            scale: Mean square of the residual.
+            given: Columns in the model already.
+            group: The p columns.
+            scale: Mean square of the residual; below 1 it counts as 1.
         """
         both, size = [*given, *group], self.size[list(group)]
         matrix = self.total[np.ix_(both, both)] + RIDGE * np.eye(len(both))
@@ -101,21 +107,25 @@ def p_values(
     """Return the p-value of each group: the chance that the largest statistic of all groups reaches its own.
 
     The statistic of a group is m^T V^-1 m, with m its score against the model without it.  It is converted to
-    a normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
-    that white noise gives it.  The reason is that the fit's share of a block depends on the signs of the
-    others (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for wide groups, and
-    where few blocks have most of the leverage.
+    a normal deviate so that groups of different size compare.  A flip gives whole blocks of the score random
+    signs.  Each flip is standardised by the covariance V that white noise gives it.  The reason is that the
+    fit's share of a block depends on the signs of the other blocks (De Santis, Goeman, Hemerik, Davenport and
+    Finos 2022).  So the level holds for wide groups, and where few blocks have most of the leverage.
 
     A block is as long as the residual with the group of largest gain is correlated.  The reason is that the
-    part that this group explains is not noise.  Of a group with several shapes the shape with the largest
-    statistic counts, chosen again in every flip; a choice made beforehand would bias the test.  The same
-    holds for the parts of a shape with more than half as many columns as there are blocks.
+    part that this group explains is not noise.  Of a group with several shapes (alternative sets of columns),
+    the shape with the largest statistic counts, chosen again in every flip; a choice made beforehand would
+    bias the test.  The same holds for the parts of a shape with more than half as many columns as there are
+    blocks.
 
     Args:
         evidence: Linearised problem.
         given: Columns in the model already.
-        groups: Columns of each shape of each group.
+        groups: Columns of each shape of each group, by the group's name.
         seed: Seed of the flips.
+
+    Returns:
+        p-value by name; the least is 1 / (FLIPS + 1).
     """
     if not groups:
         return {}
@@ -138,7 +148,12 @@ def p_values(
 
 
 def _deviates(form: Array, columns: int) -> Array:
-    """Convert quadratic forms of so many columns, of which the first is observed, to normal deviates."""
+    """Convert quadratic forms to normal deviates; the first form is the observed one.
+
+    Args:
+        form: Quadratic forms, (F,).
+        columns: Number of columns in each.
+    """
     form = form * (columns / max(float(form[1:].mean()), 1e-300))
     with np.errstate(divide="ignore"):
         tail = np.log(scipy.special.chdtrc(columns, form))
@@ -152,12 +167,19 @@ def _deviates(form: Array, columns: int) -> Array:
 def _forms(
     evidence: Evidence, given: Columns, group: Columns, starts: NDArray[np.int64], signs: Array
 ) -> Array:
-    """Return m^T V^-1 m of a group's score under each row of signs, (F,), with the V of unit white noise.
+    """Return the statistic m^T V^-1 m of a group's score under each of F rows of signs, (F,).
 
-    White noise gives a block's score s_b the covariance A_b.  The fit to the given columns X leaves
-    s_b - A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  The
-    sum of g_b P (s_b - A_bX T_X^-1 s_X) has the covariance P T P^T - C T_X^-1 C^T for g_b^2 = 1.  C is the
-    sum of g_b P A_bX.  It is 0 where all signs are as observed.
+    White noise gives a block's score s_b the covariance A_b.  The fit to the given columns X leaves s_b -
+    A_bX T_X^-1 s_X.  T is the sum of A_b.  P is the part of the group that is orthogonal to X.  With signs
+    g_b, m is the sum of g_b P (s_b - A_bX T_X^-1 s_X).  Its covariance V is P T P^T - C T_X^-1 C^T for unit
+    white noise.  C is the sum of g_b P A_bX, which is 0 where all signs are as observed.
+
+    Args:
+        evidence: Linearised problem.
+        given: Columns in the model already, X.
+        group: Columns of the group.
+        starts: First piece of each block.
+        signs: Sign of each block in each flip, (F, blocks).
     """
     both, own = np.array([*given, *group]), len(given)
     blocks = np.add.reduceat(evidence.matrix[:, both[:, None], both], starts, axis=0)

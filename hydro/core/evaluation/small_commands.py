@@ -1,7 +1,7 @@
-"""Small commands that a held-out recording uses and the training recording hardly does.
+"""Small commands that are frequent in a held-out recording and rare in the training recording.
 
-The dead band of a thruster acts on small commands only.  A recording of large pulses does not show it, and a
-controller that holds a heading or a position commands little else.
+The dead band of a thruster acts on small commands only.  A recording of large pulses does not show the dead
+band, and a controller that holds a heading or a position gives few other commands.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ from hydro.core.vehicle.thrusters import (
 )
 
 SMALL = (0.005, 0.05)
-"""Small wrenches, as shares of the largest one along their axis.  The lower bound excludes rest.  The upper
-one is about the dead band of a usual speed controller, 25 of 400 microseconds."""
+"""Range of small wrenches, as shares of the largest wrench along their axis.
+
+The lower bound excludes rest.  The upper bound is about the dead band of a usual speed controller, 25 of 400
+microseconds.
+"""
 LEAST_SHARE = 0.3
 """Minimum share of the held-out time with small commands that is reported."""
 RARE = 0.2
-"""Maximum share of small commands in the training recording, relative to that of the held-out one."""
+"""Maximum share of small commands in the training recording, relative to that of the held-out recording."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Unseen:
     Attributes:
         axis: Name of the velocity along the axis, one of u to r.
         low: Lower bound of the small wrenches [N, N m].
-        high: Upper bound.
+        high: Upper bound of the small wrenches [N, N m].
         held_out: Share of the held-out time with small wrenches.
         training: Share of the training time with small wrenches.
     """
@@ -57,8 +60,8 @@ def unseen_small_commands(vehicle: Vehicle, training: Recording, held_out: Recor
 
     Args:
         vehicle: Vehicle file, whose thrusters turn commands into wrenches.
-        training: Recording that the model was fitted to.
-        held_out: Recording that it predicts.
+        training: Recording to which a model was fitted.
+        held_out: Recording that the model predicts.
     """
     table = candidate(vehicle).thrusters.copy()
     table[:, [TIME_CONSTANT, DELAY]] = 0.0  # a dead band acts on the command

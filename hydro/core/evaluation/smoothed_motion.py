@@ -17,18 +17,18 @@ from hydro.core.vehicle.frames import euler_from_quaternion
 STEEP = 0.3
 """Cosine of the pitch below which roll and heading are not smoothed: they jump at the vertical."""
 IMPULSE_REACH = 1000
-"""Rows on each side of the impulse from which the smoother's weights are computed."""
+"""Rows on each side of an impulse in the computation of the smoother's weights."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed motion of a recording.
+    """Smoothed motion of a recording of N rows.
 
     Attributes:
-        eta: Pose with unwrapped angles, (N, 6).
-        nu: Velocity as logged, (N, 6).
-        nu_dot: Derivative of the velocity, (N, 6).
-        sigma: Standard deviation of the noise of the twelve channels; 0 for one without samples.
+        eta: Pose with unwrapped angles, NED, (N, 6) [m, rad].
+        nu: Velocity as logged, body axes, (N, 6) [m/s, rad/s].
+        nu_dot: Derivative of `nu`, (N, 6).
+        sigma: Standard deviation of the noise of the twelve channels, (12,); 0 for a channel without samples.
         uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
             its ends, (2, 12).
         pose: Smoother of the pose.
@@ -45,7 +45,7 @@ class Motion:
 
     @classmethod
     def of(cls, record: Recording) -> Motion:
-        """Smooth a recording, with the noise estimated from it.
+        """Smooth a recording, with its noise estimated from the recording itself.
 
         Raises:
             DataError: A segment has a single row, or none has eight.
@@ -86,10 +86,10 @@ class Motion:
 def turned(attitude: Array) -> Array:
     """Return the turn about body axes up to each row, summed from row to row, (n, 3) [rad].
 
-    Unlike Euler angles it is continuous through the vertical, so that it can be smoothed.
+    Unlike Euler angles this turn is continuous through the vertical, so it can be smoothed.
 
     Args:
-        attitude: phi, theta, psi of consecutive rows, (n, 3) [rad].
+        attitude: phi, theta, psi of n consecutive rows, (n, 3) [rad].
     """
     R = scipy.spatial.transform.Rotation.from_euler("ZYX", attitude[:, ::-1])
     steps = (R[:-1].inv() * R[1:]).as_rotvec()
@@ -97,14 +97,17 @@ def turned(attitude: Array) -> Array:
 
 
 def _turned_back(attitude: Array, correction: Array) -> Array:
-    """Return phi, theta, psi (N, 3) after small turns (N, 3) about body axes [rad]."""
+    """Return phi, theta, psi, (N, 3) [rad], of attitudes after small turns about body axes, (N, 3) [rad]."""
     turn = scipy.spatial.transform.Rotation
     R = turn.from_euler("ZYX", attitude[:, ::-1]) * turn.from_rotvec(correction)
     return euler_from_quaternion(np.roll(R.as_quat(), 1, axis=1))
 
 
 def _doubt(record: Recording, sigma: Array) -> Array:
-    """Return the standard deviation of filled channels, (12,); of velocities from the noise of the pose."""
+    """Return the standard deviation of channels without samples, (12,).
+
+    That of velocities follows from the noise of the pose.
+    """
     pose = np.repeat([sigma[:3].max(), sigma[3:6].max()], 3)
     doubt = np.concatenate([sigma[:6], pose * slope_noise(record.dt)])
     if record.seen is None or record.doubt is None:
@@ -114,9 +117,9 @@ def _doubt(record: Recording, sigma: Array) -> Array:
 
 
 def _weights(design: smoothing.Design) -> Array:
-    """Return the weight of a row's own measurement in its smoothed value, and the sum of all squared weights.
+    """Return the smoother's weight of a row's own measurement, and the sum of all squared weights.
 
-    They are for the first row of a segment, and far from its ends; (2, 2, 6).
+    They are given for the first row of a segment and for rows far from its ends, (2, 2, 6).
     """
     impulse = np.zeros((2, 2 * IMPULSE_REACH + 1, 6))
     impulse[0, 0] = impulse[1, IMPULSE_REACH] = 1.0

@@ -18,11 +18,11 @@ from hydro.core.vehicle.frames import rotation_from_quaternion
 
 @dataclass(frozen=True)
 class Squares:
-    """Squared prediction errors of the velocities over stretches of a recording.
+    """Squared prediction errors of the velocities over S stretches of a recording.
 
     Attributes:
         sums: Sum over each stretch, (S, 6) [m^2/s^2, rad^2/s^2].
-        counts: Number of samples in each, (S, 6).
+        counts: Number of samples in each stretch, (S, 6).
     """
 
     sums: Array
@@ -30,7 +30,7 @@ class Squares:
 
     @property
     def mean(self) -> Array:
-        """Mean squared error on each axis, (6,)."""
+        """Mean squared error on each axis, (6,) [m^2/s^2, rad^2/s^2]."""
         average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
         return average
 
@@ -38,17 +38,17 @@ class Squares:
         """Return the root mean square error over all axes [m/s].
 
         Args:
-            weights: Weight of each axis, (6,).
+            weights: Weight of a square on each axis, (6,), from `evaluation.weights`.
         """
         return float(np.sqrt(weights @ self.mean))
 
 
 def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
-    """Return the squared errors of a vehicle's predicted velocities.
+    """Return the squared errors of the velocities that a vehicle predicts over shots.
 
     Args:
         vehicle: Vehicle.
-        ahead: Shots that are predicted.
+        ahead: Shots to predict; they start at the logged motion.
     """
     count = len(ahead.starts)
     if not count:
@@ -59,17 +59,17 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
 
 
 def squares_at_rest(ahead: Shots) -> Squares:
-    """Return the squared errors of the prediction that the vehicle stands still, over `ahead`."""
+    """Return the squared velocity errors over shots of the prediction that the vehicle stands still."""
     states = np.repeat(ahead.first[:, None], ahead.measured.shape[1], axis=1)
     states[..., 7:] = 0.0
     return _squares(states, ahead)
 
 
 def _squares(predicted: Array, shots: Shots) -> Squares:
-    """Return the squared errors of predicted states, (S, T, 13), over shots.
+    """Return the squared errors of predicted states, (S, T, 13), over S shots.
 
-    A velocity without samples is judged by the distance covered in a stretch, divided by its duration, where
-    the position on its axis has samples.
+    A velocity without samples is judged by the distance covered in a shot, divided by its duration, if the
+    position along the same axis has samples.
     """
     error = predicted[..., 7:] - shots.measured[..., 7:]
     seen = np.ones(error.shape, bool) if shots.seen is None else shots.seen[..., 6:].copy()

@@ -1,9 +1,9 @@
 """Weights of errors on different axes, by the vehicle's inertia.
 
-Wrenches have the weight r_i^2 / M_ii (Gauss' measure of constraint), velocities M_ii e_i^2 (kinetic energy),
-and poses likewise.  Weighted sums are divided, or multiplied, by the dry mass, so that all axes together are
-one force, speed or distance.  Errors are comparable only with equal weights: those of the first of the
-compared vehicle files.
+The square of a wrench error on axis i has the weight 1 / M_ii (Gauss' measure of constraint), that of a
+velocity error M_ii (kinetic energy), and that of a pose error likewise, with the mass matrix M.  Weighted
+sums are divided, or multiplied, by the dry mass, so that all axes together are one force, speed or distance.
+Errors are comparable only with equal weights: those of the first of the compared vehicle files.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def read(cls, comparison: pl.DataFrame) -> Weights:
-        """Return the weights of a comparison; 0 for an axis without errors in it."""
+        """Return the weights in a comparison table; 0 for an axis without errors in the table."""
         rows = comparison.filter(pl.col("level").is_in(["force", "replay"]), by="all")
         known = dict(rows.select("axis", "weight").drop_nulls().iter_rows())
         return cls(*(np.array([known.get(axis, 0.0) for axis in axes]) for axes in (WRENCH, VELOCITY, POSE)))

@@ -1,8 +1,8 @@
 """Predictions over a window of a recording, for a page that draws them again at every change of a vehicle.
 
 Predictions of one length lie end to end along each segment and start from the smoothed measured motion, as in
-`evaluation.replay_error`; the last one of a segment is shorter.  Only those that reach into the window are
-computed.
+`evaluation.replay_error`; the last prediction of a segment is shorter.  Only those that reach into the window
+are computed.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 
 
 class Windows:
-    """Windows of one recording.
+    """Predictions over windows of one recording of N rows.
 
     Attributes:
         record: The recording.
-        eta: Smoothed pose, (N, 6).
-        nu: Smoothed velocity, (N, 6).
+        eta: Smoothed pose, (N, 6) [m, rad].
+        nu: Smoothed velocity, (N, 6) [m/s, rad/s].
         logged: Pose with unwrapped angles, and velocity, as logged, (N, 12).
     """
 
     def __init__(self, record: Recording) -> None:
-        """Smooth the recording once."""
+        """Smooth the motion of a recording once for all windows."""
         self.record = record
         self.eta, self.nu = smoothed(record)
         self._first, self._states = body_states(self.eta, self.nu), body_states(record.eta, record.nu)
@@ -43,12 +43,12 @@ class Windows:
             model: Compiled vehicle.
             horizon: Length of a prediction [s]; None for one prediction of each segment.
             begin: First row of the window.
-            end: Row after its last.
+            end: Row after the last of the window.
 
         Returns:
-            Pose in NED [m, rad] and velocity in the body frame [m/s, rad/s] of rows `begin` to `end`,
-            (end - begin, 12).  NaN in the first row of a prediction, so that a line breaks there, and where a
-            motion diverges.
+            Pose in NED [m, rad] and velocity in the body frame [m/s, rad/s] of rows `begin` to `end`, (end -
+            begin, 12).  NaN in the first row of a prediction, so that a line breaks there, and where a motion
+            diverges.
         """
         starts, segment, lengths = self.laid(horizon, begin, end)
         out = np.full((end - begin, CHANNELS), np.nan)
@@ -67,7 +67,13 @@ class Windows:
         return out
 
     def laid(self, horizon: float | None, begin: int, end: int) -> tuple[Rows, Rows, Rows]:
-        """Return first row, segment and length of the predictions that reach into a window, (S,) each."""
+        """Return first row, segment and length of the S predictions that reach into a window, (S,) each.
+
+        Args:
+            horizon: Length of a prediction [s]; None for one prediction of each segment.
+            begin: First row of the window.
+            end: Row after the last of the window.
+        """
         starts, segment, lengths = list[int](), list[int](), list[int]()
         for number, (first, last) in enumerate(self.record.segments.tolist()):
             length = last - first if horizon is None else round(horizon / self.record.dt) + 1
@@ -83,9 +89,9 @@ class Windows:
         """Return predictions of one length as shots, with unit noise.
 
         Args:
-            starts: First row of each, (S,).
-            segment: Segment that each lies in, (S,).
-            length: Rows of each.
+            starts: First row of each of S shots, (S,).
+            segment: Segment of each shot, (S,).
+            length: Number of rows of each shot.
         """
         rows = starts[:, None] + np.arange(length)
         return Shots(

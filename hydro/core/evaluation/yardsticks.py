@@ -1,9 +1,10 @@
 """Weights of the axes, and three simple predictors that a model should beat.
 
 The predictors start where the model starts.  "Zero velocity" stands still.  "Constant velocity" keeps its
-first velocity.  "Least squares" obeys damping, cross terms and delayed, scaled thrust on each axis i:
-nu_i' = a nu_i + b |nu_i| nu_i + c tau_i(t - d) + e + sum_j k_j nu_j with a, b <= 0 <= c.  Bounded least
-squares fits its parameters to training sessions only.
+first velocity.  "Least squares" has damping, cross terms and delayed, scaled thrust on each axis i: nu_i' = a
+nu_i + b |nu_i| nu_i + c tau_i(t - d) + e + sum_j k_j nu_j with a, b <= 0 <= c, where tau_i is the wrench of
+the thrusters by the vehicle file.  Bounded least squares fits a, b, c, d, e and k_j to training sessions
+only.
 """
 
 from __future__ import annotations
@@ -39,13 +40,18 @@ DELAYS = np.linspace(0.0, 1.0, 11)
 WINDOW = 1.0
 """Time over which changes of velocity are fitted [s]."""
 RIDGE = 0.001
-"""Weight of the ridge on cross terms, as a share of each regressor's sum of squares.  It matters only where
-axes move together; a tenth or ten times of it changes an error 5 s ahead by less than 1 %."""
+"""Weight of the ridge on cross terms, as a share of each regressor's sum of squares.
+
+The ridge matters only where axes move together; a tenth or ten times of it changes an error 5 s ahead by less
+than 1 %.
+"""
 FOLDS = 5
-"""Number of groups of sessions, or blocks of time of a single one, that are each held out once.  More cost
-time and change little."""
+"""Number of groups of sessions, or of blocks of time of a single session, that are each held out once.
+
+More cost time and change little.
+"""
 LOST = 1.02
-"""Ratio of a model's error to that of a simple predictor above which the model is worse; less is a draw."""
+"""Ratio of a model's error to that of a simple predictor above which the model counts as worse."""
 JUDGED = 5.0
 """Prediction horizon at which a model and the simple predictors are compared [s]."""
 
@@ -54,12 +60,13 @@ class Damped(NamedTuple):
     """Coefficients of one axis of the least-squares predictor; the module gives the equation.
 
     Attributes:
-        linear: a [1/s], at most 0.
-        quadratic: b [1/m, 1/rad], at most 0.
-        thrust: c, acceleration for a unit of the axis' wrench [1/kg, 1/(kg m^2)], at least 0.
-        steady: e [m/s^2, rad/s^2].
-        delay: d [s].
-        cross: k_j, for a unit of each other axis' velocity; empty without cross terms.
+        linear: Linear damping a [1/s], at most 0.
+        quadratic: Quadratic damping b [1/m, 1/rad], at most 0.
+        thrust: Acceleration c for a unit of the axis' wrench [1/kg, 1/(kg m^2)], at least 0.
+        steady: Constant acceleration e [m/s^2, rad/s^2].
+        delay: Delay d of the thrust [s].
+        cross: Acceleration k_j for a unit of the velocity on each of the six axes, 0 on the own axis; empty
+            without cross terms.
     """
 
     linear: float
@@ -76,10 +83,10 @@ class Yardstick:
 
     Attributes:
         vehicle: Vehicle file, whose thrusters turn commands into wrenches.
-        weights: Weights of the axes, from its inertia.
-        damped: Each axis by least squares, fitted to the whole training recording, (6,).
+        weights: Weights of the axes, from the inertia of the vehicle.
+        damped: Least-squares predictor of each of six axes, fitted to the whole training recording.
         left_out: Fits without each fold of the training recording, for predictions of that fold.
-        fold: Fold of each row of the training recording, (N,); empty without folds.
+        fold: Fold of each of N rows of the training recording, (N,); empty without folds.
     """
 
     vehicle: Vehicle
@@ -90,11 +97,11 @@ class Yardstick:
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame) -> Yardstick:
-        """Fit the predictors to a recording, with the weights of a vehicle file.
+        """Fit the predictors to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
-            raw: Raw table, never the held-out one.
+            raw: Raw table of the training recording, never of the held-out recording.
 
         Raises:
             DataError: The recording does not fit the vehicle.
@@ -103,14 +110,25 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to a recording that has been read."""
+        """Fit the predictors to a training recording, with the weights of a vehicle file.
+
+        Args:
+            vehicle: Vehicle file.
+            record: Training recording as arrays.
+        """
         return cls(vehicle, Weights.of(candidate(vehicle)), _fitted(record, _wrench(vehicle, record)))
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to a recording that they will predict; see `of_others` for any other.
+        """Fit the predictors to the same recording that they will predict, by cross-validation.
 
-        Each group of sessions, or each block of a single session, is predicted by a fit to the others.
+        Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
+        other
+        recordings use `of_others` of the result.
+
+        Args:
+            vehicle: Vehicle file, which gives the weights and the wrenches of the thrusters.
+            record: Recording as arrays.
         """
         tau, fold = _wrench(vehicle, record), _folds(record)
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
@@ -119,23 +137,23 @@ class Yardstick:
 
     @property
     def of_others(self) -> Yardstick:
-        """Yardstick for recordings that it was not fitted to."""
+        """The yardstick for recordings to which it was not fitted, without folds."""
         return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(
         self, record: Recording, motion: Motion, pieces: Pieces, horizon: float, velocity: Misfit
     ) -> list[tuple[str, Misfit]]:
-        """Return the errors of the simple predictors.
+        """Return the errors of the three simple predictors over the same predictions as those of a model.
 
         Args:
             record: Recording.
             motion: Smoothed motion of the recording.
             pieces: Pieces of time over which squares are summed.
             horizon: Length of a prediction [s].
-            velocity: Errors of the model's predictions at the same horizon.
+            velocity: Velocity errors of the model at the same horizon.
 
         Returns:
-            Name and errors of each predictor, on the same predictions.
+            Name and errors of each predictor.
         """
         starts, _, lengths = laid(record, horizon)
         rows = starts[:, None] + np.arange(lengths[0])
@@ -160,7 +178,15 @@ class Yardstick:
     def _by_least_squares(
         self, record: Recording, starts: Rows, rows: Rows, first: Array, tau: Array
     ) -> Array:
-        """Predict by damped axes, each start with a fit that does not use its fold, (S, K, 6)."""
+        """Return velocities predicted by least squares, each with a fit without its fold, (S, K, 6).
+
+        Args:
+            record: Recording.
+            starts: First row of each prediction, (S,).
+            rows: Rows of the predictions, (S, K).
+            first: Velocity at each start, (S, 6).
+            tau: Wrench of the thrusters in every row, (N, 6).
+        """
         fits = self.left_out or (self.damped,)
         fold = self.fold[starts] if self.left_out else np.zeros(len(starts), np.int64)
         out = np.empty((*rows.shape, 6))
@@ -174,8 +200,8 @@ class Yardstick:
 def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
     """Return the part of the least-squares fit of an axis that lowers its squared residual most, in words.
 
-    Each part is removed in turn and the others are refitted: cross terms, the delay, the command scale (set
-    to the file's inertia) and the damping.
+    Each part is removed in turn and all other parts are refitted: cross terms, the delay, the command scale
+    (set to the file's inertia) and the damping.
 
     Args:
         yardstick: Yardstick, fitted to the recording.
@@ -189,7 +215,7 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
     beside = np.delete(record.nu, axis, axis=1) if fit.cross else np.zeros((record.rows, 0))
 
     def left(damping: bool, thrust: Array | None, cross: Array, known: Array) -> float:
-        """Return the squared residual of a fit of some parts to changes beyond the known ones."""
+        """Return the squared residual of a fit of some parts, to changes of velocity beyond `known`."""
         own = np.stack([-nu, -np.abs(nu) * nu], axis=1) * damping
         force = np.zeros(record.rows) if thrust is None else thrust
         windows = _over_windows(np.column_stack([own, force, steady, -steady, cross, -cross, nu]), record)
@@ -211,17 +237,19 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
 
 
 def column(predictor: str) -> str:
-    """Return the column of a ladder that holds the errors of a simple predictor."""
+    """Return the name of the column with the errors of a simple predictor in the table of `hydro explain`."""
     return predictor.replace(" ", "_")
 
 
 def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Array:
-    """Integrate the velocities of damped axes under thrust, each step with the damping at its start.
+    """Integrate the velocities of the least-squares predictor under thrust.
+
+    The damping is constant over each step, with its value at the start.
 
     Args:
-        damped: The A axes.
-        first: Velocities at the start, (S, A).
-        tau: Wrenches, already delayed, (S, K, A).
+        damped: Coefficients of A axes.
+        first: Velocities at the start of S predictions, (S, A).
+        tau: Wrenches in K rows, already delayed, (S, K, A).
         dt: Time from row to row [s].
 
     Returns:
@@ -243,7 +271,8 @@ def lost(errors: pl.DataFrame) -> list[tuple[str, str]]:
     """Return axes on which a model predicts worse than a simple predictor, each with the best predictor.
 
     Args:
-        errors: `axis`, `predictor`, and the root mean square errors `model` and `simple`, JUDGED ahead.
+        errors: Table with `axis`, `predictor`, and the root mean square errors `model` and `simple`, JUDGED
+            seconds ahead.
     """
     behind = errors.filter(pl.col("axis").is_in(VELOCITY), pl.col("model") > LOST * pl.col("simple"))
     first = behind.sort("simple").unique("axis", keep="first", maintain_order=True)
@@ -252,7 +281,7 @@ def lost(errors: pl.DataFrame) -> list[tuple[str, str]]:
 
 
 def _wrench(vehicle: Vehicle, record: Recording) -> Array:
-    """Return the wrench of the thrusters in every row, from the commands by the file, (N, 6)."""
+    """Return the wrench of the thrusters in every row, from the commands and the vehicle file, (N, 6)."""
     table = candidate(vehicle).thrusters
     force = thrusts(table, record.commands, record.t, record.segments, after_gap=record.after_gap)
     wrench: Array = force @ table[:, UNIT_WRENCH]
@@ -260,7 +289,7 @@ def _wrench(vehicle: Vehicle, record: Recording) -> Array:
 
 
 def _delayed(values: Array, record: Recording, delay: float) -> Array:
-    """Return a series (N,) later by a delay [s]; each segment starts with its first value."""
+    """Return a series (N,) delayed by a time [s]; each segment starts with its first value."""
     late, out = round(delay / record.dt), values.copy()
     for start, stop in record.segments:
         by = min(late, stop - start)
@@ -275,7 +304,12 @@ def _matrix(damped: Sequence[Damped]) -> Array:
 
 
 def _fitted(record: Recording, tau: Array) -> tuple[Damped, ...]:
-    """Fit every axis, and halve the cross terms until the motion without thrust does not grow."""
+    """Fit every axis; halve the cross terms until slow motion without thrust does not grow.
+
+    Args:
+        record: Training recording.
+        tau: Wrench of the thrusters in every row, (N, 6).
+    """
     fold = _folds(record)[_window_starts(record)]
     damped = [_least_squares(record, tau, axis, fold) for axis in range(6)]
     while _grows(damped):
@@ -296,7 +330,7 @@ def _folds(record: Recording) -> Rows:
     """Return the fold of each row: groups of sessions, or blocks of time of a single session, (N,).
 
     Sessions are distributed by their mean square velocity.  Their order in the list then does not matter, and
-    each group has slow and fast ones.
+    each group has slow and fast sessions.
     """
     names = np.unique(record.session)
     parts = [
@@ -332,8 +366,14 @@ def _without(record: Recording, fold: Rows, number: int) -> Recording:
 def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damped:
     """Fit damping, thrust, delay and cross terms of one axis to its changes of velocity over WINDOW.
 
-    Integrals need no derivative of noisy samples.  Cross terms are kept if they lower the error of held-out
-    windows, those of another `fold`, (W,).
+    Integrals need no derivative of noisy samples.  Cross terms are kept if they lower the error of windows
+    that were held out.
+
+    Args:
+        record: Training recording.
+        tau: Wrench of the thrusters in every row, (N, 6).
+        axis: Number of the axis.
+        fold: Fold of each window, (W,).
     """
     nu, steady = record.nu[:, axis], np.ones(record.rows)
     others = np.delete(np.arange(6), axis)
@@ -369,10 +409,10 @@ def _improves_with_cross_terms(folds: Sequence[Array]) -> bool:
 
 
 def _triangle(windows: Array) -> Array:
-    """Return a triangle with the products of all regressors and changes (W, K + 1), at most (K + 1, K + 1).
+    """Return a triangular matrix with the same products of columns as regressors and changes (W, K + 1).
 
-    It stands for the windows in a fit: squared residuals are equal.  Triangles of several parts of a
-    recording stand, one below the other, for all of them.
+    It replaces the windows in a fit, since squared residuals are equal; it has at most K + 1 rows.  Triangles
+    of several parts of a recording, one below another, replace all of these parts.
     """
     return np.asarray(np.linalg.qr(windows, mode="r"))
 
@@ -380,11 +420,12 @@ def _triangle(windows: Array) -> Array:
 def _bounded(windows: Array) -> tuple[float, Array]:
     """Fit nonnegative parameters by least squares, with a ridge on cross terms.
 
-    Returns the squared residual, up to a constant, and the parameters, (K,).
-
     Args:
-        windows: Regressors and change of velocity, (W, K + 1), or their `_triangle`; regressors beyond PLAIN
-            are cross terms.
+        windows: K regressors and the change of velocity, (W, K + 1), or their `_triangle`; regressors beyond
+            PLAIN are cross terms.
+
+    Returns:
+        Squared residual, up to a constant, and the parameters, (K,).
     """
     columns, change = windows[:, :-1], windows[:, -1:]
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
@@ -397,7 +438,7 @@ def _bounded(windows: Array) -> tuple[float, Array]:
 
 
 def _over_windows(rates: Array, record: Recording) -> Array:
-    """Return integrals of series (N, K) over all windows; of the last series, its change, (W, K)."""
+    """Return integrals of series (N, K) over all windows, and of the last series its change, (W, K)."""
     rows, parts = _window_rows(record), []
     for start, stop in record.segments:
         within = rates[start:stop]
@@ -409,7 +450,7 @@ def _over_windows(rates: Array, record: Recording) -> Array:
 
 
 def _window_rows(record: Recording) -> int:
-    """Return the number of steps in a window: WINDOW, or the longest segment where that is shorter."""
+    """Return the number of steps in a window: WINDOW, or the longest segment if it is shorter."""
     longest = int(np.diff(record.segments).max())
     return max(min(round(WINDOW / record.dt), longest - 1), 1)
 

@@ -1,1 +1,1 @@
-"""Recommended experiments: manoeuvres ranked by predicted information, and advice for each finding."""
+"""Design of the next experiment: manoeuvres ranked by predicted information, and advice for each finding."""

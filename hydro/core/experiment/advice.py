@@ -1,4 +1,4 @@
-"""Advice for each finding: the next step for the user, in one or two sentences."""
+"""Advice for each finding of a diagnosis: the next step for the user, in one or two sentences."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from hydro.core.identification.prior import ABSURD, Change
 
 ADD = "add it with `hydro add`"
 STATED_CHANGE = 1.0
-"""Least change of an existing value whose size is given, in standard deviations of its prior."""
+"""Change of a value above which the advice states both numbers, in standard deviations of the prior."""
 CLEAR = 10.0
-"""Separation of two effects from which one run of a manoeuvre suffices, in units of the sensor noise."""
+"""Predicted difference of two models, in units of the sensor noise, at which one manoeuvre separates them.
+
+A smaller difference needs a longer run; the advice then gives its duration.
+"""
 
 
 def separating(members: Sequence[str], flight: Flight | None = None) -> str:
-    """Return the manoeuvre that separates the members of a tie.
+    """Return the manoeuvre that separates effects which explain a recording equally well.
 
     Args:
-        members: Names of the effects.
-        flight: Prediction of `manoeuvres.best` for them; None for the general advice on such effects.
+        members: Names of the tied effects.
+        flight: Best manoeuvre for the tied effects from `manoeuvres.best`; None for general advice by effect.
     """
     if flight is not None and flight.difference > 0.0:
         return f"to separate them: {_predicted(flight)}"
@@ -37,7 +40,7 @@ def separating(members: Sequence[str], flight: Flight | None = None) -> str:
 
 
 def _predicted(flight: Flight) -> str:
-    """Return the manoeuvre, its duration and its predicted result."""
+    """Return a manoeuvre in words, with the duration and the predicted difference between the models."""
     words, seen = flight.manoeuvre.words, flight.difference
     expected = f"predicted difference in {FLIGHT_LENGTH:g} s: {float(f'{seen:.2g}'):g} times the sensor noise"
     if seen >= CLEAR:
@@ -51,12 +54,12 @@ def _predicted(flight: Flight) -> str:
 
 
 def in_waves(sea: Mapping[str, Any], speed: float, alone: bool) -> str:
-    """Return the consequences of waves for a model and for the other findings.
+    """Return the finding of waves in one sentence: period, direction, water velocity, and what to do.
 
     Args:
-        sea: Parameters of the effect.
-        speed: Root mean square velocity of the water at the vehicle due to them [m/s].
-        alone: Whether nothing else was found.
+        sea: Parameters of the effect `ocean_waves`; `period` [s] and `direction` [rad] are used.
+        speed: Root mean square velocity of the water at the vehicle that the waves cause [m/s].
+        alone: Whether the diagnosis has no other finding.
     """
     toward = math.degrees(float(sea["direction"])) % 360.0
     others = (
@@ -72,7 +75,13 @@ def in_waves(sea: Mapping[str, Any], speed: float, alone: bool) -> str:
 
 
 def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
-    """Return the advice to add a missing effect, or another meaning of its values from its record."""
+    """Return the advice to add a missing effect, or to correct a likelier cause of its fitted values.
+
+    Args:
+        effect: Name of the missing effect.
+        parameters: Its fitted parameters, by name.
+        dt: Sample time of the recording [s].
+    """
     saying = CATALOGUE[effect].advice.saying
     words = saying(parameters, dt) if saying is not None else None
     if words is not None:
@@ -81,17 +90,22 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
 
 
 def suspecting(effect: str, words: str) -> str:
-    """Return the advice `words` for a missing effect whose name is not confirmed."""
+    """Return the advice for a missing effect whose name is unconfirmed.
+
+    Args:
+        effect: Name of the effect.
+        words: Advice for the same effect if it were confirmed, from `adding`.
+    """
     by_name = f"add it by name only if you can confirm it on the vehicle (`hydro add --effect {effect}`)"
     return words.replace(ADD, by_name) if ADD in words else f"{words}; {by_name}"
 
 
 def retuning(effect: str, change: Change | None = None) -> str:
-    """Return the advice for an existing effect with other values.
+    """Return the advice to change the values of an effect that the vehicle file already has.
 
     Args:
         effect: Name of the effect.
-        change: Component with the largest change relative to its prior.
+        change: Component with the largest change relative to its prior; None leaves the numbers out.
     """
     words = f"{effect} needs new values"
     if change is None or change.deviations <= STATED_CHANGE:
@@ -109,7 +123,7 @@ def retuning(effect: str, change: Change | None = None) -> str:
 
 
 def having_changed(effect: str, change: Change) -> str:
-    """Return the advice for an existing effect whose values have changed since an earlier recording.
+    """Return the advice for an effect of the file whose values have changed since an earlier recording.
 
     Args:
         effect: Name of the effect.
@@ -122,11 +136,11 @@ def having_changed(effect: str, change: Change) -> str:
 
 
 def contradicting(change: Change, share: float) -> str:
-    """Return the advice for a known value that the recording contradicts.
+    """Return the advice for a value that the file marks as known but the recording contradicts.
 
     Args:
-        change: Entry with the largest change.
-        share: Share of the error beyond the noise that other values would explain.
+        change: Component with the largest change, if the known values were estimated.
+        share: Share of the prediction error beyond the noise that new values would remove, 0 to 1.
     """
     return (
         f"held as known and not re-estimated, but the recording contradicts it: {change.entry.name} would "
@@ -136,7 +150,12 @@ def contradicting(change: Change, share: float) -> str:
 
 
 def being_alias(effect: str, others: Sequence[str]) -> str:
-    """Return the advice for an effect that equals a combination of others."""
+    """Return the advice for an effect that has the same forces as a sum of other effects in every recording.
+
+    Args:
+        effect: Name of the effect.
+        others: Names of the other effects.
+    """
     return (
         f"{effect} equals {' + '.join(others)}, in the file or found, in every recording; "
         "choose from what you know of the vehicle"
@@ -144,12 +163,12 @@ def being_alias(effect: str, others: Sequence[str]) -> str:
 
 
 def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) -> str:
-    """Return the motion that would show an effect which the recording does not show.
+    """Return the advice which motion to record for an effect that the present recording does not show.
 
     Args:
         effect: Name of the effect.
-        entries: Undetermined components, in words; empty for the whole effect.
-        flight: Prediction of `manoeuvres.showing` for the effect at its usual size.
+        entries: Names of the undetermined components; empty for the whole effect.
+        flight: Best manoeuvre for the effect from `manoeuvres.showing`; None for the general advice.
     """
     hidden = ", ".join(entries) or CATALOGUE[effect].name.replace("_", " ")
     shows = flight is not None and flight.difference >= CLEAR

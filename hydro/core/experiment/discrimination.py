@@ -28,24 +28,27 @@ from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
 Parted = Mapping[tuple[str, str], float]
-"""Squared separation of rivals by pairs of names, in units of the noise variance."""
+"""Squared separation of rival models in units of the noise variance, by pair of names."""
 
 
 SHOWN = 0.05
-"""Standard error, relative to the scale of a component, at which the component counts half."""
+"""Standard error of a component, relative to its scale, at which the component has half its full weight."""
 LOG_WEIGHT = 1e-3
-"""Weight of the log standard error, which ranks manoeuvres that show equally many components."""
+"""Weight of the log standard error in `worth`: it only ranks manoeuvres that show equally many components."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """Vehicle model that explains a recording.
+    """Vehicle model that explains a recording about as well as other models do.
+
+    P is the number of free components, the numbers of the file that the fit changed.
 
     Attributes:
-        name: Effect that distinguishes the model.
-        unknown: Its free components.
-        values: Fitted values, (P,).
-        information: Information matrix of the values from the recording, in units of their scales, (P, P).
+        name: Effect that distinguishes this model from the other models.
+        unknown: The free components.
+        values: Fitted values of the components, (P,).
+        information: Information matrix of the values from the recording and the prior, in units of the
+            components' scales, (P, P).
     """
 
     name: str
@@ -55,7 +58,16 @@ class Rival:
 
     @classmethod
     def of(cls, name: str, unknown: Free, values: Array, normal: Normal) -> Rival:
-        """Return the rival of a fit; its information is divided by the fit's mean squared residual."""
+        """Return the rival model of a fit.
+
+        The fit's information matrix is divided by its mean squared residual if that exceeds 1.
+
+        Args:
+            name: Effect that distinguishes the model.
+            unknown: P free components of the fit.
+            values: Fitted values of the components, (P,).
+            normal: Least-squares problem, linearised at `values`.
+        """
         known = normal.matrix.sum(axis=0) / max(normal.chi2, 1.0)
         return cls(name, unknown, values, known + PRIOR**-2 * np.eye(len(values)))
 
@@ -67,13 +79,13 @@ class Rival:
 
 @dataclass(frozen=True)
 class Expected:
-    """Standard errors of a component before and after a flight.
+    """Standard errors of a component before and after a planned flight.
 
     Attributes:
         name: Name of the component.
-        unit: Its unit.
+        unit: Unit of the component and of both errors.
         before: Standard error from the recording; infinite if the recording does not determine the component.
-        after: Standard error from the recording and the flight.
+        after: Standard error from the recording and the flight together.
     """
 
     name: str
@@ -83,12 +95,15 @@ class Expected:
 
 
 def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ()) -> Array:
-    """Return the Gram matrix of a rival's sensitivities, of further columns and of its residual.
+    """Return the Gram matrix of a model's sensitivities and its residual over a predicted flight.
+
+    Its rows and columns are the P free components of the model, K further components from `more`, and last
+    the residual.  All are divided by the sensor noise.
 
     Args:
-        rival: Model that predicts the shots.
-        shots: Shots of a predicted flight.
-        more: Vehicles with small values of other effects, and the size of these values.
+        rival: Model whose predictions are compared with the shots.
+        shots: Two-second shots of a flight that another model predicts.
+        more: K vehicles, each with one small additional value, and the size of that value.
 
     Returns:
         Sum over all shots, (P + K + 1, P + K + 1); not finite if a prediction diverges.
@@ -103,11 +118,15 @@ def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ())
 
 
 def distance(total: Array, information: Array) -> float:
-    """Return the squared residual after a rival has imitated another as well as it can.
+    """Return the squared difference of two models after one has changed its values to imitate the other.
 
     Args:
-        total: Result of `gram`, (P + 1, P + 1).
-        information: Prior information matrix of the rival's values, (P, P).
+        total: Gram matrix of the imitating model, with P components, in a flight of the other, from `gram`,
+            (P + 1, P + 1).
+        information: Information matrix of the imitating model's values from the recording, (P, P).
+
+    Returns:
+        Sum of squares over all samples, in units of the noise variance.
     """
     score = total[:-1, -1]
     imitated = float(score @ np.linalg.solve(total[:-1, :-1] + information, score))
@@ -115,11 +134,16 @@ def distance(total: Array, information: Array) -> float:
 
 
 def parted(rivals: Sequence[Rival], grams: Mapping[tuple[int, int], Array]) -> dict[tuple[str, str], float]:
-    """Return the squared separation of each pair: the smaller of the two directions of imitation.
+    """Return the squared separation of each pair of models in a flight.
+
+    Either model of a pair may imitate the other; the smaller difference counts.
 
     Args:
         rivals: Rival models.
-        grams: Gram matrix of rival j in the flight of rival i, by (i, j).
+        grams: Gram matrix of model j in the flight that model i predicts, by (i, j), from `gram`.
+
+    Returns:
+        Squared separation by pair of names, in units of the noise variance.
     """
     return {
         (rivals[i].name, rivals[j].name): min(
@@ -130,16 +154,19 @@ def parted(rivals: Sequence[Rival], grams: Mapping[tuple[int, int], Array]) -> d
 
 
 def utility(distances: Parted) -> float:
-    """Return the utility of a flight with these squared separations: the sum of log(1 + separation)."""
+    """Return the sum of log(1 + squared separation) over all pairs of models: the utility of a flight."""
     return float(sum(np.log1p(square) for square in distances.values()))
 
 
 def expected(rival: Rival, total: Array) -> list[Expected]:
-    """Return the expected standard errors of the effect of a rival after a flight.
+    """Return the standard errors that a flight leaves for the effect that distinguishes a model.
 
     Args:
-        rival: Rival model.
-        total: Gram matrix of the rival in the flight, (P + 1, P + 1).
+        rival: The model, with P free components.
+        total: Gram matrix of the model in the flight, (P + 1, P + 1).
+
+    Returns:
+        One entry for each component of the effect `rival.name`.
     """
     before = np.linalg.inv(rival.information)
     after = np.linalg.inv(rival.information + total[:-1, :-1])
@@ -153,11 +180,12 @@ def expected(rival: Rival, total: Array) -> list[Expected]:
 
 @dataclass(frozen=True)
 class Unseen:
-    """Effect that a recording does not show, as sensitivity columns.
+    """Effect that a recording does not show, prepared for a linear prediction of its standard errors.
 
     Attributes:
-        name: The effect.
-        columns: Vehicle with a small value of each component, and the size of that value in scales.
+        name: Name of the effect.
+        columns: For each component, the vehicle with a small value of it, and the size of that value in units
+            of the component's scale.
         labels: Name, unit and scale of each component.
     """
 
@@ -167,12 +195,15 @@ class Unseen:
 
 
 def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None) -> list[Unseen]:
-    """Return effects as sensitivity columns; a nonlinear effect has the columns of its first shape.
+    """Prepare effects that a recording does not show for `gram` and `shown`.
+
+    An effect that is nonlinear in its parameters is represented by the first of its coarse shapes.
 
     Args:
         vehicle: The vehicle.
         effects: Names in the catalogue.
-        reach: Positions and times of the recording, (N, 4), which limit the search for an anchor.
+        reach: Positions and times of the N rows of the recording, (N, 4) [m, s], candidates for the place of
+            a tether's anchor.
     """
     found: dict[str, Unseen] = {}
     for one in suspects(vehicle, reach=reach, completing=True) if effects else ():
@@ -188,12 +219,15 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
 
 
 def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list[Expected]]:
-    """Return the expected standard errors of effects that the recording does not show, each tested alone.
+    """Return the standard errors of effects that the recording does not show, each added to the model alone.
 
     Args:
-        rival: Vehicle without the effects.
-        asked: Effects, in the order of their columns after those of the rival.
-        total: Gram matrix of the flight.
+        rival: Model without these effects, with P free components.
+        asked: K components of the effects in the order of the columns of `total`.
+        total: Gram matrix of the model in the flight, with the effects as `more`, (P + K + 1, P + K + 1).
+
+    Returns:
+        Expected standard errors of the components, by name of the effect.
     """
     own, place = len(rival.values), len(rival.values)
     found: dict[str, list[Expected]] = {}
@@ -211,10 +245,15 @@ def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list
 
 
 def worth(asked: Sequence[Unseen], errors: Mapping[str, Sequence[Expected]]) -> float:
-    """Return the utility of a flight from its expected standard errors: the share of each effect it shows.
+    """Return the utility of a flight for effects that the recording does not show.
 
-    The weight of a component falls once its standard error exceeds SHOWN times its scale.  A small term in
-    the log of the standard errors (D-optimality) ranks flights that show equally many components.
+    It is the sum over the effects of the mean weight of their components.  The weight of a component is 1 for
+    an exact value and 1/2 if its standard error is SHOWN times its scale.  A small term in the log of the
+    standard errors (D-optimality) ranks flights that show equally many components.
+
+    Args:
+        asked: The effects.
+        errors: Expected standard errors by effect, from `shown`.
     """
     whole = 0.0
     for effect in asked:

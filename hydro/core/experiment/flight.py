@@ -1,7 +1,7 @@
-"""Next run: commands that separate the rivals of a diagnosis within limits of thrust, depth and space.
+"""Plan of the next run: commands that separate rival models within limits of thrust, depth and space.
 
 Manoeuvres of the library are simulated at several thrusts and durations.  A manoeuvre is allowed only if
-every predicted position of every rival stays within the limits.  The flight is built greedily: each step adds
+every predicted position of every model stays within the limits.  The flight is built greedily: each step adds
 the allowed manoeuvre with the largest gain in utility (sequential design).
 """
 
@@ -36,25 +36,25 @@ from hydro.core.recording.shots import SHOT_SECONDS
 from hydro.core.simulation.simulate import trajectory
 
 LENGTHS = (FLIGHT_LENGTH, FLIGHT_LENGTH / 2.0, FLIGHT_LENGTH / 4.0)
-"""Durations of a session that are tried, the longest first [s]."""
+"""Durations of a session to try, the longest first [s]."""
 SHARES = (1.0, 0.7, 0.45, 0.25, 0.12)
-"""Shares of the allowed thrust that are tried; the largest and one much smaller share are flown."""
+"""Shares of the allowed thrust to try; the largest possible and one much smaller share become options."""
 LOWER_SHARE = 0.5
-"""Maximum ratio of the second share to the first: a clearly different speed gives new information."""
+"""Maximum ratio of the smaller share of thrust to the larger: a clearly different speed adds information."""
 SHORTEST = 2.0 * SHOT_SECONDS
-"""Shortest flight [s]: two shots."""
+"""Minimum duration of a flight [s]: two shots."""
 Pairs = Mapping[tuple[int, int], Array]
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a flight.
+    """Limits of a planned flight.
 
     Attributes:
-        depth: Least and greatest depth [m].
-        space: Greatest horizontal distance from the start of a session [m].
-        thrust: Greatest thrust of each thruster, as a share of its full thrust.
-        seconds: Duration of the flight, all sessions together [s].
+        depth: Minimum and maximum depth [m].
+        space: Maximum horizontal distance from the start of a session [m].
+        thrust: Maximum thrust of each thruster, as a share of its full thrust.
+        seconds: Total duration of all sessions [s].
 
     Raises:
         DataError: No flight satisfies the limits.
@@ -78,7 +78,11 @@ class Limits:
             raise DataError(f"seconds: {self.seconds:g} s is too short; give at least {SHORTEST:g} s")
 
     def begin(self, pose: Array) -> Array:
-        """Return the start pose of all sessions, (6,), with its depth moved inside the limits if needed."""
+        """Return the start pose of all sessions, with its depth moved inside the limits if needed.
+
+        Args:
+            pose: Desired pose x y z phi theta psi, NED, (6,) [m, rad].
+        """
         low, high = self.depth
         if low < pose[2] < high:
             return pose
@@ -86,7 +90,11 @@ class Limits:
         return np.array([*pose[:2], depth, *pose[3:]])
 
     def hold(self, motion: Array) -> bool:
-        """Check whether a motion (N, 12) stays within the limits."""
+        """Return whether a motion stays within the limits of depth and space.
+
+        Args:
+            motion: Pose, NED, and body velocity in N rows, (N, 12) [m, rad, m/s, rad/s].
+        """
         away = np.hypot(*(motion[:, :2] - motion[0, :2]).T)
         z, (low, high) = motion[:, 2], self.depth
         return bool(away.max() <= self.space and low <= z.min() and z.max() <= high)
@@ -94,16 +102,16 @@ class Limits:
 
 @dataclass(frozen=True)
 class Question:
-    """Open questions of a diagnosis, and the noise and start pose of the next run.
+    """Open questions of a diagnosis, with the noise and the start pose of the next run.
 
     Attributes:
-        ties: Groups of rivals that explain the recording about equally well.
-        model: Vehicle with all findings.
-        hidden: Effects that the recording does not show.
-        sigma: Root mean square residual of each channel, at least the noise, at the rate of the library,
-            (12,) [m, rad, m/s, rad/s].
-        pose: Default start pose of a flight, (6,).
-        reach: Positions and times of the recording, (N, 4).
+        ties: Groups of rival models that explain the recording about equally well.
+        model: Vehicle with all findings, used if there are no ties.
+        hidden: Names of effects that the recording does not show.
+        sigma: Standard deviations of pose and velocity at the library's log rate, (12,) [m, rad, m/s, rad/s]:
+            the root mean square residual of each channel, at least the sensor noise.
+        pose: Default start pose of a flight, NED, (6,) [m, rad].
+        reach: Positions and times of the N rows of the recording, (N, 4) [m, s].
     """
 
     ties: tuple[tuple[Rival, ...], ...]
@@ -119,12 +127,12 @@ class Flight:
     """Recommended flight and its predicted results.
 
     Attributes:
-        sessions: Manoeuvres; each starts at rest.
-        start: Start pose of each, (6,).
-        distances: Expected separation of pairs of rivals, in standard deviations.
-        errors: Expected standard errors.
-        depth: Least and greatest depth of all predictions [m].
-        space: Greatest horizontal distance of all predictions from the start [m].
+        sessions: Manoeuvres in their order; each starts at rest.
+        start: Start pose of each session, NED, (6,) [m, rad].
+        distances: Expected separation of two rival models in standard deviations, by pair of names.
+        errors: Expected standard errors of the effects in question.
+        depth: Minimum and maximum depth of all predictions [m].
+        space: Maximum horizontal distance of all predictions from the start [m].
     """
 
     sessions: tuple[Manoeuvre, ...]
@@ -135,12 +143,12 @@ class Flight:
     space: float
 
     def table(self) -> pl.DataFrame:
-        """Return the commands as a table: session, t, cmd_1 ... cmd_n."""
+        """Return the commands as a table for `hydro simulate`: session, t [s], cmd_1 ... cmd_n in [-1, 1]."""
         numbered = [replace(one, name=f"{number}_{one.name}") for number, one in enumerate(self.sessions, 1)]
         return pl.concat([one.table() for one in numbered])
 
     def lines(self) -> Iterator[str]:
-        """Describe the run and its predicted results, line by line."""
+        """Yield the lines of a report: the sessions, the space that they need and their predicted results."""
         length = sum(one.seconds for one in self.sessions)
         yield (
             f"{len(self.sessions)} sessions, {length:g} s in all, each from rest, level, heading north, "
@@ -171,7 +179,7 @@ class Flight:
 
 
 def _range(values: Sequence[float]) -> str:
-    """Return the range of some values as text."""
+    """Return the smallest and largest of several values as text."""
     low, high = f"{min(values):.2g}", f"{max(values):.2g}"
     return low if low == high else f"{low} to {high}"
 
@@ -182,9 +190,10 @@ class Option:
 
     Attributes:
         manoeuvre: The manoeuvre.
-        grams: Gram matrices of `discrimination.gram`, by tie and pair.
-        depth: Least and greatest predicted depth [m].
-        space: Greatest predicted distance from the start [m].
+        grams: For each group of rival models, the Gram matrix (`discrimination.gram`) of model j in the
+            flight that model i predicts, by (i, j).
+        depth: Minimum and maximum predicted depth [m].
+        space: Maximum predicted horizontal distance from the start [m].
     """
 
     manoeuvre: Manoeuvre
@@ -195,6 +204,10 @@ class Option:
 
 def advise(question: Question, limits: Limits) -> Flight:
     """Return the flight that gives most information on the open questions of a diagnosis.
+
+    Args:
+        question: Open questions: rival models, or else effects that the recording does not show.
+        limits: Limits of the flight.
 
     Raises:
         DataError: No question is open, the motion diverges, or no manoeuvre stays within the limits.
@@ -237,12 +250,12 @@ def advise(question: Question, limits: Limits) -> Flight:
 
 
 def _utility(groups: Sequence[Sequence[Rival]], total: Sequence[Pairs]) -> float:
-    """Return the utility of manoeuvres with these total Gram matrices."""
+    """Return the utility of manoeuvres for groups of rival models, from the sums of their Gram matrices."""
     return sum(utility(parted(group, grams)) for group, grams in zip(groups, total, strict=True))
 
 
 def _sum_of(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
-    """Sum the Gram matrices of several manoeuvres."""
+    """Return the Gram matrices of each group of models, summed over manoeuvres."""
     first = options[0].grams
     return [
         {pair: np.sum([one.grams[k][pair] for one in options], axis=0) for pair in grams}
@@ -253,7 +266,12 @@ def _sum_of(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
 def _greedy(
     options: Sequence[Option], told: Callable[[list[dict[tuple[int, int], Array]]], float], limits: Limits
 ) -> list[Option]:
-    """Add manoeuvres greedily by utility until the time is used up.
+    """Choose manoeuvres one by one, each with the largest gain in utility, until the time is used up.
+
+    Args:
+        options: Manoeuvres within the limits.
+        told: Function from the summed Gram matrices of the chosen manoeuvres to their utility.
+        limits: Limits of the flight; only the total duration is used here.
 
     Raises:
         DataError: No manoeuvre fits.
@@ -277,7 +295,7 @@ def _greedy(
 def _options(
     groups: Sequence[Sequence[Rival]], limits: Limits, question: Question, asked: Sequence[Unseen] = ()
 ) -> Iterator[Option]:
-    """Yield the manoeuvres within the limits, each with its Gram matrices."""
+    """Yield the manoeuvres within the limits, with the Gram matrices of all pairs of models in each group."""
     rivals = [rival for group in groups for rival in group]
     models = [candidate(rival.vehicle) for rival in rivals]
     lead = LONGEST_SENSOR_DELAY if any(model.log[DELAY] for model in models) else 0.0
@@ -302,9 +320,9 @@ def _options(
 def _flyable(
     rival: Rival, models: Sequence[Candidate], limits: Limits, start: Array
 ) -> Iterator[tuple[Manoeuvre, list[Array]]]:
-    """Yield the manoeuvres that every model flies within the limits, with the motions (N, 12).
+    """Yield the manoeuvres that every model can fly within the limits, with the models' motions, (N, 12).
 
-    Shorter durations are tried if a longer one exceeds the limits at the full allowed thrust.
+    A shorter duration is tried only if a longer one exceeds the limits at the full allowed thrust.
     """
     curves, done = powers(rival.vehicle), set[str]()
     lengths = [one for one in LENGTHS if one <= limits.seconds] or [limits.seconds]

@@ -1,8 +1,9 @@
-"""Open-loop manoeuvres that a vehicle's thrusters can run: named command tables.
+"""Library of open-loop manoeuvres that a vehicle's thrusters can run, as named command tables.
 
-Each excites the differences between some effects.  Heading sweeps show a current, coasting separates the
-kinds of damping, and drift angles show lift.  Static tilts show weight and trim, chirps show lags and added
-mass, and single thrusters show their gains.  Sines on all axes show effects that need several motions.
+Each manoeuvre excites the differences between some effects.  Heading sweeps show a current, coasting
+separates the kinds of damping, and drift angles show lift.  Static tilts show weight and trim, chirps show
+lags and added mass, and single thrusters show their gains.  Sines on all axes show effects that need several
+motions at once.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ FLIGHT_LENGTH = 30.0
 CHIRP = (0.05, 2.0)
 """First and last frequency of a chirp [Hz]."""
 STATIC_TILT = np.deg2rad(15.0)
-"""Tilt at which a vehicle is held, if its thrusters reach it [rad]."""
+"""Tilt at which a manoeuvre holds the vehicle, or the largest that the thrusters reach [rad]."""
 LEVELS = (0.1, 0.3, 0.6, 1.0)
 """Shares of the greatest thrust: their steady speeds separate linear drag from drag that grows with speed."""
 SINGLE = 0.6
-"""Command of a single thruster."""
+"""Command of a thruster that runs alone [1]: fast enough to show its gain, below saturation."""
 ALL_AXES = 0.6
 """Share of the greatest thrust on each axis when all axes are excited at once."""
 FASTEST = 0.5
@@ -50,9 +51,10 @@ class Manoeuvre:
     Attributes:
         name: Name of one or two words.
         words: Instructions for a pilot.
-        commands: Effective commands (`recording.supply`) in [-1, 1], (N, n).  Row k is held on [t_k, t_k+1),
-            t_k = k / `excitation.RATE`.
-        vehicle: Vehicle whose thrust curves convert them to real commands; None if they are real commands.
+        commands: Effective commands (`recording.supply`) of n thrusters in N rows, in [-1, 1], (N, n).  Row k
+            is held on [t_k, t_k+1), t_k = k / `excitation.LOG_RATE`.
+        vehicle: Vehicle whose thrust curves convert effective to real commands; None if `commands` are real
+            commands.
     """
 
     name: str
@@ -68,16 +70,21 @@ class Manoeuvre:
 
     @property
     def seconds(self) -> float:
-        """Duration [s]."""
+        """Duration of the manoeuvre [s]."""
         return len(self.commands) / LOG_RATE
 
     def thrusting(self, share: float, powers: Array) -> Manoeuvre:
-        """Return the manoeuvre at a share of its thrust; `powers` (n,) are those of the thrust curves."""
+        """Return the manoeuvre with all thrusts scaled by a factor.
+
+        Args:
+            share: Factor on the thrusts, 0 to 1.
+            powers: Exponents of the thrust curves, (n,), from `powers`.
+        """
         commands = np.sign(self.commands) * np.abs(self.commands) * share ** (1.0 / powers)
         return replace(self, commands=commands.astype(np.float32).astype(np.float64))
 
     def table(self) -> pl.DataFrame:
-        """Return the commands as a table for `hydro simulate`: session, t [s], cmd_1 ... cmd_n in [-1, 1]."""
+        """Return the real commands in [-1, 1] for `hydro simulate`: session, t [s], cmd_1 to cmd_n."""
         commands = self.commands if self.vehicle is None else given_commands(self.vehicle, self.commands)
         given = dict(zip(command_columns(self.commands.shape[1]), commands.T, strict=True))
         session = [self.name.replace(" ", "_")] * len(self.commands)
@@ -85,7 +92,7 @@ class Manoeuvre:
 
 
 def powers(vehicle: Vehicle) -> Array:
-    """Return the exponent of the thrust curve of each thruster, (n,)."""
+    """Return the exponent p of the curve of each of n thrusters, thrust ~ |command|^p, (n,)."""
     found: Array = thruster_table(vehicle)[:, POWER]
     return found
 
@@ -97,8 +104,9 @@ def library(
 
     Args:
         vehicle: The vehicle.
-        seconds: Duration of each [s].
-        by_hand: Return only manoeuvres that a pilot can steer without a command table.
+        seconds: Duration of each manoeuvre [s].
+        by_hand: Whether to return only manoeuvres that a pilot can steer; False adds sums of sines on all
+            axes at once, which need a command table.
 
     Raises:
         DataError: The vehicle has no thrusters, or an effect or thruster of its file is invalid.
@@ -125,12 +133,12 @@ def library(
 def _demands(
     vehicle: Vehicle, program: Program, mixed: Mixing, rows: int
 ) -> Iterator[tuple[str, str, Array]]:
-    """Yield name, words and demanded wrench (N, 6) of each manoeuvre whose axes the vehicle can control."""
+    """Yield name, instructions and demanded wrench (N, 6) [N, N m] of manoeuvres on the controllable axes."""
     stiffness, axes = _stiffness(vehicle), set(mixed.axes)
     full = _greatest_wrench(vehicle, program, mixed)
 
     def held(*parts: Mapping[int, float]) -> Array:
-        """Return shares of the greatest wrench, each held for an equal time, (N, 6)."""
+        """Return a wrench, (N, 6), that holds each of several demands, shares by axis, for an equal time."""
         shares = np.zeros((len(parts), 6))
         for row, part in zip(shares, parts, strict=True):
             row[list(part)] = list(part.values())
@@ -178,7 +186,10 @@ def _stiffness(vehicle: Vehicle) -> float:
 
 
 def _greatest_wrench(vehicle: Vehicle, program: Program, mixed: Mixing) -> Array:
-    """Return the greatest demanded wrench on each axis, (6,) [N, N m]."""
+    """Return the largest wrench that a manoeuvre may demand on each axis, (6,) [N, N m].
+
+    It is the authority of the thrusters, or less where the vehicle would overturn.
+    """
     limits = wrench_limits(program, NO_HULL, np.full(2, _stiffness(vehicle)))
     # Without damping, no greatest wrench follows from the speed limits: use the authority.
     return np.where(limits > 0.0, np.minimum(mixed.authority, limits), mixed.authority)
@@ -192,7 +203,7 @@ def _chirp(rows: int) -> Array:
 
 
 def _multisines(rows: int, axes: Sequence[int]) -> Array:
-    """Return orthogonal multisines of amplitude 1 on some of the six axes, (N, 6) (Morelli 2012).
+    """Return orthogonal multisines of amplitude 1 on the given axes and 0 on the rest, (N, 6) (Morelli 2012).
 
     Harmonics are assigned to the axes in turn, so that no two axes share a frequency.  Low frequencies have
     larger amplitudes, because they produce speed.  Phases after Schroeder (1970) keep the peaks low.
@@ -209,7 +220,7 @@ def _multisines(rows: int, axes: Sequence[int]) -> Array:
 
 
 def _single_thrusters(thrusters: int, rows: int) -> Array:
-    """Return commands that run one thruster after another, (N, n)."""
+    """Return commands that run one thruster after another, each forward, then reverse, (N, thrusters)."""
     turn = np.arange(rows) * 2 * thrusters // rows
     out = np.zeros((rows, thrusters))
     out[np.arange(rows), turn // 2] = np.where(turn % 2, -SINGLE, SINGLE)
@@ -217,6 +228,7 @@ def _single_thrusters(thrusters: int, rows: int) -> Array:
 
 
 def _manoeuvre(mixed: Mixing, name: str, words: str, demand: Array) -> Manoeuvre:
+    """Return the manoeuvre whose commands give the demanded wrench (N, 6) [N, N m] in each row."""
     commands = np.zeros((len(demand), len(mixed.table)))
     for tau, row in zip(demand, commands, strict=True):
         mixing_kernel(mixed.allocation, mixed.table, tau, row)

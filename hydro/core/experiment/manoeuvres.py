@@ -1,10 +1,10 @@
 """Choice of the next manoeuvre by prediction.
 
 Rivals are vehicle models that explain a recording about equally well with different effects.  Each short
-manoeuvre of a library is simulated.  The recommended one has the largest predicted difference between the
-rivals, in units of the sensor noise.  The comparison uses the shots of a diagnosis: two seconds with free
-initial values (`prediction.multiple_shooting`).  So a difference that other initial values could imitate does
-not count.
+manoeuvre of the library is simulated.  The recommended manoeuvre has the largest predicted difference between
+the rivals, in units of the sensor noise.  Predictions are compared in shots, as in a diagnosis: pieces of two
+seconds with free initial values (`prediction.multiple_shooting`).  So a difference that other initial values
+could imitate does not count.
 """
 
 from __future__ import annotations
@@ -37,12 +37,13 @@ DEPTH = 5.0
 
 @dataclass(frozen=True)
 class Flight:
-    """Manoeuvre and its predicted effect.
+    """Manoeuvre and the difference between vehicle models that it would show.
 
     Attributes:
         manoeuvre: The manoeuvre.
-        difference: Predicted difference between the two most similar rivals, in standard deviations of the
-            noise: root of the sum of squares over all logged channels.
+        difference: Predicted difference between two models, in standard deviations of the sensor noise: root
+            of the sum of squares over all logged channels and samples.  `best` gives that of the two most
+            similar models.
     """
 
     manoeuvre: Manoeuvre
@@ -50,15 +51,15 @@ class Flight:
 
 
 def best(rivals: Sequence[Vehicle], noise: ArrayLike, *, start: ArrayLike | None = None) -> Flight:
-    """Return the manoeuvre that separates rivals best.
+    """Return the manoeuvre that best separates the two most similar of several vehicle models.
 
     Args:
         rivals: Two or more vehicles with the same thrusters; the manoeuvres are those of the first.
         noise: Standard deviations of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
-        start: Start pose, at rest, (6,); by default level, heading north, 5 m deep.
+        start: Start pose, NED, (6,) [m, rad], at rest; by default level, heading north, 5 m deep.
 
     Raises:
-        DataError: Fewer than two rivals, or no flyable manoeuvre stays finite.
+        DataError: Fewer than two rivals, or every manoeuvre diverges.
     """
     if len(rivals) < 2:
         raise DataError("give at least two vehicles to compare")
@@ -74,16 +75,19 @@ def best(rivals: Sequence[Vehicle], noise: ArrayLike, *, start: ArrayLike | None
 def showing(
     vehicle: Vehicle, changed: Mapping[str, Vehicle], noise: ArrayLike, *, start: ArrayLike | None = None
 ) -> dict[str, Flight]:
-    """Return for each change of a vehicle the manoeuvre that shows it best.
+    """Return, for each of several changes of a vehicle, the manoeuvre that shows the change best.
 
     Args:
-        vehicle: The vehicle.
-        changed: Vehicle with a clear value (`plain`) of an effect, by the effect's name.
-        noise: As for `best`.
-        start: As for `best`.
+        vehicle: The unchanged vehicle.
+        changed: Vehicles with one changed effect each (`plain`), by the effect's name.
+        noise: Standard deviations of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
+        start: Start pose, NED, (6,) [m, rad], at rest; by default level, heading north, 5 m deep.
+
+    Returns:
+        Manoeuvre and predicted difference from the unchanged vehicle, by the effect's name.
 
     Raises:
-        DataError: No flyable manoeuvre stays finite.
+        DataError: Every manoeuvre diverges.
     """
     found: dict[str, Flight] = {}
     for manoeuvre, gram in _grams(vehicle, list(changed.values()), noise, start):
@@ -94,15 +98,17 @@ def showing(
 
 
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
-    """Return the vehicle with clearly larger values of an effect: one scale more for each component.
+    """Return a vehicle with a clearly larger effect: one scale is added to each of the effect's components.
+
+    The scale of a component is the size of a significant value (`parameters.Entry`).
 
     Args:
         vehicle: The vehicle.
         effect: Name in the catalogue.
-        entries: Indices of the components that change, in the order of `parameters.free`; by default all.
+        entries: Indices of the components to change, in the order of `parameters.free`; by default all.
 
     Raises:
-        DataError: The name is not in the catalogue, or the file has several of the effect.
+        DataError: The name is not in the catalogue, or the file has several effects of this name.
     """
     unknown = free(vehicle, [effect])
     chosen = range(len(unknown.entries)) if entries is None else entries
@@ -114,14 +120,18 @@ def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -
 def _grams(
     reference: Vehicle, others: Sequence[Vehicle], noise: ArrayLike, start: ArrayLike | None
 ) -> list[tuple[Manoeuvre, Array]]:
-    """Return each manoeuvre with the Gram matrix (R, R) of the others' differences from the reference."""
+    """Return, for each manoeuvre, the inner products of R vehicles' differences from a reference, (R, R).
+
+    Differences are divided by the noise; those that other initial values of the shots can imitate are
+    removed.
+    """
     sigma = np.asarray(noise, float)
     pose = np.array([0.0, 0.0, DEPTH, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, float)
     models = [candidate(vehicle) for vehicle in (reference, *others)]
     lead = LONGEST_SENSOR_DELAY if any(model.log[DELAY] for model in models) else 0.0
 
     def flown(manoeuvre: Manoeuvre) -> tuple[Manoeuvre, Array] | None:
-        """Return a manoeuvre with its Gram matrix, or None if it diverges."""
+        """Return a manoeuvre with its Gram matrix, or None if a model diverges in it."""
         try:
             motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, steps=1)
         except DataError:
@@ -140,9 +150,15 @@ def _grams(
 def predicted_shots(
     model: Candidate, manoeuvre: Manoeuvre, motion: Array, sigma: Array, lead: float
 ) -> Shots:
-    """Return the shots of a predicted motion (N, 12), with the outputs of the model as measurements.
+    """Return shots of a predicted flight, with the predictions of its model as noise-free measurements.
 
-    The shots start on the motion.
+    Args:
+        model: Model that predicts the flight.
+        manoeuvre: Commands of the flight.
+        motion: True pose, NED, and body velocity in N rows, (N, 12) [m, rad, m/s, rad/s]; gives the initial
+            states.
+        sigma: Standard deviations of the sensors, (12,) [m, rad, m/s, rad/s].
+        lead: Time at the start of each shot that is predicted but not compared, for late sensors [s].
     """
     shots = make_shots(_record(manoeuvre, motion), lead=lead, sigma=sigma)
     shots = replace(shots, first=body_states(motion[:, :6], motion[:, 6:])[shots.starts])

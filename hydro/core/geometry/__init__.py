@@ -1,1 +1,1 @@
-"""Estimation of a vehicle file from box or mesh, mass and thrusters."""
+"""Estimation of a whole vehicle file from the hull's box or mesh, the mass and the thrusters."""

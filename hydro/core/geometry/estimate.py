@@ -1,7 +1,7 @@
-"""Estimate of a whole vehicle from box or mesh, mass and thrusters, with standard errors.
+"""Estimate of a whole vehicle from the hull's box or mesh, the mass and the thrusters, with standard errors.
 
-Every hydrodynamic parameter has a standard error, so that a fit and a diagnosis use it as a prior.  The
-centre of buoyancy is that of the box, or of the mesh's volume.
+Every hydrodynamic parameter has a standard error, which a fit and a diagnosis use as the width of a prior.
+The centre of buoyancy is that of the box, or of the mesh's volume.
 """
 
 from __future__ import annotations
@@ -35,34 +35,35 @@ from hydro.core.vehicle.description import (
 )
 
 HEIGHT = 0.05
-"""Default distance of the centre of gravity below that of buoyancy, relative to the hull's height."""
+"""Default distance of the centre of gravity below the centre of buoyancy, relative to the hull's height."""
 INERTIA_ERROR = 0.3
 """Relative standard error of the moments of inertia of a uniform body."""
 RADIATED = (0.2, 0.2, 0.2, 0.5, 0.3, 0.3)
-"""Relative standard errors of the added mass of a mesh, which omits thrusters and frames."""
+"""Relative standard errors of the added mass computed from a mesh, which omits thrusters and frames, (6,)."""
 COUPLED = 0.5
-"""Standard error of a coupling entry, relative to the geometric mean of the errors of its two axes."""
+"""Standard error of an off-diagonal entry, relative to the geometric mean of the errors of its two axes."""
 FIN_ERROR = 0.6
 """Relative standard error of the effects of tail fins of assumed size."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """Known data of a vehicle.
+    """Data of a vehicle that the user gives.
 
     Attributes:
-        name: Its name.
+        name: Name of the vehicle.
         mass: Dry mass [kg].
-        sides: Length, width, height [m] of the hull's box; those of the mesh if there is one.
+        sides: Length, width, height [m] of the hull's box; not used if there is a mesh.
         thrusters: Thrusters in the order of a log's commands.
-        buoyancy: Buoyant force [N]; None is neutral.
-        gravity_center: Centre of gravity [m] from CO; None is below the centre of buoyancy.
-        buoyancy_center: Centre of buoyancy [m] from CO; None is that of the box or of the mesh's volume.
-        metacentric_height: Height [m] of the centre of buoyancy over that of gravity; None is HEIGHT times
-            the hull's height, or that of the two given centres.
-        inertia: Moments of inertia (3,) [kg m^2] about the centre of gravity; None is a uniform body.
-        shape: One of `hull_form.SHAPES`; None decides by proportions.
-        fins: Whether a torpedo has tail fins of usual size.
+        buoyancy: Buoyant force [N]; None for a neutral vehicle.
+        gravity_center: Centre of gravity [m] from CO, FRD; None for a place below the centre of buoyancy.
+        buoyancy_center: Centre of buoyancy [m] from CO, FRD; None for that of the box or of the mesh's
+            volume.
+        metacentric_height: Height [m] of the centre of buoyancy over that of gravity; None for HEIGHT times
+            the hull's height, or for the height that the two given centres have.
+        inertia: Moments of inertia (3,) [kg m^2] about the centre of gravity; None for a uniform body.
+        shape: One of `hull_form.SHAPES`; None to decide by proportions.
+        fins: Whether a torpedo-shaped hull has tail fins of usual size.
         density: Water density [kg/m^3].
         gravity: Acceleration of gravity [m/s^2].
         voltage: Nominal supply voltage [V] if thrust curves depend on it; else None.
@@ -90,8 +91,9 @@ class Estimate:
 
     Attributes:
         vehicle: The vehicle; its effects have standard errors.
-        form: The form that represents the hull.
-        origins: A sentence for each of `inertia`, `gravity`, `buoyancy` and every effect.
+        form: Geometric form that represents the hull.
+        origins: A sentence for each of `inertia`, `gravity`, `buoyancy` and every effect: how it was
+            estimated.
     """
 
     vehicle: Vehicle
@@ -105,13 +107,14 @@ def estimate(
     """Estimate the content of a vehicle file.
 
     Args:
-        known: The known data.
-        hull: The mesh's solid, if there is one.
-        mesh: Name of the mesh in the vehicle file.
-        radiated: Added mass (6, 6) of the mesh about CO, if it was computed.
+        known: Data that the user gives.
+        hull: Solid of the hull mesh, if there is a mesh.
+        mesh: File name of the mesh, to write into the vehicle file.
+        radiated: Added-mass matrix of the mesh about CO, (6, 6), from `radiated_added_mass`; None for that of
+            an equivalent ellipsoid.
 
     Raises:
-        DataError: A number is not possible; the message names it.
+        DataError: A number is not possible; the message names the number.
     """
     _check(known)
     sides = known.sides if hull is None else hull.sides
@@ -137,7 +140,7 @@ def estimate(
 
 
 def _check(known: Known) -> None:
-    """Refuse impossible numbers."""
+    """Refuse data of a vehicle with impossible numbers."""
     positive = {"mass": known.mass, "water density": known.density, "gravity": known.gravity}
     if known.buoyancy is not None:
         positive["buoyancy"] = known.buoyancy
@@ -159,7 +162,7 @@ def _check(known: Known) -> None:
 
 
 def _centers(known: Known, form: Form, hull: Solid | None) -> tuple[Vector3, Vector3, dict[str, str]]:
-    """Return the centres of buoyancy and gravity, and their origin."""
+    """Return the centres of buoyancy and gravity [m], FRD from CO, and their origins in words."""
     lever = known.metacentric_height
     said = (
         "given" if lever is not None else f"a guess, {HEIGHT:.0%} of the hull's height: measure it by a tilt"
@@ -180,7 +183,7 @@ def _centers(known: Known, form: Form, hull: Solid | None) -> tuple[Vector3, Vec
 
 
 def _inertia(known: Known, form: Form, hull: Solid | None) -> tuple[Array, Array, str]:
-    """Return the inertia matrix, the standard errors of its diagonal, and its origin."""
+    """Return the inertia matrix (3, 3), the standard errors of its diagonal (3,), and its origin in words."""
     if known.inertia is not None:
         return np.diag(known.inertia), np.zeros(3), "given"
     if hull is not None:
@@ -197,7 +200,14 @@ def _inertia(known: Known, form: Form, hull: Solid | None) -> tuple[Array, Array
 def _added_mass(
     form: Form, hull: Solid | None, radiated: Array | None, body: Array
 ) -> tuple[dict[str, Any], str]:
-    """Return the table of the added mass, and its origin."""
+    """Return the effect table of the added mass, and its origin in words.
+
+    Args:
+        form: Form of the hull.
+        hull: Solid of the mesh, or None.
+        radiated: Computed added mass of the mesh, (6, 6), or None.
+        body: Standard errors of the dry moments of inertia, (3,) [kg m^2].
+    """
     if hull is None:
         diagonal = hull_inertia.added_mass(form)
         errors = hull_inertia.added_mass_errors(form, diagonal, body)
@@ -225,7 +235,7 @@ def _added_mass(
 
 
 def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
-    """Return the coupling and lift of a torpedo's tail fins."""
+    """Return the effect tables of a torpedo's tail fins: added-mass coupling and lift; empty without fins."""
     if not form.fins:
         return []
     fins = "four tail fins of usual size (tips one diameter off the axis, chord half a diameter)"
@@ -247,7 +257,7 @@ def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
 
 
 def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
-    """Return linear and quadratic damping."""
+    """Return the effect tables of linear and quadratic damping."""
     quadratic = hull_drag.quadratic_drag(form)
     linear = hull_drag.linear_drag(form, quadratic)
     errors, linear_errors = hull_drag.drag_errors(form, quadratic, linear)
@@ -268,7 +278,7 @@ def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
 
 
 def _table(effect: Effect, **values: tuple[Any, Any]) -> dict[str, Any]:
-    """Return an effect's table as in a vehicle file, with values and standard errors."""
+    """Return the table of an effect for a vehicle file, from pairs of value and standard error."""
     plain = {key: np.asarray(value, float).tolist() for key, (value, _) in values.items()}
     errors = {key: np.asarray(error, float).tolist() for key, (_, error) in values.items()}
     return {"name": effect.name, **plain, "standard_error": errors}

@@ -1,8 +1,8 @@
-"""Forms that represent a hull of known box and displacement.
+"""Geometric forms that represent a hull of known box and displacement.
 
-`torpedo` is a body of elliptic sections S(x) = S_0 (1 - |2x/L|^n), with n from the displacement, and four
-tail fins.  `ellipsoid` has n = 2 and no fins.  `box` is an open frame or a box-like hull whose solid parts
-are distributed over its box.
+`torpedo` is a body of elliptic sections of area S(x) = S_0 (1 - |2x/L|^n), with length L, largest section S_0
+and n from the displacement, and four tail fins.  `ellipsoid` has n = 2 and no fins.  `box` is an open frame
+or a box-like hull whose solid parts are distributed over its box.
 """
 
 from __future__ import annotations
@@ -20,30 +20,32 @@ from hydro.core.geometry.box import checked_sides
 Shape = Literal["torpedo", "ellipsoid", "box"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 SLENDER = 4.0
-"""Minimum length over diameter of a torpedo."""
+"""Minimum length over diameter of a hull that counts as a torpedo."""
 ROUND = 1.3
-"""Maximum ratio of width and height, or height and width, of a torpedo."""
+"""Maximum ratio of width to height, or height to width, of a hull that counts as a torpedo."""
 FULL = (0.4, 0.65)
-"""Range of the displacement over the box's volume of an ellipsoid (pi/6 = 0.52); an open frame is below."""
+"""Range of displaced volume over box volume of a hull that counts as an ellipsoid (pi/6 = 0.52).
+
+Open frames are below this range.
+"""
 PRISMATIC = (2.0 / 3.0, 0.95)
-"""Minimum (of an ellipsoid) and maximum prismatic coefficient of a torpedo."""
+"""Minimum (that of an ellipsoid) and maximum prismatic coefficient of a torpedo."""
 FIN_TIP = 1.0
 """Distance of the fin tips from a torpedo's axis, relative to the hull's diameter."""
 FIN_CHORD = 0.5
-"""Chord of tail fins relative to the hull's diameter; usual proportions of survey vehicles, with a wide
-error."""
+"""Chord of tail fins relative to the hull's diameter: usual for survey vehicles, with a wide error."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """Form that represents the hull.
+    """Geometric form that represents a hull.
 
     Attributes:
         shape: One of SHAPES.
-        sides: Length, width, height [m].
+        sides: Length, width, height [m], (3,).
         displaced: Mass of the displaced water [kg].
         density: Water density [kg/m^3].
-        fins: Whether it has four tail fins of usual proportions; for a torpedo only.
+        fins: Whether the hull has four tail fins of usual proportions; only possible for a torpedo.
     """
 
     shape: Shape
@@ -54,7 +56,7 @@ class Form:
 
     @property
     def fullness(self) -> float:
-        """Displaced volume relative to the box's."""
+        """Displaced volume relative to the volume of the box."""
         return float(self.displaced / (self.density * np.prod(self.sides)))
 
     @property
@@ -64,7 +66,7 @@ class Form:
 
     @property
     def exponent(self) -> float:
-        """Exponent n of S(x) = S_0 (1 - |2x/L|^n), a prismatic coefficient of n/(n + 1); 2: ellipsoid."""
+        """Exponent n of S(x) = S_0 (1 - |2x/L|^n), from the prismatic coefficient n/(n + 1); 2: ellipsoid."""
         if self.shape != "torpedo":
             return 2.0
         prismatic = float(np.clip(self.fullness / (np.pi / 4.0), *PRISMATIC))
@@ -72,20 +74,20 @@ class Form:
 
     @property
     def tail(self) -> float:
-        """Station x of the fins [m], half a chord ahead of the stern."""
+        """Position x of the tail fins [m] from the hull's centre: half a chord ahead of the stern."""
         return float(-0.5 * self.sides[0] + 0.5 * FIN_CHORD * self.diameter)
 
 
 def form_of(
     sides: Sequence[float], displaced: float, density: float, shape: Shape | None = None, fins: bool = True
 ) -> Form:
-    """Return the form that represents a hull.
+    """Return the geometric form that represents a hull.
 
     Args:
         sides: Length, width, height [m].
         displaced: Mass of the displaced water [kg].
         density: Water density [kg/m^3].
-        shape: One of SHAPES; by default a torpedo if the box is long and round, else by fullness.
+        shape: One of SHAPES; by default a torpedo if the box is long and round, else by the displacement.
         fins: Whether a torpedo has tail fins.
 
     Raises:
@@ -109,7 +111,12 @@ def form_of(
 
 
 def default_shape(sides: Array, fullness: float) -> Shape:
-    """Return the likely shape of a hull by the proportions (3,) [m] and the fullness of its box."""
+    """Return the likely shape of a hull from its proportions.
+
+    Args:
+        sides: Length, width, height [m], (3,).
+        fullness: Displaced volume relative to the volume of the box.
+    """
     length, width, height = sides
     if length >= SLENDER * max(width, height) and max(width, height) <= ROUND * min(width, height):
         return "torpedo"
@@ -117,17 +124,21 @@ def default_shape(sides: Array, fullness: float) -> Shape:
 
 
 def second_moment(form: Form) -> float:
-    """Return the mean square of x over the volume of a torpedo or ellipsoid [m^2], sections 1 - |2x/L|^n."""
+    """Return the mean square of x over the volume of a torpedo or ellipsoid, about its middle [m^2]."""
     n = form.exponent
     return float(form.sides[0] ** 2 / 4.0 * (1.0 / 3.0 - 1.0 / (n + 3.0)) / (1.0 - 1.0 / (n + 1.0)))
 
 
 def uniform_inertia(form: Form, mass: float) -> Array:
-    """Return the moments of inertia (3,) [kg m^2] about the centre of a body of uniform density.
+    """Return the moments of inertia (3,) [kg m^2] of a hull of uniform density about its centre.
 
-    A torpedo and an ellipsoid have those of their form.  A box has those of the ellipsoid within it, since
+    Torpedo and ellipsoid have the moments of their form.  A box has those of the ellipsoid within it, since
     heavy parts (batteries, pressure hulls) are near the middle.  The uniform box is an upper bound, 5/3 of
     these values.
+
+    Args:
+        form: Shape and size of the hull.
+        mass: Dry mass [kg].
     """
     _, width2, height2 = form.sides**2
     n = form.exponent

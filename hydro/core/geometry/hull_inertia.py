@@ -1,4 +1,4 @@
-"""Added mass of a vehicle from its form, with standard errors."""
+"""Added mass of a vehicle from the form of its hull, with standard errors."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ ERRORS = {
     "ellipsoid": (0.5, 0.3, 0.3, 1.0, 0.5, 0.5),
     "box": (0.5, 0.5, 0.5, 0.6, 0.6, 0.6),
 }
-"""Relative standard errors.  A torpedo's sway is well known for any ends; along and about the axis,
-protruding parts matter most.  A box lies between its solid parts alone and a solid box, about a factor of two
-either way."""
+"""Relative standard errors of the diagonal of the added mass, by shape.
+
+A torpedo's sway is well known for any ends; along and about the axis, protruding parts matter most.  A box
+lies between its solid parts alone and a solid box, about a factor of two either way.
+"""
 LEAST = 0.05
-"""Minimum standard error relative to displaced mass and inertia, for a round body without added inertia."""
+"""Minimum standard error relative to displaced mass or inertia, for a round body without added inertia."""
 
 
 def added_mass(form: Form) -> Array:
@@ -28,6 +30,9 @@ def added_mass(form: Form) -> Array:
     k-factors, as the reduction by the ends of a strip of elliptic section (Newman 1977, section 4.15), times
     the mass and second moment of its fuller form, plus the fins.  Box: the solid box of DNV-RP-C205 times its
     fullness, since solid parts of a frame have added mass in proportion to their volume.
+
+    Args:
+        form: Shape and size of the hull.
     """
     if form.shape == "box":
         return np.asarray(form.fullness * box_added_mass(tuple(form.sides), form.density))
@@ -43,24 +48,27 @@ def added_mass(form: Form) -> Array:
 
 
 def fin_mass(form: Form) -> float:
-    """Return the added mass in sway, or heave, of the pair of tail fins across it [kg].
+    """Return the added mass [kg] of the pair of tail fins across sway, or across heave.
 
-    Slender-body theory of a cylinder of radius R with fins to s (Nielsen 1960; Blevins 1979), minus that of
-    the bare cylinder: rho pi (s^2 - R^2)^2/s^2 per length.  About the axis, four fins have 2/pi rho s^4 per
-    length.
+    Slender-body theory of a cylinder of radius R with fins that reach to s from its axis (Nielsen 1960;
+    Blevins 1979), minus the bare cylinder: rho pi (s^2 - R^2)^2/s^2 per length, with the water density rho.
+
+    Args:
+        form: Shape and size of the hull.
     """
     s, R = FIN_TIP * form.diameter, 0.5 * form.diameter
     return float(form.density * np.pi * (s * s - R * R) ** 2 / (s * s) * FIN_CHORD * form.diameter)
 
 
 def added_mass_errors(form: Form, values: Array, body: Array, relative: tuple[float, ...] = ()) -> Array:
-    """Return standard errors of the added mass, (6,) [kg, kg m^2].
+    """Return standard errors of the diagonal of the added mass, (6,) [kg, kg m^2].
 
     Args:
         form: Shape and size of the hull.
         values: Diagonal of the added mass, (6,).
         body: Standard errors of the dry moments of inertia (3,) [kg m^2]: a vehicle file has no standard
-            error of `inertia`, and motion shows only the sum of both, so they are added here.
+            error of `inertia`, and motion shows only the sum of dry and added inertia, so they are included
+            here.
         relative: Relative standard errors, (6,); by default those of the shape.
     """
     mass = form.displaced

@@ -14,7 +14,7 @@ from hydro.core.vehicle.description import Thruster
 Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8", "bluerov2", "bluerov2_heavy"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 GUESSED_LAG = 0.1
-"""Default time constant of a thruster [s]; small electric ones have 0.03 to 0.2 s."""
+"""Default time constant of a thruster [s]; small electric thrusters have 0.03 to 0.2 s."""
 
 AHEAD, ASIDE, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 TO_PORT, TO_STARBOARD = (math.sqrt(0.5), -math.sqrt(0.5), 0.0), (math.sqrt(0.5), math.sqrt(0.5), 0.0)
@@ -25,7 +25,7 @@ HORIZONTAL: tuple[Placed, ...] = (
     ((-1 / 3, 1 / 3, 0.0), TO_STARBOARD),
     ((-1 / 3, -1 / 3, 0.0), TO_PORT),
 )
-"""Four thrusters at 45 degrees in the corners; a positive command pushes ahead."""
+"""Four horizontal thrusters at 45 degrees in the corners of the box; a positive command pushes ahead."""
 TO_PORT_ASTERN, TO_STARBOARD_ASTERN = (
     (-math.sqrt(0.5), -math.sqrt(0.5), 0.0),
     (-math.sqrt(0.5), math.sqrt(0.5), 0.0),
@@ -36,7 +36,11 @@ def _ardusub_horizontal(x: float, y: float) -> tuple[Placed, ...]:
     """Return motors 1 to 4 of ArduSub's vectored frames: front right, front left, rear right, rear left.
 
     The directions are those of a positive output with MOT_n_DIRECTION = 1, by the signs of the mixer
-    (AP_Motors6DOF, setup_motors): motors 1 and 2 push astern, 3 and 4 ahead, and the vertical ones down.
+    (AP_Motors6DOF, setup_motors): motors 1 and 2 push astern, 3 and 4 ahead, and the vertical motors down.
+
+    Args:
+        x: Distance of the motors from the middle along x, relative to the hull's length.
+        y: Distance of the motors from the middle along y, relative to the hull's width.
     """
     return (
         ((x, y, 0.0), TO_STARBOARD_ASTERN),
@@ -61,7 +65,7 @@ PLACES: dict[Layout, tuple[Placed, ...]] = {
         *(((x, y, 0.0), DOWN) for x in (1 / 4, -1 / 4) for y in (3 / 8, -3 / 8)),
     ),
 }
-"""Position in lengths of the box about its centre, and direction of the thrust."""
+"""Position from the box's centre, relative to the box's sides, and direction of thrust, for each thruster."""
 
 
 def laid_out(
@@ -71,9 +75,9 @@ def laid_out(
 
     Args:
         layout: One of LAYOUTS.
-        thrust: Maximum thrust of each [N], in both directions.
-        sides: Length, width, height [m].
-        middle: Centre of the box [m] from CO.
+        thrust: Maximum thrust of each thruster [N], in both directions.
+        sides: Length, width, height of the hull's box [m].
+        middle: Centre of the box [m] from CO, FRD.
 
     Raises:
         DataError: The layout is unknown, or the thrust is not a positive number.
@@ -88,9 +92,10 @@ def laid_out(
 
 
 def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
-    """Parse thrusters from texts such as `0.2,0.1,0,1,0,0,40`: position, direction, maximum thrust.
+    """Parse thrusters from texts such as `0.2,0.1,0,1,0,0,40`.
 
-    Directions may have any length.  An optional eighth number is the maximum thrust astern.
+    The numbers are position x, y, z [m] from CO (FRD), direction of thrust (of any length), and maximum
+    thrust [N].  An optional eighth number is the maximum thrust astern [N].
 
     Raises:
         DataError: A text is not seven or eight numbers, has no direction or no positive thrust.
@@ -105,6 +110,12 @@ def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
 
 def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> list[float]:
     """Parse finite numbers from a text with commas.
+
+    Args:
+        text: The text.
+        what: Name of the input in an error message.
+        counts: Allowed numbers of values.
+        example: Expected form in an error message.
 
     Raises:
         DataError: The text is invalid; the message shows the expected form.
@@ -125,9 +136,12 @@ def driven(
     curve: Literal["linear", "quadratic", "t200"] | None,
     time_constant: float | None,
 ) -> tuple[Thruster, ...]:
-    """Return the thrusters with another curve and time constant [s]; None keeps the default.
+    """Return thrusters with another thrust curve and time constant.
 
-    The T200's curve has its own maximum thrusts.
+    Args:
+        thrusters: The thrusters.
+        curve: Thrust curve; None keeps each thruster's curve.  `t200` has its own maximum thrusts.
+        time_constant: Time constant of the lag [s]; None keeps each thruster's.
 
     Raises:
         DataError: The time constant is negative or not finite.
@@ -143,7 +157,7 @@ def driven(
 
 
 def _made(index: int, numbers: Sequence[float], what: str) -> Thruster:
-    """Return a thruster from a point, a direction of any length and the maximum thrust ahead and astern."""
+    """Return a thruster from position, direction of any length, and maximum thrust ahead and astern."""
     x, y, z, dx, dy, dz, ahead, *rest = numbers
     astern = rest[0] if rest else ahead
     length = math.sqrt(dx * dx + dy * dy + dz * dz)

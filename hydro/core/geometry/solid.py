@@ -1,4 +1,4 @@
-"""Compute the moments of a closed triangulated surface.
+"""Volume, centroid and moments of a hull mesh, a closed triangulated surface.
 
 The moments are those of a solid of uniform density, exact for the polyhedron.  The added mass is computed by
 the boundary element method of Capytaine, if it is installed (extra `mesh`).
@@ -18,17 +18,17 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.panels import panels
 
 MOST_FACES = 4000
-"""Maximum number of panels: the two dense matrices have as many rows, 0.5 GB in total."""
+"""Maximum number of triangles: the two dense matrices have as many rows, 0.5 GB in total."""
 
 
 @dataclass(frozen=True)
 class Solid:
-    """Solid of a hull mesh, in body axes FRD about CO.
+    """Solid enclosed by a hull mesh, in body axes FRD about CO.
 
     Attributes:
         volume: Enclosed volume [m^3].
-        center: Its centroid (3,) [m].
-        moments: Mean of x x^T over the volume about the centroid, (3, 3) [m^2].
+        center: Centroid of the volume (3,) [m].
+        moments: Mean of x x^T over the volume, x from the centroid, (3, 3) [m^2].
         sides: Lengths of the bounding box (3,) [m].
         middle: Centre of the bounding box (3,) [m].
     """
@@ -45,23 +45,20 @@ class Solid:
 
     @property
     def semi_axes(self) -> Array:
-        """Return the semi-axes (3,) [m] along x, y, z of the ellipsoid of equal volume and moment ratios."""
+        """Semi-axes (3,) [m] along x, y, z of the ellipsoid with the same volume and ratios of moments."""
         axes = np.sqrt(5.0 * np.diag(self.moments))
         return np.asarray(axes * (self.volume / (4.0 / 3.0 * np.pi * np.prod(axes))) ** (1.0 / 3.0))
 
 
 def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
-    """Compute the moments of a closed triangulated surface.
+    """Return volume, centroid and moments of a closed triangulated surface, exact for the polyhedron.
 
     Args:
-        vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside.
-
-    Returns:
-        Sums over tetrahedra from the origin to each facet, exact for the polyhedron.
+        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
+        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3).
 
     Raises:
-        DataError: The surface is not closed, not consistently oriented, or inside out.
+        DataError: The surface is not closed, not consistently oriented, inside out, or crosses itself.
     """
     hull = panels(vertices, faces)
     points = np.asarray(vertices, dtype=np.float64)
@@ -80,24 +77,25 @@ def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
 
 
 def solvable() -> bool:
-    """Return whether Capytaine is installed."""
+    """Return whether the added mass of a mesh can be computed: whether Capytaine is installed."""
     return importlib.util.find_spec("capytaine") is not None
 
 
 def radiated_added_mass(vertices: ArrayLike, faces: ArrayLike, density: float) -> Array:
     """Compute the added mass of a closed surface about the body origin, far below the water's surface.
 
-    It solves the six radiation problems of unit motions in an unbounded ideal fluid, with sources on flat
-    panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free surface
-    there are no waves, and the result holds at every frequency.
+    Capytaine solves the six radiation problems of unit motions in an unbounded ideal fluid, with sources on
+    flat panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free
+    surface there are no waves, and the result holds at every frequency.
 
     Args:
-        vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside; at most MOST_FACES.
+        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
+        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3); F is at most
+            MOST_FACES.
         density: Water density [kg/m^3].
 
     Returns:
-        M_A (6, 6) about CO, made symmetric.
+        Added-mass matrix M_A about CO, (6, 6) [kg, kg m, kg m^2], made symmetric.
     """
     import capytaine
 

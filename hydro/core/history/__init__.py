@@ -1,1 +1,1 @@
-"""Histories of dives: parameters of one vehicle over time, and tests for changes of them."""
+"""Histories of dives: parameters of one vehicle estimated from each dive, and tests for changes over time."""

@@ -1,8 +1,8 @@
 """Baseline of a history: the unchanged vehicle, its hull-force model and its drag, from the first dives.
 
 The hull-force model is the regression of `residual.regression`, held fixed in every later dive.  The
-estimates of a baseline dive use the coefficients that were fitted to the other baseline dives; otherwise
-the model would absorb part of that dive, and baseline dives would scatter less than later ones.
+estimates of a baseline dive use coefficients that were fitted to the other baseline dives; otherwise the
+model would absorb part of that dive, and baseline dives would scatter less than later dives.
 """
 
 from __future__ import annotations
@@ -30,10 +30,9 @@ from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 LEAST_DIVES = 2
-"""Minimum number of baseline dives: each is predicted from the others."""
+"""Minimum number of baseline dives: each is predicted by a model fitted to the others."""
 LEAST_DRAG = 0.02
-"""Part of the drag on an axis, relative to the spread of the other forces there, below which the baseline
-does not show the drag [1]."""
+"""Minimum drag on an axis for an estimate of it, relative to the spread of all forces on that axis [1]."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,12 @@ class Baseline:
 
     Attributes:
         vehicle: Vehicle file.
-        law: Hull-force model.
-        without: Hull-force model fitted to the other baseline dives, by the name of each baseline dive.
-        sigma: Standard deviation of the channels, with the error of the hull model, (12,).
+        law: Hull-force model fitted to all baseline dives.
+        without: For each baseline dive by name, the hull-force model fitted to the other baseline dives.
+        sigma: Standard deviation of pose and velocity, sensor noise and error of the hull-force model, (12,)
+            [m, rad, m/s, rad/s].
         drag: Drag on each axis.
-        parameters: Parameters that every dive estimates.
+        parameters: Parameters to estimate in every dive.
     """
 
     vehicle: Vehicle
@@ -57,16 +57,16 @@ class Baseline:
     parameters: tuple[Parameter, ...]
 
     def law_for(self, dive: str) -> Regression:
-        """Return the hull-force model for a dive, fitted without it."""
+        """Return the hull-force model to use for a dive: one that was not fitted to this dive."""
         return self.without.get(dive, self.law)
 
 
 def learn_baseline(vehicle: Vehicle, dives: Mapping[str, pl.DataFrame]) -> Baseline:
-    """Learn the baseline from raw tables of the unchanged vehicle.
+    """Learn the baseline from dives of the unchanged vehicle.
 
     Args:
         vehicle: Vehicle file.
-        dives: Raw table of each baseline dive, by its name.
+        dives: Raw table of each baseline dive, by name.
 
     Raises:
         DataError: There are too few dives, they do not fit the vehicle, or they are too short.
@@ -93,12 +93,19 @@ def learn_baseline(vehicle: Vehicle, dives: Mapping[str, pl.DataFrame]) -> Basel
 
 
 def _named(number: int) -> pl.Expr:
-    """Return session names that begin with the number of the dive."""
+    """Return an expression for session names that begin with the number of the dive."""
     return pl.concat_str(pl.lit(f"{number}/"), pl.col("session"))
 
 
 def _corrected(vehicle: Vehicle, transitions: Transitions, dive: Rows, laws: list[Regression]) -> OutputError:
-    """Return the shots corrected for the hull force, each dive by the law that was fitted without it."""
+    """Return the shots corrected for the hull force, each dive by a model that was not fitted to it.
+
+    Args:
+        vehicle: Vehicle file.
+        transitions: Shots with the responses of their motion to forces.
+        dive: Number of the dive of each shot, (S,).
+        laws: Hull-force model for each dive.
+    """
     shots = transitions.shots
     measured = shots.measured.copy()
     for number, law in enumerate(laws):
@@ -108,10 +115,16 @@ def _corrected(vehicle: Vehicle, transitions: Transitions, dive: Rows, laws: lis
 
 
 def drag_of(vehicle: Vehicle, shots: Shots, law: Regression) -> Drag:
-    """Return the drag of file and hull-force model together, on each axis against its own velocity.
+    """Return the drag of the vehicle file and its hull-force model together, by axis.
 
-    It is fitted along the measured motion by least squares with coefficients of at least 0, together
-    with inertia, attitude and a constant.
+    On each axis, linear and quadratic drag in the velocity of this axis are fitted to the force along the
+    measured motion, together with inertia, attitude and a constant.  The coefficients are at least 0; both
+    are 0 if the drag is below LEAST_DRAG.
+
+    Args:
+        vehicle: Vehicle file.
+        shots: Shots of the baseline dives.
+        law: Hull-force model.
     """
     record = shots.record
     flow = Flow.of(candidate(vehicle), shots)

@@ -3,17 +3,19 @@
 Whenever a dive is added, every parameter is tested at every possible date of a shift (a generalised
 likelihood ratio test; Basseville and Nikiforov, Detection of Abrupt Changes, 1993).  The scatter between
 dives comes from the history itself: the dives before and after a date scatter about their means by a factor
-times their standard errors.  The factors of all parameters are shrunk towards each other (the
-moderated t-statistic; G. K. Smyth, Linear models and empirical Bayes methods, Statistical Applications in
-Genetics and Molecular Biology 3, 3, 2004), and a factor is at least 1.  So standard errors that are too
-small do not cause alarms.
+times their standard errors.  The factors of all parameters are shrunk towards each other (the moderated
+t-statistic; G. K. Smyth, Linear models and empirical Bayes methods, Statistical Applications in Genetics and
+Molecular Biology 3, 3, 2004), and a factor is at least 1.  So standard errors that are too small do not cause
+alarms.
 
-The shift is that of the means or of the inner middle values on both sides, whichever is smaller, so that
-one outlier among few dives makes no shift.
+The shift is that of the means or of the inner middle values on both sides, whichever is smaller, so that one
+outlier among few dives makes no shift.
 
 A part of the level is spent by Bonferroni's inequality over all parameters and dates, again for each dive.
-Hence the expected number of false alarms in a history of N unchanged dives is at most N times LEVEL,
-however long it grows.
+Hence the expected number of false alarms in a history of N unchanged dives is at most N times LEVEL, however
+long the history becomes.
+
+Dives are numbered from 0.  A date is the number of the first dive after a shift.
 """
 
 from __future__ import annotations
@@ -28,25 +30,27 @@ from hydro.core.columns import Array, Mask, Rows
 LEVEL = 1.0 / 500.0
 """Expected number of false alarms per unchanged dive, over all parameters [1]: at most one in 500 dives."""
 RESERVE = 4.0
-"""Part of LEVEL that is not spent: heavy tails of the scatter cause more alarms than the t-distribution
-predicts.  Simulated Student-t(3) scatter with standard errors one to four times too small caused 9 alarms in
-3,120 dives without it and 6 with it."""
+"""Factor by which the spent level is below LEVEL: heavy-tailed scatter causes more alarms than Student's t.
+
+Simulated Student-t(3) scatter with standard errors one to four times too small caused 9 alarms in 3,120 dives
+without this reserve and 6 with it.
+"""
 AFTER = 2
 """Minimum number of dives after a shift: a single odd dive is not a change of the vehicle."""
 BEFORE = 2
-"""Minimum number of dives before a shift; the baseline, if that is longer."""
+"""Minimum number of dives before a shift; or the number of baseline dives, if greater."""
 MOST_PRIOR = 20.0
-"""Maximum degrees of freedom that the other parameters add to the scatter of one: their number is small."""
+"""Maximum degrees of freedom that the scatter of all other parameters adds to that of a parameter."""
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """Level shift of one parameter.
+    """Level shift of one parameter, as found.
 
     Attributes:
-        parameter: Row of the parameter.
+        parameter: Row of the parameter in the values.
         date: Number of the first dive after the shift, from 0.
-        found: Number of the dive that caused the alarm, from 0.
+        found: Number of the dive whose estimate caused the alarm, from 0.
     """
 
     parameter: int
@@ -55,14 +59,14 @@ class Alarm:
 
 
 def alarms(values: Array, errors: Array, baseline: int, level: float = LEVEL) -> list[Alarm]:
-    """Return the level shifts in a history, as they are found dive by dive.
+    """Return the level shifts in a history, found as dives are added one by one.
 
-    After a shift, only the dives since then are compared.
+    After a shift is found, only the dives since then are compared.
 
     Args:
-        values: Estimates of each parameter in each dive, (P, N); NaN where a dive has none.
-        errors: Their standard errors, (P, N).
-        baseline: Number of the first dives that count as unchanged.
+        values: Estimates of P parameters in N dives, (P, N); NaN where a dive has none.
+        errors: Standard errors of the estimates, (P, N).
+        baseline: Number of dives at the start that count as unchanged.
         level: Expected number of false alarms per unchanged dive.
     """
     found, begin = list[Alarm](), np.zeros(len(values), np.int64)
@@ -79,10 +83,10 @@ def alarms(values: Array, errors: Array, baseline: int, level: float = LEVEL) ->
 
 @dataclass(frozen=True)
 class Shifts:
-    """Tests of all parameters at all dates.
+    """Tests of P parameters for a level shift at K dates.
 
     Attributes:
-        dates: First dive after each tested date, (K,).
+        dates: First dive after the shift, (K,).
         p: p-value of each parameter at each date, (P, K); NaN where it was not tested.
     """
 
@@ -91,13 +95,13 @@ class Shifts:
 
 
 def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
-    """Test every parameter for a level shift at every date.
+    """Test every parameter for a level shift at every possible date.
 
     Args:
-        values: Estimates, (P, N); NaN where a dive has none.
-        errors: Their standard errors, (P, N).
-        begin: First compared dive of each parameter, (P,).
-        baseline: Number of the first dives that count as unchanged.
+        values: Estimates of P parameters in N dives, (P, N); NaN where a dive has none.
+        errors: Standard errors of the estimates, (P, N).
+        begin: First dive to compare, for each parameter, (P,): the date of its last shift, or 0.
+        baseline: Number of dives at the start that count as unchanged.
     """
     count = values.shape[1]
     dates = np.arange(BEFORE, count - AFTER + 1)
@@ -127,10 +131,14 @@ def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
 
 
 def variances(errors: Array, there: Mask) -> Array:
-    """Return the relative variance of the estimate of each of P parameters in each of N dives, (P, N).
+    """Return the variance of each estimate up to a common factor for each parameter, (P, N).
 
     It is the mean of the squared standard error and of the median of these squares over the dives.  So a dive
     with a far too small standard error does not outweigh all others.
+
+    Args:
+        errors: Standard errors of P parameters in N dives, (P, N).
+        there: Which of the estimates exist, (P, N).
     """
     stated = np.where(there, errors, np.nan) ** 2
     with np.errstate(all="ignore"):
@@ -142,15 +150,17 @@ def variances(errors: Array, there: Mask) -> Array:
 
 
 def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Array]:
-    """Return the moderated scatter factor of each parameter at each date, and its degrees of freedom.
+    """Return the scatter of the estimates about their means, shrunk towards that of all parameters.
 
     Args:
-        squares: Weighted sums of squares about both means, (P, K).
-        freedom: Their degrees of freedom, (P, K).
-        tested: Which of them count, (P, K).
+        squares: Weighted sum of squares of P parameters about their means before and after each of K dates,
+            (P, K).
+        freedom: Degrees of freedom of these sums, (P, K).
+        tested: Which parameters and dates count, (P, K).
 
     Returns:
-        Mean squared deviations in units of the squared standard errors, and degrees of freedom, (P, K) each.
+        Mean squared deviations in units of the squared standard errors, and their degrees of freedom, (P, K)
+        each.
     """
     d = np.maximum(freedom, 1.0)
     own = np.maximum(squares / d, 1e-12)
@@ -177,7 +187,14 @@ def inverse_trigamma(y: Array) -> Array:
 
 
 def _inner_shift(values: Array, there: Mask, date: int, sign: float) -> float:
-    """Return the shift between the middle values before and after a date that lie nearer to each other."""
+    """Return the shift between the middle values on both sides of a date that are nearer to each other.
+
+    Args:
+        values: Estimates of one parameter, (N,).
+        there: Which of them exist, (N,).
+        date: First dive after the shift.
+        sign: Sign of the shift of the means.
+    """
     before = np.sort(sign * values[:date][there[:date]])
     after = np.sort(sign * values[date:][there[date:]])
     return float(after[(len(after) - 1) // 2] - before[len(before) // 2])

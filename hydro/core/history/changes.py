@@ -1,8 +1,8 @@
 """Changes of a vehicle over its dives: level shifts with their sizes, or slow trends.
 
-A trend causes one level shift after another.  So the shifts of a parameter are compared with one broken
-line, constant up to a dive and straight after it; the model with the lower Bayesian information criterion
-(G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 461-464, 1978) is the answer.
+A trend causes one level shift after another.  So the shifts of a parameter are compared with a broken line,
+constant up to a dive and straight after it.  The model with the lower Bayesian information criterion is
+chosen (G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 461-464, 1978).
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from hydro.core.columns import Array, Mask
 from hydro.core.history.change_points import AFTER, BEFORE, LEVEL, Alarm, alarms, variances
 
 RAMP = 4
-"""Minimum number of dives along a trend: with fewer, a trend and a shift look alike."""
+"""Minimum number of dives along a trend: with fewer dives, a trend and a shift look alike."""
 CLEARLY = 2.0
-"""Least advantage in the information criterion of a trend over a shift (positive evidence on the scale of
-Kass and Raftery, Journal of the American Statistical Association 90, 773-795, 1995)."""
+"""Minimum advantage of a trend over shifts in the information criterion.
+
+It is positive evidence on the scale of Kass and Raftery, Journal of the American Statistical Association 90,
+773-795, 1995.
+"""
 
 
 @dataclass(frozen=True)
@@ -28,13 +31,13 @@ class Change:
     """Change of one parameter.
 
     Attributes:
-        parameter: Row of the parameter.
+        parameter: Row of the parameter in the values.
         kind: `shift` or `trend`.
         date: First dive after a shift, or last dive before a trend, from 0.
-        found: Dive that caused the alarm, from 0.
-        before: Level before.
+        found: Dive whose estimate caused the alarm, from 0.
+        before: Level before the change.
         after: Level after a shift, or at the last dive of a trend.
-        error: Standard error of the difference.
+        error: Standard error of the difference of the levels.
     """
 
     parameter: int
@@ -47,19 +50,19 @@ class Change:
 
     @property
     def size(self) -> float:
-        """Difference of the levels."""
+        """Difference of the levels, after minus before."""
         return self.after - self.before
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """Least-squares fit of the history of one parameter.
+    """Least-squares fit of the history of one parameter over N dives.
 
     Attributes:
-        cost: Weighted sum of squared residuals.
-        levels: Fitted values, (N,).
-        coefficients: Of the columns, (C,).
-        covariance: Of the coefficients, up to the scatter factor, (C, C).
+        cost: Sum of squared residuals, in units of the variances.
+        levels: Fitted value in each dive, (N,).
+        coefficients: Coefficients of the C columns, (C,).
+        covariance: Covariance of the coefficients, up to the scatter factor, (C, C).
     """
 
     cost: float
@@ -69,12 +72,12 @@ class Fitted:
 
 
 def changes(values: Array, errors: Array, baseline: int, level: float = LEVEL) -> list[Change]:
-    """Return the changes in a history, in the order of their dates.
+    """Return the changes in a history of estimates, in the order of their dates.
 
     Args:
-        values: Estimates of each parameter in each dive, (P, N); NaN where a dive has none.
-        errors: Their standard errors, (P, N).
-        baseline: Number of the first dives that count as unchanged.
+        values: Estimates of P parameters in N dives, (P, N); NaN where a dive has none.
+        errors: Standard errors of the estimates, (P, N).
+        baseline: Number of dives at the start that count as unchanged.
         level: Expected number of false alarms per unchanged dive.
     """
     raised = alarms(values, errors, baseline, level)
@@ -91,11 +94,11 @@ def levels(values: Array, errors: Array, found: Sequence[Change], row: int, base
     """Return the fitted level of one parameter in every dive, (N,).
 
     Args:
-        values: Estimates of all parameters, (P, N).
-        errors: Their standard errors, (P, N).
-        found: Changes of the history.
-        row: The parameter.
-        baseline: Number of the first dives that count as unchanged.
+        values: Estimates of P parameters in N dives, (P, N).
+        errors: Standard errors of the estimates, (P, N).
+        found: All changes of the history, from `changes`.
+        row: Row of the parameter.
+        baseline: Number of dives at the start that count as unchanged (not used).
     """
     there = np.isfinite(values[row]) & np.isfinite(errors[row])
     variance = variances(errors[row : row + 1], there[None])[0]
@@ -108,7 +111,16 @@ def levels(values: Array, errors: Array, found: Sequence[Change], row: int, base
 def _of_parameter(
     row: int, values: Array, variance: Array, there: Mask, raised: Sequence[Alarm], first: int
 ) -> list[Change]:
-    """Return the changes of one parameter as shifts, or as one trend where that describes them better."""
+    """Return the changes of one parameter: shifts, or a trend if it describes the history better.
+
+    Args:
+        row: Row of the parameter.
+        values: Its estimates, (N,).
+        variance: Their variances up to a factor, (N,).
+        there: Which of them exist, (N,).
+        raised: Alarms of the parameter.
+        first: First possible date of a change.
+    """
     count, used = len(values), int(there.sum())
     dates = _refined(values, variance, there, [alarm.date for alarm in raised], first)
     stepped = _steps(values, variance, there, dates)
@@ -138,7 +150,7 @@ def _of_parameter(
 
 
 def _refined(values: Array, variance: Array, there: Mask, dates: Sequence[int], first: int) -> list[int]:
-    """Return the dates of shifts, each moved to the best place between its neighbours."""
+    """Return the dates of shifts, each moved to the date of best fit between its neighbours."""
     found, count = list(dates), len(values)
     for i in range(len(found)):
         low = found[i - 1] + BEFORE if i else first
@@ -150,7 +162,7 @@ def _refined(values: Array, variance: Array, there: Mask, dates: Sequence[int], 
 
 
 def _steps(values: Array, variance: Array, there: Mask, dates: Sequence[int]) -> Fitted:
-    """Fit constant levels between dates; the coefficients are the first level and each shift."""
+    """Fit constant levels between dates; the coefficients are the first level and the size of each shift."""
     dive = np.arange(len(values))
     return _least_squares(
         values, variance, there, [np.ones(len(dive)), *((dive >= d).astype(float) for d in dates)]
@@ -158,13 +170,13 @@ def _steps(values: Array, variance: Array, there: Mask, dates: Sequence[int]) ->
 
 
 def _broken(values: Array, variance: Array, there: Mask, last: int) -> Fitted:
-    """Fit a constant level up to a dive and a line after it; the coefficients are level and slope."""
+    """Fit a constant level up to dive `last` and a straight line after it; coefficients: level and slope."""
     dive = np.arange(len(values))
     return _least_squares(values, variance, there, [np.ones(len(dive)), np.maximum(dive - last, 0.0)])
 
 
 def _least_squares(values: Array, variance: Array, there: Mask, columns: Sequence[Array]) -> Fitted:
-    """Fit columns (N,) to the estimates of one parameter."""
+    """Fit a sum of columns (N,) to the estimates of one parameter, weighted by their variances."""
     design = np.column_stack(columns)
     weight = np.where(there, 1.0 / variance, 0.0)
     known = np.where(there, values, 0.0)

@@ -1,7 +1,7 @@
 """Estimate of all parameters of one dive, by Gauss-Newton steps with the hull-force model held fixed.
 
-All parameters are estimated together, so that the values of one dive are comparable with those of another:
-the model does not depend on the dive.  Each shot has its own initial state, see `prediction.output_error`.
+All parameters are estimated together, so that the values of all dives are comparable: the model does not
+depend on the dive.  Each shot has its own initial state, see `prediction.output_error`.
 """
 
 from __future__ import annotations
@@ -26,23 +26,25 @@ from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 STEPS = 2
-"""Gauss-Newton steps: thrust, buoyancy and drag act almost linearly over a shot of two seconds; the second
-step corrects the drag for the current that the first one found."""
+"""Number of Gauss-Newton steps.
+
+Thrust, buoyancy and drag act almost linearly over a shot of two seconds; the second step corrects the drag
+for the current that the first step found.
+"""
 FARTHEST = 2.0
-"""Greatest distance from the baseline in prior standard deviations: beyond it the shots are not
-predictable."""
+"""Maximum distance from the baseline, in prior standard deviations: farther away, predictions diverge."""
 LEAST_GOOD_SHOTS = 12
 """Minimum number of shots without a divergent prediction."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Parameters of one dive.
+    """Estimates of P parameters from one dive.
 
     Attributes:
-        values: In the order of the baseline's parameters, (P,).
-        errors: Their standard errors, (P,).
-        chi2: Mean squared residual, in units of the baseline's.
+        values: Values in the order of the baseline's parameters, (P,).
+        errors: Standard errors of the values, (P,).
+        chi2: Mean squared residual, in units of `Baseline.sigma` squared.
     """
 
     values: Array
@@ -55,11 +57,11 @@ def estimate(baseline: Baseline, dive: str, raw: pl.DataFrame) -> Estimate:
 
     Args:
         baseline: Unchanged vehicle.
-        dive: Name of the dive; a baseline dive uses the hull-force model of the others.
+        dive: Name of the dive; a baseline dive uses a hull-force model that was not fitted to it.
         raw: Raw table of the dive.
 
     Raises:
-        DataError: The dive does not fit the vehicle, or is too short; or its predictions diverge.
+        DataError: The dive does not fit the vehicle, is too short, or most of its predictions diverge.
     """
     vehicle, law = baseline.vehicle, baseline.law_for(dive)
     shots = stable_shots(vehicle, preprocess_alike(vehicle, raw, None)).weighed(baseline.sigma).shots
@@ -79,12 +81,19 @@ def estimate(baseline: Baseline, dive: str, raw: pl.DataFrame) -> Estimate:
 
 
 def _noise(normal: Normal) -> float:
-    """Return the mean squared residual, at least 1: the unit of the prior information."""
+    """Return the mean squared residual, at least 1: the factor on the information of the prior."""
     return max(normal.chi2, 1.0)
 
 
 def _linearised(baseline: Baseline, law: Regression, shots: Shots, values: Array, spread: Array) -> Normal:
-    """Linearise the residuals about values (P,), in units of the prior spread, with robust shot weights.
+    """Linearise the residuals of a dive about parameter values, with less weight for outlying shots.
+
+    Args:
+        baseline: Unchanged vehicle.
+        law: Hull-force model for this dive.
+        shots: Shots of the dive.
+        values: Parameter values, (P,).
+        spread: Prior standard deviations, (P,): units of the columns.
 
     Raises:
         DataError: The predictions of too many shots diverge.

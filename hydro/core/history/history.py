@@ -1,4 +1,4 @@
-"""History of a vehicle: the estimates of all its dives, relative to the baseline, and the changes in them."""
+"""History of a vehicle: the estimates of all its dives, relative to the baseline, and their changes."""
 
 from __future__ import annotations
 
@@ -16,23 +16,31 @@ from hydro.core.history.parameters import BUOYANCY, Parameter
 from hydro.core.history.sentences import headline, sentence
 
 LARGEST_ERROR = 0.15
-"""Greatest median standard error of a share in the dives [1]: with a larger one, no change of practical size
-would be visible."""
+"""Maximum median standard error over the dives of a reported thrust or drag, relative to the baseline [1].
+
+With a larger error, no change of practical size would be visible.
+"""
 LARGEST_BUOYANCY_ERROR = 0.3
-"""The same for the net buoyancy, in prior standard deviations: 1.5 % of the buoyancy."""
+"""Maximum median standard error of a reported net buoyancy, in prior standard deviations.
+
+It is 1.5 % of the buoyancy.
+"""
 
 
 @dataclass(frozen=True)
 class History:
     """Estimates of all dives, and the changes in them.
 
+    Thrust and drag are relative to their mean over the baseline dives, the net buoyancy is the difference
+    from that mean.
+
     Attributes:
-        dives: Names of the dives with estimates, in order.
-        baseline: Number of the first dives that count as unchanged.
-        parameters: Parameters that the dives determine.
+        dives: Names of the N dives with estimates, in order.
+        baseline: Number of dives at the start that count as unchanged.
+        parameters: The P parameters that the dives determine.
         undetermined: Parameters that the dives do not determine.
         values: Estimates relative to the baseline, (P, N).
-        errors: Their standard errors, (P, N).
+        errors: Standard errors of the estimates, (P, N).
         found: Changes in the order of their dates.
     """
 
@@ -51,18 +59,18 @@ class History:
 
     @property
     def headline(self) -> str:
-        """All changes in sentences, or that there are none."""
+        """All changes in sentences, or a sentence that there are none."""
         return headline(self.sentences, len(self.dives), self.baseline)
 
     @property
     def levels(self) -> Array:
-        """Fitted level of each parameter in each dive, (P, N)."""
+        """Level of each parameter in each dive, fitted with its changes, (P, N)."""
         rows = range(len(self.parameters))
         found = [levels(self.values, self.errors, self.found, row, self.baseline) for row in rows]
         return np.array(found).reshape(self.values.shape)
 
     def table(self) -> pl.DataFrame:
-        """Return the history as a table, one row per dive and parameter."""
+        """Return the history as a table with the columns COLUMNS, one row per dive and parameter."""
         level, flags = self.levels, self.flags
         rows = [
             {
@@ -81,7 +89,7 @@ class History:
         return pl.DataFrame(rows, schema=COLUMNS)
 
     def changes_table(self) -> pl.DataFrame:
-        """Return the changes as a table, one row each."""
+        """Return the changes as a table with the columns CHANGE_COLUMNS, one row each."""
         rows = [
             {
                 "parameter": self.parameters[one.parameter].name,
@@ -100,7 +108,10 @@ class History:
 
     @property
     def flags(self) -> list[list[str]]:
-        """Flag of each estimate, by parameter and dive."""
+        """Flag of each estimate, by parameter and dive: baseline, unchanged, changed or found.
+
+        `found` marks the dive whose estimate caused the alarm.
+        """
         count = len(self.dives)
         flags = [
             ["baseline" if j < self.baseline else "unchanged" for j in range(count)] for _ in self.parameters
@@ -123,7 +134,7 @@ COLUMNS = {
     "unit": pl.String,
     "flag": pl.String,
 }
-"""Columns of the history table."""
+"""Columns of the history table, `History.table`."""
 CHANGE_COLUMNS = {
     "parameter": pl.String,
     "kind": pl.String,
@@ -135,7 +146,7 @@ CHANGE_COLUMNS = {
     "unit": pl.String,
     "sentence": pl.String,
 }
-"""Columns of the table of changes."""
+"""Columns of the table of changes, `History.changes_table`."""
 
 
 def history(
@@ -145,7 +156,7 @@ def history(
 
     Args:
         parameters: Parameters of the estimates.
-        estimates: Estimates of each dive in order, by its name; the baseline dives first.
+        estimates: Estimates of each dive by name, in order; the baseline dives first.
         baseline: Names of the baseline dives.
     """
     values = np.array([one.values for one in estimates.values()]).T
@@ -165,14 +176,14 @@ def history(
 
 
 def _largest_error(parameter: Parameter) -> float:
-    """Return the greatest median standard error of a parameter that the dives determine."""
+    """Return the largest median standard error with which a parameter counts as determined."""
     return LARGEST_BUOYANCY_ERROR * parameter.spread if parameter.kind == BUOYANCY else LARGEST_ERROR
 
 
 def _relative(
     parameters: Sequence[Parameter], values: Array, errors: Array, baseline: int
 ) -> tuple[Array, Array]:
-    """Return estimates and errors relative to the mean of the baseline: shares of it, or differences."""
+    """Return estimates and errors relative to the baseline mean: quotients, or differences for buoyancy."""
     if not len(values) or not baseline:
         return values, errors
     weight = 1.0 / variances(errors, np.ones(errors.shape, bool))[:, :baseline]

@@ -25,8 +25,11 @@ THRUST, BUOYANCY, DRAG, CURRENT = "thrust", "buoyancy", "drag", "current"
 """Kinds of parameters."""
 SHARE, NEWTON, SPEED = "1", "N", "m/s"
 SPREAD_OF_SHARE = 0.5
-"""Prior standard deviation of a share [1]: wide against the changes that are looked for, so that only a
-parameter without information in the dive stays near the baseline."""
+"""Prior standard deviation of thrust and drag relative to the baseline [1].
+
+It is wide compared with the changes of interest, so that only a parameter without information in the dive
+stays near the baseline.
+"""
 SPREAD_OF_BUOYANCY = 0.05
 """Prior standard deviation of the net buoyancy as a share of the buoyancy [1]: ballast is trimmed closer."""
 SPREAD_OF_CURRENT = 0.5
@@ -34,19 +37,19 @@ SPREAD_OF_CURRENT = 0.5
 STEP = 0.02
 """Step of a derivative, in prior standard deviations: small against curvature, large against rounding."""
 LEAST_SHARE = 1e-3
-"""Least share of the thrust that is tried [1]: the gain of a thruster has a lower bound."""
+"""Minimum thrust relative to the baseline during a fit [1]: the gain of a thruster has a lower bound."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a vehicle.
+    """Parameter of a vehicle that every dive estimates.
 
     Attributes:
         name: Identifier in tables, such as `thrust_3` or `drag_sway`.
-        kind: One of THRUST, BUOYANCY, DRAG and CURRENT.
+        kind: THRUST, BUOYANCY, DRAG or CURRENT.
         index: Thruster or axis, from 0.
         label: Name in sentences, such as `Thruster 3`.
-        unit: Unit of its values.
+        unit: Unit of the values.
         neutral: Value of the unchanged vehicle.
         spread: Prior standard deviation.
     """
@@ -61,17 +64,17 @@ class Parameter:
 
     @property
     def reported(self) -> bool:
-        """Whether it belongs to the vehicle and not to the water of one dive."""
+        """Whether the parameter belongs to the vehicle, not to the water of one dive."""
         return self.kind != CURRENT
 
 
 @dataclass(frozen=True)
 class Drag:
-    """Drag of the unchanged vehicle on each axis, linear and quadratic in the axis' own velocity.
+    """Drag of the unchanged vehicle on each axis, linear and quadratic in the velocity of the same axis.
 
     Attributes:
-        linear: (6,) [N s/m, N m s].
-        quadratic: (6,) [N s^2/m^2, N m s^2].
+        linear: Linear coefficients, (6,) [N s/m, N m s].
+        quadratic: Quadratic coefficients, (6,) [N s^2/m^2, N m s^2].
     """
 
     linear: Array
@@ -79,7 +82,12 @@ class Drag:
 
 
 def parameters_of(vehicle: Vehicle, drag: Drag) -> tuple[Parameter, ...]:
-    """Return the parameters of a vehicle: thrusters, net buoyancy, drag where there is any, and a current."""
+    """Return the parameters to follow: thrusters, net buoyancy, a current, and drag on axes that have drag.
+
+    Args:
+        vehicle: Vehicle file.
+        drag: Drag of the unchanged vehicle.
+    """
     found = [
         Parameter(f"thrust_{i + 1}", THRUST, i, f"Thruster {i + 1}", SHARE, 1.0, SPREAD_OF_SHARE)
         for i, thruster in enumerate(vehicle.thruster)
@@ -98,7 +106,14 @@ def parameters_of(vehicle: Vehicle, drag: Drag) -> tuple[Parameter, ...]:
 
 
 def vehicle_at(vehicle: Vehicle, drag: Drag, parameters: Sequence[Parameter], values: Array) -> Vehicle:
-    """Return the vehicle with values (P,) of its parameters, as effects added to those of its file."""
+    """Return the vehicle with the given parameter values, as effects added to those of its file.
+
+    Args:
+        vehicle: Vehicle file.
+        drag: Drag of the unchanged vehicle, which drag parameters scale.
+        parameters: The P parameters.
+        values: Their values, (P,).
+    """
     gains, linear, quadratic, current = (np.zeros(len(vehicle.thruster)), *np.zeros((3, 6)))
     given, lift = 1.0 + candidate(vehicle).thrusters[:, GAIN], 0.0
     for parameter, value in zip(parameters, values, strict=True):
@@ -122,7 +137,15 @@ def vehicle_at(vehicle: Vehicle, drag: Drag, parameters: Sequence[Parameter], va
 
 
 def named(vehicle: Vehicle, names: Sequence[str]) -> tuple[Parameter, ...]:
-    """Return parameters of a vehicle by their names."""
+    """Return parameters of a vehicle by name, such as those of a stored history.
+
+    Args:
+        vehicle: Vehicle file.
+        names: Names such as `thrust_3` or `drag_sway`.
+
+    Raises:
+        KeyError: The vehicle has no parameter of a name.
+    """
     every = Drag(np.ones(6), np.ones(6))
     known = {one.name: one for one in parameters_of(vehicle, every)}
     return tuple(known[name] for name in names)

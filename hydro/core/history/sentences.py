@@ -13,11 +13,11 @@ PERFECT = {"rose": "risen", "grew": "grown", "fell": "fallen"}
 
 
 def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
-    """State one change: size with its 95 % interval, and the dives between which it happened.
+    """State one change: its size with the 95 % interval, and the dives between which it happened.
 
     Args:
         change: The change.
-        parameter: Its parameter.
+        parameter: The parameter that changed.
         dives: Names of all dives.
     """
     when = _when(change, dives)
@@ -35,10 +35,10 @@ def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
 
 
 def headline(found: Sequence[str], dives: int, baseline: int) -> str:
-    """Return the first line of the answer: the changes, or that there are none.
+    """Return the first line of the report: all changes, or that there are none.
 
     Args:
-        found: Sentences on the changes.
+        found: One sentence for each change.
         dives: Number of dives with an estimate.
         baseline: Number of baseline dives.
     """
@@ -50,7 +50,7 @@ def headline(found: Sequence[str], dives: int, baseline: int) -> str:
 
 
 def limits() -> str:
-    """Return a sentence on the expected number of false alarms of the change test."""
+    """Return a sentence on the expected number of false alarms of a history."""
     return (
         f"Expected number of false alarms, over all parameters: at most one in {1.0 / LEVEL:.0f} unchanged "
         "dives. Intervals (±) are of 95 %."
@@ -58,7 +58,7 @@ def limits() -> str:
 
 
 def _when(change: Change, dives: Sequence[str]) -> str:
-    """Return the date of a change by the numbers and the names of the dives."""
+    """Return the time of a change in words, by the numbers and names of the dives."""
     if change.kind == "trend":
         return f"since dive {change.date + 1} ({dives[change.date]})"
     first, last = dives[change.date - 1], dives[change.date]
@@ -66,7 +66,7 @@ def _when(change: Change, dives: Sequence[str]) -> str:
 
 
 def _verb(change: Change, up: str, down: str) -> str:
-    """Return the verb of a change, in the present perfect for a trend, which continues."""
+    """Return the verb for a rise (`up`) or a fall (`down`), in the present perfect for a trend."""
     verb = up if change.size > 0.0 else down
     if change.kind == "shift":
         return verb
@@ -74,5 +74,5 @@ def _verb(change: Change, up: str, down: str) -> str:
 
 
 def _half(error: float, digits: int = 0) -> str:
-    """Return half of the 95 % interval, at least one unit of the last digit."""
+    """Return half the width of the 95 % interval as text, at least one unit of the last digit."""
     return f"{max(NORMAL_95 * error, 10.0**-digits):.{digits}f}"

@@ -34,17 +34,18 @@ from hydro.core.vehicle.frames import rotation_kernel
 from hydro.core.vehicle.thrusters import TIME_CONSTANT, lag_states
 
 COMMANDED = with_role(Role.COMMANDED)
-"""Effects that may depend on commands, which jump at a row."""
+"""Names of effects that may depend on commands, which jump at a row."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Compiled vehicle.
+    """Compiled vehicle, to be compared with a recording.
 
     Attributes:
-        program: Its forces and thrusters.
-        log: Errors of its DVL and its reference point, (16,), see `core.effects.sensor`.
-        seas: Generators of the waves of its file (`program.seas`), which the program does not include.
+        program: Forces and thrusters.
+        log: Errors of the DVL, and the reference point of the logged position, (16,), see
+            `core.effects.sensor`.
+        seas: Generators of the waves in the vehicle file (`program.seas`); `program` itself is in calm water.
     """
 
     program: Program
@@ -53,17 +54,21 @@ class Candidate:
 
     @property
     def thrusters(self) -> Array:
-        """Thruster table, (n, COLUMNS)."""
+        """Thruster table of the n thrusters, (n, COLUMNS)."""
         table: Array = thrusters_of(self.program.flat)
         return table
 
     def in_sea(self, harmonics: Array) -> Candidate:
-        """Return the candidate in waves, rows of `core.effects.waves`, (H, COMPONENT)."""
+        """Return the candidate in waves.
+
+        Args:
+            harmonics: H harmonics of a sea, rows of `core.effects.waves`, (H, COMPONENT).
+        """
         return replace(self, program=in_sea(self.program, harmonics))
 
 
 def candidate(vehicle: Vehicle) -> Candidate:
-    """Compile a vehicle.
+    """Compile a vehicle for comparison with a recording.
 
     Raises:
         DataError: An effect is not valid in the catalogue.
@@ -73,7 +78,14 @@ def candidate(vehicle: Vehicle) -> Candidate:
 
 
 def rotor_states(model: Candidate, record: Recording) -> Array:
-    """Return the lag states of the thrusters just before every row, (N, n)."""
+    """Return the lag states of n thrusters just before each of N rows of a recording, (N, n).
+
+    A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
+
+    Args:
+        model: Vehicle, with its thrusters.
+        record: Recording, with its commands.
+    """
     out = np.empty(record.commands.shape)
     for (first, last), resumed in zip(record.segments, record.after_gap, strict=True):
         t = record.t[first:last]
@@ -84,7 +96,7 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 
 
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
-    """Return the mean of the thrusters' lag states just before and just after every row, (N, n).
+    """Return the mean of the lag states of n thrusters just before and after each of N rows, (N, n).
 
     A rotor without lag jumps at a row.
     """
@@ -101,7 +113,13 @@ def rotor_states_around(model: Candidate, record: Recording) -> Array:
 
 
 def true_velocity(model: Candidate, record: Recording, logged: Array) -> Array:
-    """Return the velocity of CO from the logged one, corrected for the candidate's DVL errors, (N, 6)."""
+    """Return the velocity of CO over ground that a logged velocity implies, body axes, (N, 6) [m/s, rad/s].
+
+    Args:
+        model: Vehicle, with the DVL errors to correct.
+        record: Recording of N rows, for its times and segments.
+        logged: Logged velocity, (N, 6) [m/s, rad/s].
+    """
     if not model.log.any():
         return logged
     return np.vstack([sensor.corrected(model.log, record.t[a:b], logged[a:b]) for a, b in record.segments])
@@ -111,6 +129,12 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
     """Return the internal states of the effects at every row of a known motion, (N, states).
 
     Each segment starts in the steady state of its first velocity.
+
+    Args:
+        model: Vehicle.
+        record: Recording of N rows.
+        eta: Pose, NED, (N, 6) [m, rad].
+        nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
     """
     out = np.zeros((record.rows, model.program.states))
     if model.program.states:
@@ -119,7 +143,14 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
 
 
 def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
-    """Return the acceleration of CO over ground from the candidate's forces along a motion, (N, 6)."""
+    """Return the acceleration of CO over ground that a model has along a motion, body axes, (N, 6).
+
+    Args:
+        model: Vehicle, with its forces.
+        record: Recording of N rows, with its commands.
+        eta: Pose, NED, (N, 6) [m, rad].
+        nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
+    """
     rotors = rotor_states_around(model, record)
     return accelerations_at(np.arange(record.rows), model, record, eta, nu, rotors)
 
@@ -127,7 +158,16 @@ def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) ->
 def accelerations_at(
     rows: Rows, model: Candidate, record: Recording, eta: Array, nu: Array, rotors: Array
 ) -> Array:
-    """Return the acceleration at rows (K,) with thruster lag states `rotors` (K, n); (K, 6)."""
+    """Return the acceleration of CO over ground that a model has at K rows of a motion, body axes, (K, 6).
+
+    Args:
+        rows: The rows, (K,).
+        model: Vehicle, with its forces.
+        record: Recording of N rows, with its commands.
+        eta: Pose, NED, (N, 6) [m, rad].
+        nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
+        rotors: Lag states of n thrusters at the rows, (K, n).
+    """
     out = np.empty((rows.size, 6))
     memory = memories(model, record, eta, nu)[rows]
     along = (model.program.flat, eta[rows], nu[rows], record.t[rows])
@@ -140,7 +180,10 @@ def accelerations_at(
 
 
 def commands_before(record: Recording) -> Array:
-    """Return the commands of the previous row, (N, n); the first row of a segment keeps its own commands."""
+    """Return the commands of n thrusters in the row before each of N rows, (N, n).
+
+    The first row of a segment keeps its own commands.
+    """
     previous = np.arange(-1, record.rows - 1)
     previous[record.segments[:, 0]] += 1
     return record.commands[previous]
@@ -148,12 +191,12 @@ def commands_before(record: Recording) -> Array:
 
 @kernel
 def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
-    """Write the state of motion to `s`, in the layout of `core.effects.layout`.
+    """Write the state of motion at a row of a recording to `s`, in the layout of `core.effects.layout`.
 
     Args:
         flat: Compiled effects of a vehicle, see `effects.program`.
-        eta: Pose at the row of a recording, (6,).
-        nu: Velocity, (6,).
+        eta: Pose, NED, (6,) [m, rad].
+        nu: Velocity of CO, body axes, (6,) [m/s, rad/s].
         t: Time of the session [s].
         s: Output.
     """
@@ -166,7 +209,7 @@ def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
 
 @jit
 def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: float, out: Array) -> None:
-    """Integrate internal states by Heun's method from row to row."""
+    """Integrate the internal states of effects by Heun's method from row to row, into `out` (N, states)."""
     count = out.shape[1]
     s, unused = np.zeros(MOTION), np.zeros(6)
     here, there, ahead = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -188,6 +231,7 @@ def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: 
 def _accelerate_along(
     flat: Array, eta: Array, nu: Array, t: Array, commands: Array, rotors: Array, memory: Array, out: Array
 ) -> None:
+    """Write the acceleration at every row of a motion to `out` (K, 6)."""
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
     for k in range(out.shape[0]):
         move(flat, eta[k], nu[k], t[k], s)

@@ -1,10 +1,14 @@
 """Output error over short shots: predict a few seconds from many rows of a recording, and compare.
 
 Many vehicles are unstable on their own because of the Munk moment.  A long replay of such a vehicle holds
-little information on its parameters.  Two seconds do, if each shot starts from the true state.  The twelve
-initial values are free, and eliminated shot by shot (multiple shooting, Bock 1983; variable projection, Golub
-and Pereyra 1973).  Forces, thrusters, currents and sensors all act on the prediction.  So every effect of the
-catalogue is judged in one unit: standard deviations of the measurement noise.
+little information on its parameters.  Two seconds do, if each shot (short prediction) starts from the true
+state.  The twelve initial values are free, and eliminated shot by shot (multiple shooting, Bock 1983;
+variable projection, Golub and Pereyra 1973).  Forces, thrusters, currents and sensors all act on the
+prediction.  So every effect of the catalogue is judged in one unit: standard deviations of the measurement
+noise.
+
+An anchor, if there is one, makes the logged initial states samples instead of free values.  The lead of a
+shot is a number of rows at its start that are predicted but not compared.
 """
 
 from __future__ import annotations
@@ -34,7 +38,7 @@ LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is accurate to 1e-6 a
 WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] above which a prediction counts as diverged."""
 ENDLESS = 1e9
-"""Residual or derivative of a diverging prediction [standard deviations]; sums remain finite."""
+"""Limit of residuals and derivatives of a diverging prediction [standard deviations]; sums remain finite."""
 SHOTS_TOGETHER = 8  # shots per work item, so that derivatives need at most some tens of MB
 
 
@@ -42,8 +46,8 @@ class Places(NamedTuple):
     """Places of S shots (short predictions) in a recording of N rows and n thrusters.
 
     Attributes:
-        commands: Commands of the recording, (N, n).
-        t: Its times [s], (N,).
+        commands: Effective commands of the recording, (N, n).
+        t: Times of the rows [s], (N,).
         bounds: First row, and row after the last, of the uninterrupted segment that holds each shot, (S, 2).
         resumed: Whether that segment follows a gap, (S,).
         starts: First row of each shot, (S,).
@@ -62,9 +66,9 @@ class InitialStates(NamedTuple):
     """Initial states of S shots.
 
     Attributes:
-        first: States of the body, (S, 13).
-        rotors: Lag states, (S, n).
-        memory: Internal states, (S, states).
+        first: States of the body: position, quaternion, nu, (S, 13).
+        rotors: Lag states of n thrusters, (S, n).
+        memory: Internal states of the effects, (S, states).
     """
 
     first: Array
@@ -73,7 +77,7 @@ class InitialStates(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Responses of S shots to their initial states and to P parameters.
+    """Responses of S shots of K rows to their initial states and to P parameters.
 
     Attributes:
         changes: The parameters.
@@ -89,9 +93,9 @@ class Answers(NamedTuple):
 
     @classmethod
     def to_beginnings(cls, memory: Array, rows: int) -> Answers:
-        """Return responses to the initial states alone, with space for deviations in `out`, (S, K, 12, 12).
+        """Prepare responses of S shots to their initial states alone, without parameters.
 
-        The memory layout is that of `sensitivity.linearise`, so that numba compiles `shoot` only once.
+        The output has the memory layout of `sensitivity.linearise`, so that numba compiles `shoot` only once.
 
         Args:
             memory: Initial internal states, (S, states).
@@ -103,7 +107,7 @@ class Answers(NamedTuple):
 
 
 def places_of(shots: Shots, part: slice) -> Places:
-    """Return the places of some shots."""
+    """Return the places in the recording of a slice of shots."""
     record, segment = shots.record, shots.segment[part]
     return Places(
         commands=record.commands,
@@ -116,7 +120,12 @@ def places_of(shots: Shots, part: slice) -> Places:
 
 
 def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
-    """Return which shots a candidate predicts without divergence, (S,)."""
+    """Return which of S shots a candidate predicts without divergence, (S,).
+
+    Args:
+        prepared: The candidate, prepared for the shots.
+        shots: The shots.
+    """
     nu = predict(prepared, shots)[..., 7:]
     with np.errstate(invalid="ignore"):
         tame = np.abs(nu - shots.measured[..., 7:]) < WILD
@@ -124,15 +133,27 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """Return the shots with the logged initial states, corrected to CO for the DVL errors of a candidate.
+    """Return shots that start at the logged motion, corrected to CO for the DVL errors of a candidate.
 
-    Initial states that the shots had before, such as corrected or estimated ones, do not count.
+    Initial states that the shots had before are replaced.
+
+    Args:
+        shots: The shots.
+        model: The candidate.
     """
     return replace(shots, first=logged_first(shots, model))
 
 
 def logged_first(shots: Shots, model: Candidate) -> Array:
-    """Return the smoothed logged initial states, corrected to CO for a candidate's DVL errors, (S, 13)."""
+    """Return the logged motion at the start of each shot, corrected to CO for a candidate's DVL errors.
+
+    Args:
+        shots: S shots, with the smoothed motion of the recording.
+        model: The candidate.
+
+    Returns:
+        Position, quaternion and nu, (S, 13).
+    """
     logged = body_states(shots.eta[shots.starts], shots.nu[shots.starts])
     first = sensor.true_position(model.log, logged)
     first[:, 7:] = true_velocity(model, shots.record, shots.nu)[shots.starts]
@@ -140,11 +161,11 @@ def logged_first(shots: Shots, model: Candidate) -> Array:
 
 
 def initial_residuals(model: Candidate, shots: Shots) -> Array:
-    """Return logged minus present initial states times the weights of the anchor, (S, 12).
+    """Return the logged minus the present initial states of anchored shots, weighted, (S, 12).
 
     Args:
-        model: The candidate.
-        shots: The shots, with an anchor.
+        model: The candidate, whose DVL errors are corrected in the logged states.
+        shots: S shots with an anchor: weights of the logged initial states.
     """
     assert shots.anchor is not None
     out = np.empty((len(shots.starts), 1, CHANNELS))
@@ -154,26 +175,35 @@ def initial_residuals(model: Candidate, shots: Shots) -> Array:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Candidate with its initial states of every shot: rotors (S, n), memories (S, states)."""
+    """Candidate with its initial rotor and internal states in each of S shots.
+
+    Attributes:
+        model: The candidate.
+        rotors: Lag states of n thrusters, (S, n).
+        memory: Internal states of the effects, (S, states).
+    """
 
     model: Candidate
     rotors: Array
     memory: Array
 
     def of(self, kept: NDArray[np.bool_]) -> Prepared:
-        """Return the candidate for the shots of a mask (S,)."""
+        """Return the prepared candidate for the shots that a mask (S,) selects."""
         return Prepared(self.model, self.rotors[kept], self.memory[kept])
 
     def initial_states(self, first: Array, part: slice) -> InitialStates:
-        """Return the initial states of some shots; `first` (S, 13) are the body states of all shots."""
+        """Return the initial states of a slice of shots; `first` (S, 13) are the body states of all shots."""
         return InitialStates(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
 
 
 def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Prepared:
-    """Compute a candidate's initial states of every shot.
+    """Compute the initial rotor and internal states of a candidate in every shot.
 
-    States are reused from `like`, another candidate, if its thrusters or its effects with states are the
-    same.
+    Args:
+        model: The candidate.
+        shots: The shots.
+        like: Another candidate prepared for the same shots.  Its states are reused if its thrusters, or its
+            effects with internal states, are the same.
     """
     if like is not None and same_states(like.model.thrusters, model.thrusters):
         rotors = like.rotors
@@ -201,13 +231,14 @@ def predict(
     """Predict the logged channels, shot by shot.
 
     Args:
-        prepared: The candidate.
-        shots: The shots.
-        first: Other initial states, (S, 13).
-        part: Slice of shots.
+        prepared: The candidate, prepared for the shots.
+        shots: The S shots.
+        first: Initial states of all shots, (S, 13); by default those of `shots`.
+        part: Slice of the s shots to predict.
 
     Returns:
-        Position, quaternion and nu of every row, (s, length, 13); not finite where a motion diverges.
+        Position, quaternion and nu as the sensors would log them in every row, (s, length, 13); not finite
+        where a motion diverges.
     """
     places = places_of(shots, part)
     initial = prepared.initial_states(shots.first if first is None else first, part)
@@ -231,9 +262,15 @@ def residuals(
 ) -> Array:
     """Return measured minus predicted values in standard deviations of the noise, (s, length - lead, 12).
 
-    The residual of the attitude is the small rotation from the predicted to the measured one, about the
-    predicted axes.  It is 0 where nothing was measured.  Shots in waves are whitened for the waves'
-    covariance, unless `calmed` is False.
+    The residual of the attitude is the small rotation from the predicted to the measured attitude, about the
+    predicted body axes.  Residuals are 0 where nothing was measured.
+
+    Args:
+        prepared: The candidate, prepared for the shots.
+        shots: The S shots.
+        first: Initial states of all shots, (S, 13); by default those of `shots`.
+        part: Slice of the s shots to predict.
+        calmed: Whether to whiten the residuals of shots in waves for the waves' covariance.
     """
     predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
@@ -246,7 +283,16 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Return the sum of squared residuals of each shot and its anchor, (S,); infinite if it diverges."""
+    """Return the sum of squared residuals of each of S shots, with its anchor, (S,).
+
+    Args:
+        prepared: The candidate, prepared for the shots.
+        shots: The shots.
+        threads: Number of threads; by default, the number of cores.
+
+    Returns:
+        Squares in units of the noise variance; infinite for a shot that diverges.
+    """
 
     def work(begin: int) -> Array:
         error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
@@ -266,7 +312,12 @@ def cost(prepared: Prepared, shots: Shots) -> float:
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Return initial states (S, 13) displaced by (S, 12) or (1, 12): position, small rotation (body), nu."""
+    """Return states of a body after small displacements.
+
+    Args:
+        first: Position, quaternion and nu of S states, (S, 13).
+        shift: Displacement of position, small rotation about body axes, and nu, (S, 12) or (1, 12).
+    """
     out, (a, b, c) = np.empty((len(first), BODY)), 0.5 * shift[:, 3:6].T
     w = np.sqrt(np.maximum(1.0 - (a * a + b * b + c * c), 0.0))
     out[:, :3] = first[:, :3] + shift[:, :3]
@@ -277,10 +328,12 @@ def displaced(first: Array, shift: Array) -> Array:
 
 @kernel
 def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Array) -> None:
-    """Write weighted differences; for the attitude, twice the vector part of q_predicted^* q_measured.
+    """Write weighted differences of measured and predicted states to `out`.
+
+    The difference of attitudes is twice the vector part of q_predicted^* q_measured: a small rotation.
 
     Args:
-        predicted: Predicted states of shots, (S, K, 13).
+        predicted: Predicted states of S shots of K rows, (S, K, 13).
         measured: Measured states of the same rows.
         lead: Rows at the beginning of a shot that are left out.
         weight: Weights of the differences, (12,).
@@ -302,13 +355,14 @@ def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Ar
 
 @jit
 def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers | None) -> None:
-    """Predict shots; each responds to the commands of its own segment, those before its start included.
+    """Predict shots; each responds to the commands of its own segment, also to those before its start.
 
     Args:
-        flat: The vehicle's program.
-        places: Places of the shots.
-        initial: Their initial states.
-        out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
+        flat: Compiled vehicle (`effects.program`).
+        places: Places of the S shots.
+        initial: Initial states of the shots.
+        out: Output: predicted state of the body in K rows of each shot, (S, K, 13); NaN after a row that is
+            not finite.
         answers: Output: responses to changes; or None.
     """
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are

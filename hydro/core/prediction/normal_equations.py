@@ -1,8 +1,9 @@
 """Linearised least-squares problem, kept as one Gram matrix per piece of data.
 
-With the residual e and the columns X (derivatives of the prediction by each parameter), a piece is the Gram
-matrix of [X, e].  Sums of pieces give estimates.  Their scatter gives standard errors that hold for
-correlated residuals and imperfect models.  Any subset of columns or pieces gives another problem at no cost.
+A piece is a part of the data, such as a shot.  With the residual e and the columns X (derivatives of the
+prediction by each parameter), its Gram matrix is [X, e]^T [X, e].  Sums over pieces give estimates.  The
+scatter of pieces gives standard errors that hold for correlated residuals and imperfect models.  Any subset
+of columns or pieces gives another problem at no cost.
 """
 
 from __future__ import annotations
@@ -17,21 +18,21 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 
-LEAST_SCORE_BLOCKS = 12
-CORRELATION_TIMES = 10
+LEAST_SCORE_BLOCKS = 12  # minimum number of blocks of a jackknife
+CORRELATION_TIMES = 10  # length of a block in correlation times of the scores
 
 
 @dataclass(frozen=True)
 class Normal:
-    """Gram matrices of the whitened, projected problem.
+    """Linearised, whitened least-squares problem with P parameters in S pieces of data.
 
     Attributes:
         gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction
             diverges.
         freedom: Number of independent residuals per piece, one number or (S,).
-        channels: Sum of squares of each measured channel's residual, (S, C).
-        follow: Response of the eliminated unknowns of a piece to each column and to the residual, (S, Q, P +
-            1); Q may be 0.
+        channels: Sum of squared residuals of each of C measured channels, (S, C).
+        follow: Response of the Q eliminated unknowns of a piece to each column and to the residual, (S, Q, P
+            + 1); Q may be 0.
         compared: Samples of each channel in each piece, (S, C); None if all have the same number.
     """
 
@@ -43,12 +44,12 @@ class Normal:
 
     @property
     def matrix(self) -> Array:
-        """X^T X of each piece, (S, P, P)."""
+        """Products of the columns X^T X in each piece, (S, P, P)."""
         return self.gram[:, :-1, :-1]
 
     @property
     def score(self) -> Array:
-        """X^T e of each piece, (S, P)."""
+        """Products of the columns and the residual X^T e in each piece, (S, P)."""
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
@@ -65,11 +66,11 @@ class Normal:
 
     @property
     def cost(self) -> float:
-        """Sum of squared residuals."""
+        """Sum of squared residuals over all pieces."""
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:
-        """Return the squared residual of each piece that linearity predicts after a step (P,), (S,)."""
+        """Return the squared residual of each piece after a step (P,), as linearity predicts, (S,)."""
         across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
         left: Array = self.gram[:, -1, -1] - across
         return left
@@ -114,13 +115,13 @@ class Normal:
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
-    """Eliminate the unknowns of single pieces from least-squares problems e = Z z + X p.
+    """Eliminate the unknowns z that belong to single pieces from problems e = Z z + X p.
 
     Args:
         gram: Gram matrix [Z, X, e]^T [Z, X, e] of each piece, (S, first + P + 1, first + P + 1).
         first: Number of unknowns z of each piece; the P parameters p are common to all pieces.
-        known: Prior information on them, (first,) or (S, first); unknowns that a piece does not determine
-            stay in place.
+        known: Prior information on z, (first,) or (S, first); unknowns that a piece does not determine stay
+            in place.
 
     Returns:
         The reduced Gram matrices, (S, P + 1, P + 1), and the response of the unknowns to [X, e], (S, first, P
@@ -136,12 +137,12 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
 def taken(gram: Array, first: int, known: Array) -> Array:
     """Return the degrees of freedom that the eliminated unknowns of each piece use, (S,).
 
-    It is `first` if the data alone determine the unknowns, and less if the prior does.
+    The number is `first` if the data alone determine the unknowns, and less if the prior does.
 
     Args:
-        gram: Gram matrices of the pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
+        gram: Gram matrices of S pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
         first: Number of unknowns that are eliminated from each piece.
-        known: Prior information on them, (S, first).
+        known: Prior information on the unknowns, (S, first).
     """
     own = gram[:, :first, :first]
     size = 1.0 / np.sqrt(np.einsum("sii->si", own) + known)
@@ -155,7 +156,7 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
     """Return the step d within [low, high] that minimises d^T matrix d - 2 score^T d.
 
     Args:
-        matrix: Positive definite matrix, (P, P).
+        matrix: Positive definite matrix of P unknowns, (P, P).
         score: Right-hand side, (P,).
         low: Least steps, (P,).
         high: Greatest steps, (P,).
@@ -174,13 +175,14 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
 
 
 def block_length(scores: Array) -> int:
-    """Return the block length in pieces: ten correlation times of the scores, with at least twelve blocks.
+    """Return the number of pieces in a block: ten correlation times of the scores.
 
-    Scores of neighbouring pieces are correlated if model errors last longer than a piece.  With white
-    residuals they are not, and a piece is a block.
+    Blocks are shorter where fewer than twelve would remain.  Scores of neighbouring pieces are correlated if
+    model errors last longer than a piece.  With white residuals they are not correlated, and a piece is a
+    block.
 
     Args:
-        scores: X^T e of each piece, (S, P).
+        scores: X^T e of each of S pieces, for P parameters, (S, P).
     """
     pieces = len(scores)
     size = np.sqrt((scores**2).sum(axis=0))
@@ -197,15 +199,15 @@ def block_length(scores: Array) -> int:
 
 
 def covariance(normal: Normal, prior: Array) -> Array:
-    """Return the covariance of the estimate at its minimum.
+    """Return the covariance of the estimate at the minimum of the squared residual.
 
-    It combines two variances, of which the larger one counts for each parameter.  The first is that of white
+    Two variances are computed for each parameter, and the larger counts.  The first is that of white
     residuals of the observed size.  The second is the delete-one-block jackknife of the linearised problem
     (the sandwich with leverage correction, Cameron and Miller 2015), which needs neither whiteness nor a true
     model.  The prior applies where the data hold no information.
 
     Args:
-        normal: The problem at the estimate.
+        normal: The problem with P parameters at the estimate.
         prior: Information added to the diagonal, (P,), positive.
 
     Returns:
@@ -252,7 +254,10 @@ def _root(information: Array) -> Array:
 
 
 def _decomposed(information: Array) -> tuple[Array, Array, Array]:
-    """Return roots of the diagonal (..., P), and positive eigenvalues and eigenvectors of the scaled rest."""
+    """Return roots of the diagonal, eigenvalues and eigenvectors of the correlations of matrices (..., P, P).
+
+    Eigenvalues are made positive against rounding errors.
+    """
     diagonal = np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny)
     sizes = np.sqrt(diagonal)
     values, ways = np.linalg.eigh(information / (sizes[..., :, None] * sizes[..., None, :]))

@@ -1,7 +1,8 @@
 """Output-error problem over shots with free initial states.
 
-Each prediction (a shot) starts from the smoothed measured state.  Its initial state is estimated together
-with the parameters, so that noise in it causes no bias (Jategaonkar 2015, ch. 4; Bock 1983 for the shots).
+Each shot, a prediction of a few seconds, starts from the smoothed measured state.  Its initial state is
+estimated together with the parameters, so that noise in the measured state causes no bias (Jategaonkar 2015,
+ch. 4; Bock 1983 for the shots).
 """
 
 from __future__ import annotations
@@ -26,22 +27,24 @@ from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 
 OTHERWISE_NOISY = 0.1  # relative difference of residual and noise above which weights are updated
-LEAST_SIGMA = 1e-6
+LEAST_SIGMA = 1e-6  # lower bound of the noise of a channel [m, rad, m/s, rad/s]
 OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)
-"""Ratio of a cost to its expectation above which shorter steps are tried, and the lengths of these."""
+"""Ratio of a cost to its expectation above which shorter steps are tried, and their lengths."""
 WAVE_BANDS = 6
-"""Number of frequency bands of a sea, with one harmonic each: over a shot each is little more than a slope.
+"""Number of frequency bands of a sea, with one harmonic each.
+
+Few suffice, since over a shot each harmonic is little more than a slope.
 """
-FARTHEST = 3.0  # largest step of an initial state, in standard deviations of the measured one
+FARTHEST = 3.0  # largest step of an initial state, in standard deviations of the measured state
 
 
 @dataclass(frozen=True)
 class OutputError:
-    """Output-error problem over shots with free initial states.
+    """Output-error problem over shots with free initial states, as `levenberg_marquardt` needs it.
 
     Attributes:
         shots: The shots.
-        near: A candidate prepared for them, whose rotor and memory states may be reused.
+        near: A candidate prepared for the shots, whose rotor and internal states are reused where possible.
     """
 
     shots: Shots
@@ -49,28 +52,44 @@ class OutputError:
 
     @classmethod
     def of(cls, shots: Shots, vehicle: Vehicle) -> OutputError:
-        """Build the problem with the DVL errors and the waves of a vehicle."""
+        """Return the output-error problem of shots for a vehicle.
+
+        Args:
+            shots: The shots.
+            vehicle: Vehicle whose DVL errors are corrected in the initial states, and whose waves are
+                whitened.
+        """
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
     def at_measured_states(self, vehicle: Vehicle) -> OutputError:
-        """Return the problem with initial states corrected for the DVL errors of a vehicle."""
+        """Return the problem with initial states at the logged motion, corrected for DVL errors of a vehicle.
+
+        Args:
+            vehicle: Vehicle with the DVL errors.
+        """
         return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def some(self, most: int) -> OutputError:
-        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer."""
+        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer shots."""
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else OutputError(self.shots.of(kept))
 
     def anchored(self) -> OutputError:
-        """Return the problem with the logged initial states as samples, with the noise of its channels.
+        """Return the problem with the logged initial states as samples, with the noise of their channels.
 
-        They keep this weight if the channels get others.  So the initial states of a fit far from the noise
-        cannot absorb errors of the model that are larger than the noise of the log.
+        These samples keep their weight if the channels get other weights.  So the initial states of a fit far
+        from the noise cannot absorb errors of the model that are larger than the noise of the log.
         """
         return OutputError(self.shots.anchored(), self.near)
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the problem, see `sensitivity.linearise`."""
+        """Linearise the problem about a vehicle, see `sensitivity.linearise`.
+
+        Args:
+            base: The vehicle.
+            moved: Copies of the vehicle with one changed parameter each.
+            steps: Size of each change, in the unit of the problem's parameters.
+        """
         prepared = multiple_shooting.prepare(candidate(base), self.shots, self.near)
 
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
@@ -79,9 +98,15 @@ class OutputError:
         return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
-        """Return the cost from initial states moved by the linearised problem.
+        """Return the sum of squared residuals of a vehicle after a step, and the problem after the step.
 
-        Shots with a cost far from its expectation try shorter moves of the initial state, at last none.
+        The initial states move as the linearised problem predicts.  Shots with a cost far from the
+        expectation try shorter moves of their initial states, at last none.
+
+        Args:
+            vehicle: Vehicle after the step.
+            step: Step of the P parameters, (P,).
+            normal: Problem linearised before the step.
         """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         farthest = FARTHEST * self.shots.trust
@@ -104,7 +129,14 @@ class OutputError:
         return float(costs.sum()), OutputError(replace(self.shots, first=first), prepared)
 
     def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
-        """Set the noise of each channel to its residual, so that unexplained channels count less."""
+        """Set the noise of each channel to the size of its residual, so that unexplained channels count less.
+
+        Args:
+            normal: Problem at the present estimate.
+
+        Returns:
+            The problem, and whether its weights changed.
+        """
         sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
@@ -120,10 +152,15 @@ def in_waves(shots: Shots, model: Candidate) -> Shots:
 
     Predictions assume a calm sea.  Over the seconds of a shot the sea is a few harmonics of unknown
     amplitudes with the variances of the file.  So the residual of a shot has the covariance 1 + X X^T in
-    units of the sensors' noise.  X are its responses to one standard deviation of each amplitude in both
-    directions (the unscented transform, Julier and Uhlmann 1997, which includes curvature).  Residuals and
-    derivatives times (1 + X X^T)^(-1/2) are white again.  So a fit gives small weight to directions that
-    waves disturb, and its standard errors are larger.  Correlation of the waves between shots is not used.
+    units of the sensors' noise.  X are the responses of the shot to one standard deviation of each amplitude
+    in both directions (the unscented transform, Julier and Uhlmann 1997, which includes curvature).
+    Residuals and derivatives times (1 + X X^T)^(-1/2) are white again.  So a fit gives small weight to
+    directions that waves disturb, and its standard errors are larger.  Correlation of the waves between shots
+    is not used.
+
+    Args:
+        shots: The shots.
+        model: Vehicle with its waves.
     """
     if not model.seas:
         return shots
@@ -141,10 +178,19 @@ def in_waves(shots: Shots, model: Candidate) -> Shots:
 
 
 def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputError]:
-    """Return the initial values of output error: those of equation error, unless their motion diverges.
+    """Return initial values of the components for an output-error fit, and the problem at these values.
 
-    If samples do not cover all of the motion, equation error uses filled channels.  Then the values with the
-    best prediction are returned.
+    They are the results of an equation-error fit, unless their motion diverges.  If samples do not cover all
+    of the motion, equation error uses filled channels; then those of all candidates with the best prediction
+    are taken.
+
+    Args:
+        unknown: P free components of a vehicle; their own initial values are candidates too.
+        values: Result of the equation-error fit, (P,).
+        shots: Shots of the recording.
+
+    Raises:
+        DataError: The motion diverges for all candidates.
     """
     tried = []
     for begin in (values, *unknown.starts):

@@ -1,7 +1,8 @@
-"""Free components of named effects as one vector, and back.
+"""Free components of named effects as one vector, and back to a vehicle.
 
-A component has a natural scale, the size of a significant value: from its record, or from dimensional
-analysis (`core.effects.units`).  It makes components comparable and is the reference of standard errors.
+A component, one number of a parameter, has a natural scale, the size of a significant value: from its record
+in the catalogue, or from dimensional analysis (`core.effects.units`).  The scale makes components comparable
+and is the reference of standard errors.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from hydro.core.simulation.estimates import with_numbers
 from hydro.core.vehicle.description import Vehicle, catalogue_name
 
 LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
-"""Largest delay of a DVL that is searched [s]."""
+"""Largest delay of a DVL for which a fit searches [s]."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,8 @@ class Entry:
     Attributes:
         effect: Name of the effect.
         parameter: Name of the parameter.
-        index: Index in the parameter; () for a scalar.
-        unit: Its unit.
+        index: Index in the value of the parameter; () for a scalar.
+        unit: Unit of the number.
         scale: Size of a significant value.
         low: Least value.
         high: Greatest value.
@@ -63,10 +64,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Free:
-    """Free components of a vehicle.
+    """P free components of a vehicle.
 
     Attributes:
-        vehicle: The vehicle with every fitted effect, new ones with zero values.
+        vehicle: The vehicle with every fitted effect; new effects have zero values.
         entries: The free components.
         starts: Initial values, (P,) each; several if the problem may have several local minima.
         known: Names of the effects that the vehicle already had.
@@ -78,14 +79,15 @@ class Free:
     known: frozenset[str]
 
     def at(self, values: Array) -> Vehicle:
-        """Return the vehicle with `values` (P,) of its free components."""
+        """Return the vehicle with the free components set to `values` (P,)."""
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """Fix components: set the vehicle to `values`, and keep only the others as free components.
+        """Return the problem with some components fixed at given values and no longer free.
 
         Args:
-            values: Value of each free component, (P,); also the initial values of the remaining components.
+            values: Value of each free component, (P,): those to fix, and initial values of those that stay
+                free.
             held: Mask of the components to fix, (P,).
         """
         rest = tuple(entry for entry, stays in zip(self.entries, held, strict=True) if not stays)
@@ -108,13 +110,14 @@ class Free:
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
-    """Return the free components of named effects, without those that the vehicle file holds as known.
+    """Return the free components of named effects, without values that the vehicle file marks as known.
 
     Args:
         vehicle: The vehicle.
-        effects: Names in the catalogue, each with `.parameter` behind it where there is a choice
-            (`linear_damping.matrix`), or tables with initial values.
-        reach: Positions and times of the recording, (N, 4), candidates for an unknown anchor.
+        effects: Effects to fit: names in the catalogue, with `.parameter` behind the name where there is a
+            choice (`linear_damping.matrix`), or `[[effect]]` tables with initial values.
+        reach: Positions and times of the N rows of the recording, (N, 4) [m, s], candidates for the place of
+            an anchor.
 
     Raises:
         DataError: A name is unknown, given twice, or that of a random effect.
@@ -163,20 +166,26 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
 
 
 def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
-    """Return the `[[effect]]` table of one fitted effect, with given values (such as standard errors)."""
+    """Return the `[[effect]]` table of one fitted effect, filled with given numbers.
+
+    Args:
+        free_: P free components.
+        name: Name of the effect.
+        values: Number of each free component, such as its value or its standard error, (P,).
+    """
     shaped = next(iter(free_.at(values).effects(name)))
     return {p.name: shaped[p.name] for p in CATALOGUE[name].parameters if p.name in shaped}
 
 
 def _each(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> list[str | Mapping[str, Any]]:
-    """Return the requested effect; for a name shared by several effects of the vehicle, each of them."""
+    """Return a requested effect, or each effect in the vehicle with the requested catalogue name."""
     name, point, alternative = wanted.partition(".") if isinstance(wanted, str) else ("", "", "")
     several = vehicle.names(name)
     return [f"{one}{point}{alternative}" for one in several] if len(several) > 1 else [wanted]
 
 
 def _wanted(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> tuple[str, str | None, dict[str, Any]]:
-    """Return name, alternative parameter and given values of a requested effect."""
+    """Return name, chosen parameter and given values of a requested effect."""
     given = {} if isinstance(wanted, str) else {k: v for k, v in wanted.items() if k != "name"}
     text = wanted if isinstance(wanted, str) else str(wanted.get("name"))
     name, _, alternative = text.partition(".")
@@ -196,7 +205,7 @@ def _wanted(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> tuple[str, str
 
 
 def _converted(record: Effect, table: dict[str, Any], alternative: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Return an effect in its other form: a diagonal as a matrix, one number as one for each thruster."""
+    """Return an effect in its other form: a diagonal as a matrix, or one number as one per thruster."""
     given = next(name for name in record.one_of if name in table)
     parameter = next(p for p in record.parameters if p.name == alternative)
     shape = _shape(record, parameter, vehicle, table)
@@ -215,7 +224,7 @@ def _converted(record: Effect, table: dict[str, Any], alternative: str, vehicle:
 def _beginnings(
     record: Effect, alternative: str | None, vehicle: Vehicle, reach: Array | None
 ) -> list[dict[str, Any]]:
-    """Return initial tables of an effect that the vehicle lacks."""
+    """Return tables with initial values of an effect that the vehicle lacks, one for each start of a fit."""
     if record.identification.starts is not None:
         return record.identification.starts(vehicle, reach)
     chosen = alternative or (record.one_of[0] if record.one_of else None)
@@ -223,7 +232,7 @@ def _beginnings(
 
 
 def _complete(name: str, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
-    """Return the checked table with missing parameters, or those that are None, set to zero."""
+    """Return the checked table of an effect with missing parameters, or those that are None, set to zero."""
     record = CATALOGUE[name]
     full: dict[str, Any] = {"name": name} | {
         words.name: table.get(words.name, [])
@@ -248,7 +257,7 @@ def _complete(name: str, table: dict[str, Any], vehicle: Vehicle) -> dict[str, A
 
 
 def _shape(record: Effect, parameter: Parameter, vehicle: Vehicle, table: Mapping[str, Any]) -> list[int]:
-    """Return the shape of a parameter, with the numbers of thrusters, rates and terms inserted."""
+    """Return the shape of a parameter; the sizes of lists (thrusters, rates, terms) replace their names."""
     sizes = {"thrusters": len(vehicle.thruster), "rates": len(table.get("rates") or [1.0])}
     if record.structure is not None:
         sizes |= record.structure(table, f"effect {record.name}")[1]
@@ -256,16 +265,21 @@ def _shape(record: Effect, parameter: Parameter, vehicle: Vehicle, table: Mappin
 
 
 def _shape_of(grids: Sequence[Sequence[Mapping[str, Any]]], name: str) -> Mapping[str, Any]:
+    """Return the first table of an effect."""
     return next(grid[0] for grid in grids if grid[0]["name"] == name)
 
 
 def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Array:
+    """Return the values of components in tables of effects, (P,)."""
     tables = {table["name"]: table for table in choice}
     return np.array([float(np.asarray(tables[e.effect][e.parameter])[e.index]) for e in found])
 
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
-    """Return the free components of a complete table, symmetric ones once, without known ones and servos."""
+    """Return the free components of a complete table.
+
+    Symmetric components count once; known values and servos have none.
+    """
     name, found = str(table["name"]), list[Entry]()
     record = CATALOGUE[name]
     known = record.known(next(iter(vehicle.effects(name)), {}))
@@ -299,7 +313,7 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
 
 
 def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
-    """Return sums over the rest of the vehicle file: added mass and damping."""
+    """Return sums of added mass and damping over the vehicle file without the fitted effects."""
     linear, quadratic, drag = damping_in_sum(rest)
     return Rest(vehicle, added_mass_matrix(rest), linear, quadratic, drag)
 

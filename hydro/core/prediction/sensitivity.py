@@ -1,8 +1,9 @@
 """Least-squares problem of predicted shots: residuals, and their derivatives by every parameter.
 
-Derivatives come from the variational equation (`simulation.variational_equation`) for parameters that act on
-forces, and from the prediction itself for parameters of the DVL.  Parameters that move the times at which
-commands take effect are differentiated by finite differences of predictions.
+A shot is a prediction of a few seconds, compared with the recording.  Derivatives come from the variational
+equation (`simulation.variational_equation`) for parameters that act on forces, and from the prediction itself
+for parameters of the DVL.  Parameters that move the times at which commands take effect are differentiated by
+finite differences of predictions.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from hydro.core.threads import spread
 from hydro.core.vehicle.thrusters import same_states
 
 FARTHEST = 1e3
-"""Prior standard deviation of an initial state [m, rad, m/s, rad/s]."""
+"""Prior standard deviation of a free initial state, wide in every unit [m, rad, m/s, rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Moved:
 
     Attributes:
         base: The candidate.
-        others: The copies with a changed parameter.
+        others: P copies of the candidate with a changed parameter.
         shares: Size of each change, in the unit of the problem's parameters, (P,).
     """
 
@@ -52,12 +53,13 @@ class Moved:
 
 @dataclass(frozen=True)
 class Varied:
-    """Parameters that act on forces.
+    """Parameters that the variational equation differentiates, since they act on forces.
 
     Attributes:
-        of: Indices among all parameters, (Q,).
+        of: Indices of these Q parameters among all, (Q,).
         changes: Their changes of the program.
-        ahead: Change of the initial internal states of every shot, (S, states, Q).
+        ahead: Change of the initial internal states of each of S shots per unit of each parameter, (S,
+            states, Q).
         own: Initial internal states of added effects in every shot, (S, all).
     """
 
@@ -78,8 +80,8 @@ def linearise(
     """Linearise the least-squares problem about a candidate, with the shots' initial states eliminated.
 
     Args:
-        base: The candidate.
-        moved: Its copies with one changed parameter each.
+        base: The candidate, prepared for the shots.
+        moved: Copies of the candidate with one changed parameter each.
         steps: Size of each change, in the unit of the problem's parameters.
         shots: The shots.
         threads: Number of threads; by default, the number of cores.
@@ -138,9 +140,12 @@ def linearise(
 
 
 def _initial_columns(near: Moved, shots: Shots) -> Array:
-    """Return weighted columns and residuals of the logged initial states, (S, 12, 12 + P + 1).
+    """Return weighted columns and residuals of the logged initial states of anchored shots.
 
-    A parameter of the DVL changes the logged state of CO, not the present one.
+    A parameter of the DVL changes the logged state of CO, not the present state.
+
+    Returns:
+        (S, 12, 12 + P + 1): columns of the initial state, columns of the P parameters, and the residual.
     """
     model = near.base.model
     columns = np.zeros((len(shots.starts), CHANNELS, CHANNELS + len(near.others) + 1))
@@ -153,12 +158,13 @@ def _initial_columns(near: Moved, shots: Shots) -> Array:
 
 
 def beginnings(base: Prepared, shots: Shots) -> Array:
-    """Return the standard deviation of the initial state from the samples of a shot, median of shots, (12,).
+    """Return how well the samples of a shot determine its initial state: standard deviations, (12,).
 
-    Position [m], small rotation [rad], velocity [m/s] and rates [rad/s]; at most FARTHEST.
+    Position [m], small rotation [rad], velocity [m/s] and rates [rad/s]; medians over the shots, at most
+    FARTHEST.
 
     Args:
-        base: The candidate.
+        base: The candidate, prepared for the shots.
         shots: The shots.
     """
     varied = _varied(Moved(base, (), np.zeros(0)), ())
@@ -185,7 +191,12 @@ def _same_motion(base: Prepared, other: Prepared) -> bool:
 
 
 def _varied(near: Moved, logged: Sequence[int]) -> Varied:
-    """Return the parameters, except those of the DVL, that the variational equation can differentiate."""
+    """Return the parameters that the variational equation can differentiate.
+
+    Args:
+        near: Candidate and its copies with a changed parameter.
+        logged: Indices of the parameters of the DVL alone, which are left out.
+    """
     base, program = near.base, near.base.model.program
     flat, states = program.flat, program.states
     of, kinds, where, ahead = [], [], [], []
@@ -241,7 +252,7 @@ def _thrust_alone(flat: Array, other: Array) -> bool:
 
 
 def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
-    """Return predicted states (s, length, 13), and partly filled columns (s, length, 12, 12 + P + 1)."""
+    """Return predicted states (s, length, 13), and partly filled columns (s, length, 12, 12 + count + 1)."""
     places, known = places_of(shots, part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))
     columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
@@ -259,6 +270,14 @@ def _through_log(
     """Apply the DVL errors to states and columns, and fill the columns of the DVL's parameters.
 
     A reading is linear in the motion except for its bias.
+
+    Args:
+        near: Candidate and its copies with a changed parameter.
+        logged: Indices of the parameters of the DVL.
+        shots: The shots.
+        states: Predicted states, (s, length, 13), changed.
+        columns: Columns, (s, length, 12, 12 + P + 1), changed.
+        done: Number of columns that are filled already.
     """
     log, clock = near.base.model.log, np.arange(shots.length) * shots.record.dt
     nu = np.nan_to_num(states[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
@@ -280,7 +299,10 @@ def _through_log(
 
 
 def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns: Array) -> None:
-    """Fill the columns of all other parameters, (s, K, 12, R), by differences of residuals."""
+    """Fill the columns of the parameters `rest` by differences of residuals, (s, K, 12, R + 1).
+
+    The last column holds the residuals of the candidate.
+    """
     still = columns[..., -1]
     for i, which in enumerate(rest):
         moved = multiple_shooting.residuals(near.others[which], shots, None, part, calmed=False)
@@ -288,7 +310,7 @@ def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns:
 
 
 def _residuals(shots: Shots, part: slice, states: Array) -> Array:
-    """Return the weighted residuals of some shots' predicted states, (s, K, 12), without the lead."""
+    """Return the weighted residuals of predicted states of a slice of shots, without the lead, (s, K, 12)."""
     error = np.empty((len(states), shots.length - shots.lead, CHANNELS))
     multiple_shooting.deviate(states, shots.measured[part], shots.lead, 1.0 / shots.sigma, error)
     return error
@@ -298,13 +320,13 @@ def _residuals(shots: Shots, part: slice, states: Array) -> Array:
 def _weigh(weight: Array, columns: Array, error: Array) -> None:
     """Weight columns of changes of the prediction, and turn those of the attitude to its residual.
 
+    The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); a rotation of
+    the prediction by a small theta changes it by -(a theta + theta x e/2).
+
     Args:
         weight: Weights, (12,).
         columns: Changes, (S, K, 12, P), overwritten.
         error: Weighted residuals of `multiple_shooting.deviate`, (S, K, 12).
-
-    The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); a rotation of
-    the prediction by a small theta changes it by -(a theta + theta x e/2).
     """
     for m in range(error.shape[0]):
         for k in range(error.shape[1]):

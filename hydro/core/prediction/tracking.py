@@ -4,7 +4,7 @@ Positions alone do not show the attitude; attitude and depth alone do not show s
 commands are known, and a model's response to them is accurate for a while.  An extended Kalman filter
 processes each segment in windows of half a second; each window is predicted by the model and corrected by its
 samples.  A Rauch-Tung-Striebel smoother runs backwards (Sarkka 2013, ch. 5 and 9).  If no sample shows the
-heading, several are tried.
+heading, several initial headings are tried.
 
 The model error is unknown in advance: within a window, where it adds to the noise of the samples, and between
 windows.  Both are multiples of the smallest error assumed for any model, selected by maximum likelihood.  So
@@ -40,29 +40,32 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states, euler_from_quaternion, quaternion_from_euler
 
 BLIND_SECONDS = 5.0
-"""Length of a shot whose samples do not show the whole motion [s]: errors of unmeasured states decay."""
+"""Length of a shot whose samples do not show the whole motion [s].
+
+It is longer than usual, since errors of unmeasured initial states decay.
+"""
 LEAST_ROOM = 4.0
-"""Minimum length of the longest segment, in shots of that length."""
+"""Minimum length of the longest segment for shots of BLIND_SECONDS, in such shots."""
 WINDOW = 0.5
 """Length of a window [s]."""
 AT_FIRST = np.repeat([0.5, 0.3, 0.5, 0.3], 3)
 """Standard deviation of the state at the beginning of a segment [m, rad, m/s, rad/s]."""
 ASTRAY = np.repeat([1e-3, 1e-3, 0.1, 0.2], 3)
-"""Random-walk error of a good model in a second, in the same units."""
+"""Random-walk error of a good model in one second [m, rad, m/s, rad/s]."""
 LEAST = np.repeat([0.01, 0.01, 0.02, 0.02], 3)
-"""Minimum noise of a sample in the filter, in the same units: a good model has errors of this size."""
+"""Minimum noise of a sample in the filter [m, rad, m/s, rad/s]: a good model has errors of this size."""
 COARSER = 3.0
-"""Factor between consecutive multiples of both errors."""
+"""Factor between consecutive candidates for the multiples of both model errors."""
 MOST_COARSE = 5
-"""Maximum number of steps: a model with 243 times the error holds no information."""
+"""Maximum number of factors COARSER: a model with 243 times the error holds no information."""
 TELLING = 60.0
 """Length of data after the first command used to estimate the model error [s]."""
 CORRECTIONS = 3
 """Gauss-Newton iterations of a window."""
-HEADINGS = 12
+HEADINGS = 12  # number of initial headings that are tried
 TRIAL = 20.0
-"""Length of the trial of each heading [s]."""
-PSI = 5
+"""Length of data with which each initial heading is tried [s]."""
+PSI = 5  # channel of the heading
 WILD = 1e3
 """Size of a state above which a prediction counts as diverged."""
 
@@ -71,12 +74,12 @@ class _Window(NamedTuple):
     """Window of the filter.
 
     Attributes:
-        first: Its first row in the recording.
-        state: State at its start, given its samples, (13,).
-        spread: Covariance of that state, (12, 12).
-        answer: Response of the end to the start, (12, 12).
-        ahead: State at the end, (13,).
-        ahead_spread: Covariance of that state, (12, 12).
+        first: First row of the window in the recording.
+        state: State at the start of the window, given its samples, (13,).
+        spread: Covariance of `state`, (12, 12).
+        answer: Response of the state at the end to the state at the start, (12, 12).
+        ahead: State at the end of the window, (13,).
+        ahead_spread: Covariance of `ahead`, (12, 12).
     """
 
     first: int
@@ -88,7 +91,12 @@ class _Window(NamedTuple):
 
 
 class _Errs(NamedTuple):
-    """Model error, as multiples of the samples' noise (at least LEAST) and of ASTRAY."""
+    """Model error as multiples of the smallest error assumed for any model.
+
+    Attributes:
+        within: Multiple of the samples' noise (at least LEAST), within windows.
+        between: Multiple of ASTRAY, between windows.
+    """
 
     within: float = 1.0
     between: float = 1.0
@@ -100,17 +108,17 @@ DOUBTED = _Errs(within=9.0, between=9.0)
 
 @dataclass(frozen=True)
 class _Segment:
-    """Segment to filter.
+    """Segment of a recording to filter.
 
     Attributes:
         model: The vehicle.
-        record: The recording.
+        record: The recording of N rows.
         number: Number of the segment.
         logged: Measured states, (N, 13).
-        seen: Which of them are samples, (N, 12).
-        sigma: Their noise, (12,).
+        seen: Which channels have a sample, (N, 12).
+        sigma: Noise of the channels, (12,).
         rotors: Lag states of the thrusters at every row, (N, n).
-        memory: Internal states, (N, states).
+        memory: Internal states of the effects, (N, states).
     """
 
     model: Candidate
@@ -124,12 +132,18 @@ class _Segment:
 
     @property
     def bounds(self) -> Rows:
-        """First row and the row after the last."""
+        """First row of the segment, and the row after its last."""
         bounds: Rows = self.record.segments[self.number]
         return bounds
 
     def predicted(self, state: Array, row: int, rows: int) -> tuple[Array, Array]:
-        """Return states (rows, 13) from a state at a row, and their responses to it, (rows, 12, 12)."""
+        """Return predicted states, (rows, 13), and their responses to the first state, (rows, 12, 12).
+
+        Args:
+            state: State at the first row, (13,).
+            row: First row.
+            rows: Number of rows.
+        """
         part = slice(self.number, self.number + 1)
         places = Places(
             self.record.commands,
@@ -146,7 +160,7 @@ class _Segment:
 
 
 def tracked(vehicle: Vehicle, record: Recording) -> Recording:
-    """Fill the channels that a segment never measured with the vehicle's model.
+    """Return a recording in which a model has filled the channels that a segment never measured.
 
     The recording is returned unchanged if every channel was measured, or if the model diverges.
 
@@ -191,7 +205,12 @@ def shot_seconds(record: Recording) -> float:
 
 
 def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
-    """Return the states of a segment's rows, (n, 13), and their mean variance, (12,); None if diverged."""
+    """Return the states of a segment's rows, (n, 13), and their mean variance, (12,); None if it diverges.
+
+    Args:
+        here: The segment.
+        never: Mask of the channels without a sample, (12,).
+    """
     start, stop = here.bounds
     begin = here.logged[start].copy()
     spread = np.diag(AT_FIRST**2)
@@ -209,7 +228,7 @@ def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
 
 
 def _telling(here: _Segment) -> int:
-    """Return the end row of the data used to estimate the model error, TELLING after the first command."""
+    """Return the row at which the data for the model error end: TELLING seconds after the first command."""
     start, stop = here.bounds
     commanded = np.flatnonzero(here.record.commands[start:stop].any(axis=1))
     first = int(commanded[0]) if len(commanded) else 0
@@ -220,8 +239,8 @@ class _Filtered(NamedTuple):
     """Forward pass of the filter over a segment.
 
     Attributes:
-        windows: Windows from the start to a row.
-        cost: Minus twice the log-likelihood of their samples, up to a constant.
+        windows: Windows from the start of the segment.
+        cost: Minus twice the log-likelihood of the samples, up to a constant.
     """
 
     windows: list[_Window]
@@ -229,7 +248,14 @@ class _Filtered(NamedTuple):
 
 
 def _likeliest(here: _Segment, state: Array, spread: Array, stop: int) -> _Errs:
-    """Return the model error of maximum likelihood, by a search upwards in steps of COARSER."""
+    """Return the model error of maximum likelihood, by a search upwards in factors of COARSER.
+
+    Args:
+        here: The segment.
+        state: Initial state, (13,).
+        spread: Covariance of the initial state, (12, 12).
+        stop: Row after the last of the data.
+    """
 
     def cost(errs: _Errs) -> float:
         return _filtered(here, state, spread, stop, errs).cost
@@ -250,7 +276,15 @@ def _likeliest(here: _Segment, state: Array, spread: Array, stop: int) -> _Errs:
 
 
 def _filtered(here: _Segment, state: Array, spread: Array, stop: int, errs: _Errs) -> _Filtered:
-    """Filter a segment from its start to a row."""
+    """Filter a segment from its start to row `stop`.
+
+    Args:
+        here: The segment.
+        state: Initial state, (13,).
+        spread: Covariance of the initial state, (12, 12).
+        stop: Row after the last.
+        errs: Model error.
+    """
     start, rows = int(here.bounds[0]), max(round(WINDOW / here.record.dt), 1)
     windows, total = list[_Window](), 0.0
     for first in range(start, stop, rows):
@@ -267,9 +301,17 @@ def _filtered(here: _Segment, state: Array, spread: Array, stop: int, errs: _Err
 def _corrected(
     here: _Segment, expected: Array, spread: Array, first: int, count: int, errs: _Errs
 ) -> tuple[_Window, float] | None:
-    """Correct a window by its samples; return it and its cost, or None if it diverges.
+    """Correct a window by its samples; return the window and its cost, or None if the motion diverges.
 
-    Its initial state is the most likely one given prediction and samples.
+    The initial state of the window is the most likely state given prediction and samples.
+
+    Args:
+        here: The segment.
+        expected: Predicted state at the start of the window, (13,).
+        spread: Covariance of `expected`, (12, 12).
+        first: First row of the window.
+        count: Number of rows.
+        errs: Model error.
     """
     known, sigma = np.linalg.inv(spread), errs.within * here.sigma
     seen, length = here.seen[first : first + count], min(count + 1, int(here.bounds[1]) - first)
@@ -306,7 +348,7 @@ def _apart(state: Array, other: Array) -> Array:
 
 
 def _smoothed(here: _Segment, windows: list[_Window]) -> tuple[Array, Array]:
-    """Smooth the states of every row of the segment, (n, 13); also return their mean variance, (12,)."""
+    """Return the smoothed states of every row of a segment, (n, 13), and their mean variance, (12,)."""
     start, stop = here.bounds
     out, variances = np.empty((stop - start, BODY)), []
     behind: tuple[Array, Array] | None = None

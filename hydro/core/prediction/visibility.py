@@ -1,8 +1,8 @@
 """Observability of the motion in a recording with missing sensors, axis by axis.
 
-It uses Fisher information: the standard deviation of each component of a shot's initial state, given the
+Fisher information gives the standard deviation of each component of a shot's initial state, given the
 samples, the commands and the model.  A velocity without samples may be well known from changes of position or
-attitude.  A velocity that affects no sample is not observable, and neither are forces that act on it alone.
+attitude. A velocity that affects no sample is not observable, and neither are forces that act on it alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle
 
-MOST_SHOTS = 60
+MOST_SHOTS = 60  # maximum number of shots, enough for a median
 NOT_SHOWN = np.repeat([1.0, 0.5, 1.0, 0.5], 3)
 """Standard deviation above which a component is not observable [m, rad, m/s, rad/s]."""
 SENSORS = ("position", "attitude", "velocity", "rates of turn")
@@ -31,7 +31,7 @@ AXES = (
 
 
 def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
-    """Return one line for each missing sensor: components that are not observable, and the others' accuracy.
+    """Return one line for each missing sensor: which components are not observable, and how well others are.
 
     Args:
         vehicle: The vehicle.
@@ -58,7 +58,14 @@ def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
 
 
 def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str:
-    """Describe the accuracy of some components of a missing sensor."""
+    """Describe the accuracy of the components of a missing sensor.
+
+    Args:
+        sensor: Name of the sensor.
+        places: Channels of the sensor, 0 to 11.
+        names: Names of these channels.
+        known: Standard deviation of every channel, (12,).
+    """
     columns, units = (*POSE, *VELOCITY), (*POSE_UNITS, *VELOCITY_UNITS)
     pairs = list(zip(places, names, strict=True))
     dark = [name for place, name in pairs if not known[place] < NOT_SHOWN[place]]
@@ -76,7 +83,7 @@ def _known(vehicle: Vehicle, record: Recording) -> Array:
     """Return the standard deviation of the initial states of shots, (12,).
 
     It is the median over the shots for a true model, or the uncertainty of filled channels if that is larger,
-    since that includes the model error.
+    since it includes the model error.
     """
     filled = tracked(vehicle, record)
     shots = make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)

@@ -1,10 +1,11 @@
-"""Equation error over windows: the equation of motion integrated with a smooth test function.
+"""Equation error over windows: the equation of motion integrated with a smooth test function phi.
 
-    int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3
+    int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3.
 
-Here a is the acceleration of the vehicle's program along the smoothed motion, so no measured acceleration is
-needed (weak form, Messenger and Bortz 2021).  The kinematics d(x, y, z)/dt = R v are added as equations; they
-show errors of a DVL and are independent of forces.
+Here s is -1 to 1 over the window, and a is the acceleration of the vehicle's program along the smoothed
+motion with thrusts f.  So no measured acceleration is needed (weak form, Messenger and Bortz 2021).  The
+kinematics d(x, y, z)/dt = R v are added as equations; they show errors of a DVL and are independent of
+forces.
 
 For a long recording, evenly spread windows suffice, and forces are computed at their rows alone.
 """
@@ -42,18 +43,21 @@ SHARED = 4  # equations that overlapping neighbours share
 
 @dataclass(frozen=True)
 class Windows:
-    """Equation error of a recording.
+    """Equation error of a recording over W windows of L rows.
+
+    Each window has nine equations, six of motion and three of kinematics, integrated with a smooth test
+    function phi.
 
     Attributes:
-        record: The recording.
+        record: The recording of N rows.
         eta: Smoothed pose, (N, 6).
         nu: Smoothed velocity as logged, (N, 6).
-        rows: The rows that windows cover, ascending, (K,).
-        starts: Place in `rows` of the first row of each window, (W,).
+        rows: The K rows that windows cover, ascending, (K,).
+        starts: Index in `rows` of the first row of each window, (W,).
         test: phi at the rows of a window, times dt, (L,).
         slope: phi' at these rows, (L,).
         sigma: Standard deviation of the white noise of velocity and position, row by row, (9,).
-        whitener: W with W^T W the inverse covariance of a window's residuals, (9, 9).
+        whitener: Matrix V with V^T V the inverse covariance of a window's residuals, (9, 9).
         freedom: Number of independent equations per window, one number or (W,).
         share: Share of all possible windows of the recording.
         known: Weight of each equation by its share of samples, (W, 9); None if all values are samples.
@@ -87,8 +91,8 @@ class Windows:
         Args:
             record: The recording.
             sigma: Noise of the twelve channels; by default estimated from the recording.
-            most: Windows to keep of a long recording, see `shooting.evenly`; by default all.
-            seconds: Length of a window; at least nine rows.
+            most: Maximum number of windows, spread evenly over a long recording; by default all.
+            seconds: Length of a window [s]; at least nine rows.
             run: Number of consecutive windows that are kept or dropped together.
 
         Raises:
@@ -140,6 +144,7 @@ class Windows:
         return rotor_states_around(model, self.record)[self.rows]
 
     def _residuals(self, model: Candidate, rotors: Array) -> Array:
+        """Return the residuals of a compiled vehicle, (W, 9), with lag states `rotors` (K, n)."""
         record, rows = self.record, self.rows
         nu = true_velocity(model, record, self.nu)
         moving = np.einsum("kij,kj->ki", rotation(*self.eta[rows, 3:].T), nu[rows, :3])
@@ -159,7 +164,7 @@ class Windows:
         """Return the integrals over W windows of k signals times the test function, (W, k).
 
         Args:
-            values: Signals at the rows of the windows, (K, k).
+            values: Signals at the K rows of the windows, (K, k).
         """
         count, length = len(self.starts), self.test.size
         window = (self.starts[:, None] + np.arange(length)).ravel()
@@ -168,12 +173,12 @@ class Windows:
         return found
 
     def changes(self, values: Array) -> Array:
-        """Return integrals over W windows of the time derivative of signals times the test function, (W, k).
+        """Return integrals over W windows of the rate of k signals times the test function, (W, k).
 
         Integration by parts moves the derivative to the test function.
 
         Args:
-            values: Signals at the rows of the windows, (K, k).
+            values: Signals at the K rows of the windows, (K, k).
         """
         window = self.starts[:, None] + np.arange(self.test.size)
         return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
@@ -187,40 +192,56 @@ class Windows:
         return np.outer(sums, self.sigma[:6] ** 2)
 
     def drifting(self, model: Candidate) -> Array:
-        """Return the acceleration of a vehicle without thrust, at the rows of the windows, (K, 6)."""
+        """Return the acceleration of a vehicle with thrusters at rest, at the rows of the windows, (K, 6)."""
         record, rows = self.record, self.rows
         at_rest = np.zeros((rows.size, record.commands.shape[1]))
         nu = true_velocity(model, record, self.nu)
         return np.asarray(accelerations_at(rows, model, record, self.eta, nu, at_rest))
 
     def moved(self, model: Candidate) -> Array:
-        """Return the measured acceleration, integrated with the test function, (W, 6)."""
+        """Return the measured acceleration, integrated with the test function, (W, 6).
+
+        Args:
+            model: Vehicle, whose DVL errors are corrected.
+        """
         return self.changes(true_velocity(model, self.record, self.record.nu)[self.rows])
 
     @property
     def shown(self) -> Mask:
-        """Which of the six equations of motion have samples in some window, (6,)."""
+        """Which of the six equations of motion have samples in at least one window, (6,)."""
         known = np.ones((1, EQUATIONS)) if self.known is None else self.known
         return np.asarray((known[:, :6] > 0.0).any(axis=0))
 
     def counted(self, whitened: Array) -> Array:
-        """Weight whitened residuals or responses (..., W, k), k at most 9, by the share of samples."""
+        """Return whitened residuals or responses (..., W, k), weighted by each equation's share of samples.
+
+        k is at most 9.
+        """
         return whitened if self.known is None else whitened * self.known[:, : whitened.shape[-1]]
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the least-squares problem about a vehicle; the residual is measured minus predicted."""
+        """Linearise the least-squares problem about a vehicle; the residual is measured minus predicted.
+
+        Args:
+            base: The vehicle.
+            moved: Copies of the vehicle with one changed parameter each.
+            steps: Size of each change, in the unit of the problem's parameters.
+        """
         columns = self.columns(base, moved, steps)
         gram = columns.transpose(0, 2, 1) @ columns
         error = columns[..., -1]
         return Normal(gram, self.freedom, error**2, np.zeros((len(error), 0, len(moved) + 1)))
 
     def columns(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Array:
-        """Return whitened derivatives of the prediction by each parameter, and the residual, (W, 9, P + 1).
+        """Return whitened derivatives of the nine equations of W windows by P parameters, and the residual.
 
         Args:
             base: The vehicle.
-            moved: Its copies with one changed parameter each.
-            steps: Size of each change.
+            moved: Copies of the vehicle with one changed parameter each.
+            steps: Size of each change, in the unit of the problem's parameters.
+
+        Returns:
+            (W, 9, P + 1); the residual is last.
         """
         here = candidate(base)
         rotors = self._rotors(here)
@@ -238,12 +259,22 @@ class Windows:
         return columns
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
-        """Return the sum of squares."""
+        """Return the sum of squared residuals of a vehicle, infinite if not finite, and the problem itself.
+
+        `step` and `normal` are not used: there are no initial states to update.
+        """
         total = float((self.residuals(vehicle) ** 2).sum())
         return (total if np.isfinite(total) else np.inf), self
 
     def reweighted(self, normal: Normal) -> tuple[Windows, bool]:
-        """Update the weights from the residuals."""
+        """Return the problem with less weight for equations with large residuals.
+
+        Args:
+            normal: Problem at the present estimate.
+
+        Returns:
+            The problem, and whether its weights changed.
+        """
         squares = normal.channels.sum(axis=0)
         counted = len(normal.channels) if self.known is None else (self.known**2).sum(axis=0)
         rms = np.sqrt(squares / np.maximum(counted, 1.0))
@@ -253,7 +284,7 @@ class Windows:
 
 
 def _runs(count: int, most: int | None, run: int) -> Rows:
-    """Return indices of the windows to keep, at most `most`, in runs of consecutive ones."""
+    """Return the indices of at most `most` windows to keep, in runs of `run` consecutive windows."""
     if most is None or count <= most or run == 1:
         return evenly(count, most)
     kept = evenly(count // run, most // run) * run
@@ -262,10 +293,10 @@ def _runs(count: int, most: int | None, run: int) -> Rows:
 
 
 def _known(record: Recording, rows: Rows) -> Array:
-    """Return the weight of each equation of windows with rows (W, L): root of the share of sampled rows.
+    """Return the weight of each equation of windows with rows (W, L), (W, 9).
 
-    The weight is 0 if a channel is filled by a model.  It is 0 for the kinematics if position or velocity is
-    not sampled, since one of them was then derived from the other.
+    It is the root of the share of sampled rows, and 0 if a model filled a channel.  It is 0 for the
+    kinematics if position or velocity is not sampled, since one of the two was then derived from the other.
     """
     assert record.seen is not None
     share = record.seen[rows].mean(axis=1)

@@ -1,1 +1,1 @@
-"""Tests of sensors and columns of a recording before any fit."""
+"""Tests for errors of the DVL, from pose and velocity alone, before any model of the dynamics is fitted."""

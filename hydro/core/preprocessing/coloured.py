@@ -1,11 +1,11 @@
 """Coloured noise of velocities, estimated from kinematics alone.
 
-A DVL that averages, or a filter behind it, has errors that persist for a while.  Such an error hardly changes
-between rows, so `recording.noise` does not detect it, and over a second it looks like motion.  But it moves
-nothing.  So compare the slope of the pose with the integral of the velocities: scatter beyond the white noise
-of both is an error of the velocities, whatever forces act, if the noise of the pose is white.  It is
-expressed as the white noise that would cause the same scatter of slopes.  So velocities have the right weight
-over the length of a shot.
+A DVL that averages, or a filter behind it, has errors that persist for a second or more.  Such an error
+hardly changes between rows, so `recording.arrays.noise` does not detect it, and over a second it looks like
+motion.  But the pose does not follow it.  So the slope of the pose over a second or two is compared with the
+mean velocity.  A difference beyond the white noise of both is an error of the velocity, whatever forces act,
+if the noise of the pose is white.  The error is expressed as the white noise that would scatter the slopes
+equally.  So velocities get the right weight in shots, which are two seconds long.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from hydro.core.recording.dead_reckoning import pose_error
 from hydro.core.vehicle.frames import rotation
 
 SLOPE_LENGTHS = (0.5, 1.0, 2.0)
-"""Lengths of the slopes [s]; the length with the largest noise counts."""
+"""Durations over which slopes are fitted [s]; the duration with the largest noise counts."""
 SURE = 4.0
-"""Standard errors by which the scatter of the slopes must exceed that of white noise."""
+"""Minimum excess of the mean squared slope over that of white noise, in standard errors."""
 PLAIN_EXCESS = 1.2
-"""Minimum ratio of noise to white noise, both for the slopes and for the residual of the channel."""
-LEAST_SLOPES = 30
-POSE_CHANNELS = 6
+"""Minimum ratio of coloured to white noise, and of a channel's residual to its white noise."""
+LEAST_SLOPES = 30  # minimum number of slopes, so that their scatter is known to a quarter
+POSE_CHANNELS = 6  # position and attitude are the first of the twelve channels
 
 
 def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
-    """Return the standard deviations of the twelve channels with coloured noise of the velocities.
+    """Return standard deviations of the twelve channels in which coloured noise of velocities is included.
 
     Args:
-        sigma: Standard deviations of the white noise, (12,).
-        normal: The problem weighted by them, linearised at the best fit of the vehicle's effects.
+        sigma: Standard deviations of the white noise, pose then velocity, (12,) [m, rad, m/s, rad/s].
+        normal: Problem weighted by `sigma`, linearised at the best fit of the vehicle's effects.
         record: The recording.
-        tests: Kinematic tests of the DVL's other errors.
+        tests: Kinematic tests of DVL errors, by effect; shown errors are corrected first.
 
     Returns:
-        (12,), rescaled so that a true model still has a reduced chi-square of 1, since velocities with a
-        small weight have small residuals.  `sigma` unchanged if only white noise is found or there are no
-        tests.
+        (12,) [m, rad, m/s, rad/s].  All are scaled down so that a true model still has a reduced chi-square
+        of 1, since velocities with a small weight have small residuals.  `sigma` unchanged if the noise is
+        white or there are no tests.
     """
     if not tests:
         return sigma
@@ -60,11 +60,15 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
 
 
 def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
-    """Return the white noise of velocity and rates with the same error over a second or two, (6,).
+    """Return the white noise of velocity with the same effect over a second or two as its coloured noise.
 
     Args:
         record: The recording.
-        tests: Kinematic tests of the DVL's other errors, which are not noise.
+        tests: Kinematic tests of DVL errors, by effect; shown errors are corrected first, as they are not
+            noise.
+
+    Returns:
+        Standard deviations of u v w p q r, (6,) [m/s, rad/s]; at least the white noise between rows.
     """
     sigma, log = noise(record), np.zeros(sensor.LOG)
     for name, (_, place) in ENTRIES.items():
@@ -78,7 +82,16 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
 
 
 def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: int) -> Array:
-    """Return the noise from slopes of `pose_error` over `length` rows; 0 where white noise explains them."""
+    """Return the velocity noise from slopes of the pose error over `length` rows, (6,) [m/s, rad/s].
+
+    It is 0 where white noise explains the scatter of the slopes.
+
+    Args:
+        record: The recording.
+        error: Position and attitude minus dead reckoning, (N, 3) each, from `pose_error`.
+        sigma: White noise of the channels, (12,).
+        length: Rows of each slope.
+    """
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
     if len(starts) < LEAST_SLOPES:
         return np.zeros(len(sigma) - POSE_CHANNELS)

@@ -1,4 +1,4 @@
-"""Correction of the delay of a DVL: velocities at the times at which they were measured.
+"""Correction of the delay of a DVL: velocities are moved to the times at which they were measured.
 
 Thrusters act on accelerations.  The accelerations of a late DVL lag behind the commands, and behind the rates
 of turn, which another sensor measures.
@@ -18,10 +18,11 @@ from hydro.core.recording.arrays import Recording
 
 
 def lateness(tests: Callable[[], Mapping[str, KinematicTest]]) -> float:
-    """Return the delay of the DVL [s] where kinematic tests show one; else 0.
+    """Return the delay of the DVL [s] if a kinematic test shows a delay; else 0.
 
     Args:
-        tests: Function that returns the kinematic tests; it fails for a recording that is too short.
+        tests: Function that returns the kinematic tests by effect; may raise a DataError for a short
+            recording.
     """
     try:
         test = tests().get(SENSOR_DELAY.name)
@@ -35,7 +36,7 @@ def on_time(record: Recording, late: float | None = None) -> Recording:
 
     Args:
         record: The recording.
-        late: Their delay [s]; by default that of `lateness`.
+        late: Delay of the velocities [s]; by default that which the kinematic tests show.
     """
     late = lateness(lambda: kinematic_tests(record)) if late is None else late
     if not late:

@@ -1,14 +1,16 @@
 """Tests for errors of the DVL from kinematics alone.
 
-Whatever forces act, d(position)/dt = R v (Fossen 2011, sec. 2.2).  So pose and logged velocity show each
-error of the DVL (`core.effects.sensor`) without a model of the dynamics.  No current or missing force can be
-mistaken for one.  The test compares the position with the integral of R v.  Both pass a high-pass filter that
-whitens the noise of position and velocity together: the Kalman filter of a noisy position with drifting dead
-reckoning.  Noisy data are never differentiated.  Residuals beyond the noise count as noise of the position,
-so fixes that are rarer than rows have a smaller weight.
+Whatever forces act, d(position)/dt = R v, with the rotation R from body to NED and the body velocity v
+(Fossen 2011, sec. 2.2).  So pose and logged velocity show each error of the DVL (`core.effects.sensor`)
+without a model of the dynamics, and a current or missing force cannot be mistaken for a DVL error.  The test
+compares the position with the integral of R v.  Both pass a high-pass filter that whitens the noise of
+position and velocity together: the Kalman filter of a noisy position with drifting dead reckoning.  Noisy
+data are never differentiated.  Residuals beyond the noise count as noise of the position, so fixes that are
+rarer than rows have a smaller weight.
 
-All thirteen parameters of the DVL are fitted at once.  So each effect is tested given all others.  Where a
-recording cannot separate two of them, neither is shown.
+The thirteen parameters of DVL errors are fitted at once: scale (3), mounting angles (3), delay, lever arm (3)
+and bias (3).  So each effect is tested given all other effects.  Where a recording cannot separate two
+effects, neither is shown.
 """
 
 from __future__ import annotations
@@ -34,14 +36,14 @@ ENTRIES = {
     for name, effect in CATALOGUE.items()
     if effect.kinematics is not None
 }
-"""Parameter of each effect, and its place in the parameter row of a DVL."""
+"""Parameter of each DVL error by effect name, and its indices in the vector of DVL parameters (LOG,)."""
 
 SHOWN = 1e-3
-"""Maximum p-value at which an effect is shown."""
+"""Maximum p-value at which an effect counts as shown."""
 VETO = 1e-4
-"""Maximum p-value at which a claim is refuted."""
+"""Maximum p-value at which the test refutes values claimed by another method."""
 SEEN = 0.9
-"""Power of the test for an error as large as `KinematicTest.visible`."""
+"""Probability with which the test shows an error as large as `KinematicTest.visible`."""
 
 HORIZON = (0.25, 20.0)  # s, bounds of the time constant of the high-pass
 PIECE_SECONDS = 2.0  # s, length of a block of the normal equations
@@ -49,11 +51,11 @@ BOX = 0.1  # s, half-width of the average of an acceleration
 PLAIN_SIZE = 0.5  # prior standard deviation of every parameter, in its unit
 LATEST = 2.0  # s, maximum delay
 CAUTION = 0.9  # share of the common noise that is subtracted
-LEAST_PIECES = 8
-ITERATIONS = 8
-REWEIGHTED = 4
+LEAST_PIECES = 8  # minimum number of pieces of PIECE_SECONDS in a recording
+ITERATIONS = 8  # maximum number of Gauss-Newton steps
+REWEIGHTED = 4  # maximum number of updates of the noise of the position
 RARE = 3.0  # ratio to the row-to-row noise above which a position was interpolated or held between fixes
-ROUGH = 10.0  # factor on the negligible size of an error for such a position
+ROUGH = 10.0  # factor on the negligible size of an error if positions are interpolated or held
 OTHERWISE = 1.1  # ratio of residual to noise above which the noise of the position is updated
 SETTLED = 0.01  # standard errors, convergence limit of a step
 HELD = 1e15  # prior information of a held component
@@ -61,16 +63,17 @@ HELD = 1e15  # prior information of a held component
 
 @dataclass(frozen=True)
 class KinematicTest:
-    """Kinematic test of one error of the DVL, given all others.
+    """Kinematic test of one error of the DVL, given all other errors.
 
     Attributes:
-        effect: Name in the catalogue.
-        estimate: Its parameters, (p,), in packing order.
-        covariance: Their covariance, (p, p), robust against correlated residuals.
+        effect: Name in the catalogue, for example `sensor_delay`.
+        estimate: Estimated values of the effect's p components, (p,), in packing order (`Effect.pack`).
+        covariance: Covariance of the estimate, (p, p), robust against correlated residuals.
         blocks: Number of independent blocks of data.
-        negligible: Size of a component below which it does not matter.
-        missed: Increase of the squared residual without the effect, with all other errors refitted, in units
-            of the reduced chi-square; computed only where the estimate is shown.
+        negligible: Size of a component below which it needs no correction, in the component's unit.
+        missed: Increase of the squared residual if the effect is left out and all other errors are refitted,
+            in units of the reduced chi-square; computed only if the estimate is otherwise significant, else
+            infinite.
     """
 
     effect: str
@@ -87,13 +90,13 @@ class KinematicTest:
 
     @property
     def visible(self) -> Array:
-        """Size at which each component alone would be shown with a probability of 0.9, (p,)."""
+        """Size at which each component alone would be shown with a probability of SEEN, (p,)."""
         size: Array = (scipy.special.ndtri(SEEN) - scipy.special.ndtri(0.5 * SHOWN)) * self.standard_error
         return np.maximum(size, self.negligible)
 
     @property
     def table(self) -> dict[str, Any]:
-        """The estimate as an `[[effect]]` table."""
+        """The estimate as an `[[effect]]` table of a vehicle file."""
         name = ENTRIES[self.effect][0]
         number = CATALOGUE[self.effect].parameter(name).shape == ()
         value = float(self.estimate[0]) if number else self.estimate.tolist()
@@ -101,23 +104,23 @@ class KinematicTest:
 
     @property
     def errors(self) -> dict[str, Any]:
-        """The standard errors of `table`, by parameter."""
+        """Standard errors in the form of `table`, by parameter name."""
         name = ENTRIES[self.effect][0]
         number = CATALOGUE[self.effect].parameter(name).shape == ()
         return {name: float(self.standard_error[0]) if number else self.standard_error.tolist()}
 
     @property
     def p_value(self) -> float:
-        """p-value of the estimate without the effect."""
+        """p-value of the estimate if the DVL has no such error."""
         return self.chance(np.zeros_like(self.estimate))
 
     def distance(self, claimed: Array) -> float:
-        """Return the squared distance of the estimate from claimed values (p,), in standard errors (Wald)."""
+        """Return the squared Mahalanobis distance of the estimate from claimed values, (p,): a Wald test."""
         away = self.estimate - claimed
         return float(away @ np.linalg.solve(self.covariance, away))
 
     def chance(self, claimed: Array) -> float:
-        """Return the p-value of the estimate under claimed values."""
+        """Return the p-value of the estimate if the claimed values (p,) are true, by an F test."""
         entries = len(self.estimate)
         return float(
             scipy.special.fdtrc(entries, max(self.blocks - entries, 1), self.distance(claimed) / entries)
@@ -125,7 +128,7 @@ class KinematicTest:
 
 
 def shown(test: KinematicTest) -> bool:
-    """Return whether kinematics shows an effect: significant, and larger than negligible."""
+    """Return whether a test shows its effect: significant, larger than negligible, and needed by the fit."""
     size, error = test.estimate, test.standard_error
     if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
         return False  # impossible for a DVL: the pose is late, not the DVL
@@ -134,27 +137,27 @@ def shown(test: KinematicTest) -> bool:
 
 
 def _missed(test: KinematicTest) -> bool:
-    """Return whether the fit without an effect is significantly worse.
+    """Return whether the fit without the effect is significantly worse.
 
-    For motion along one line, scales and angles may be exchanged for one another.  The estimate is then large
-    and its linearised errors are small, but the fit without it is equally good.
+    For motion along one line, scales and angles can replace one another.  The estimate is then large and its
+    linearised errors are small, but the fit without the effect is equally good.
     """
     return float(scipy.special.chdtrc(len(test.estimate), test.missed)) <= SHOWN
 
 
 def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
-    """Return whether kinematics contradicts the values that a model of the dynamics claims.
+    """Return whether kinematics contradicts the values of a DVL error that a model of the dynamics claims.
 
     Args:
-        test: Test of the effect.
-        claimed: Its `[[effect]]` table.
+        test: Kinematic test of the effect.
+        claimed: `[[effect]]` table with the claimed values.
 
     Returns:
-        True where the claim is refuted, and the estimate agrees better with no error than with this one.
-        False where the recording could not have shown an error of that size.
+        True if the test refutes the claimed values and the estimate is nearer to zero error than to these
+        values. False also if the recording could not have shown an error of that size.
 
     Raises:
-        DataError: The table does not fit this effect.
+        DataError: The table does not belong to this effect.
     """
     given = {key: value for key, value in claimed.items() if key != "standard_error"}
     values = CATALOGUE[test.effect].pack(given, thrusters=0)
@@ -170,8 +173,8 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         record: The recording.
 
     Returns:
-        One test per sensor effect, by name; empty if position, attitude or velocity has no samples, since it
-        was then derived from the others.
+        One test for each DVL error, by effect name.  Empty if position, attitude or velocity has no samples:
+        a channel without samples was computed from the other two, so the three cannot contradict each other.
 
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.
@@ -206,7 +209,7 @@ def _squares(normal: Normal) -> float:
 
 
 def _negligible(effect: str, dt: float) -> float:
-    """Return the negligible size of an error; half a sample time where the record has none."""
+    """Return the negligible size of an error; half the sample time `dt` [s] for a delay."""
     kinematics = CATALOGUE[effect].kinematics
     size = kinematics.negligible if kinematics is not None else None
     return 0.5 * dt if size is None else size
@@ -215,13 +218,13 @@ def _negligible(effect: str, dt: float) -> float:
 def _fitted(
     record: Recording, log: Array, sigma: Array, without: slice | int | None = None
 ) -> tuple[Array, Array, Normal]:
-    """Fit the parameters of the DVL (LOG,) by Gauss-Newton; return them, their covariance and the problem.
+    """Fit the DVL parameters by Gauss-Newton; return them (LOG,), their covariance and the last problem.
 
     Args:
         record: The recording.
-        log: Initial values.
-        sigma: Noise of all channels (12,).
-        without: Components that are held at 0.
+        log: Initial values of the DVL parameters, (LOG,).
+        sigma: Noise of all channels, (12,).
+        without: Indices of parameters to hold at 0.
     """
     prior = np.full(LOG, PLAIN_SIZE**-2)
     if without is not None:
@@ -241,13 +244,13 @@ def _fitted(
 
 
 def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array]:
-    """Linearise at DVL parameters; return the problem and the possible bias from noise, (LOG,).
+    """Linearise at the DVL parameters `log`; return the problem, and the possible bias from noise, (LOG,).
 
-    Columns and residual share the noise of the velocity.  Its contribution to their products is known and is
-    subtracted (Fuller 1987, sec. 2.5).  The products must stay positive for an axis without motion, and also
-    without any one block of pieces, since a jackknife over the blocks would otherwise be unbounded.  The
-    remaining contribution biases a scale or an angle by its share of the products: an axis that hardly moves
-    seems many times too large.
+    The columns and the residual share the noise of the velocity.  Its contribution to their products is known
+    and is subtracted (Fuller 1987, sec. 2.5).  The products must stay positive for an axis without motion,
+    and also if any one block of pieces is left out, since a jackknife over the blocks would otherwise be
+    unbounded. The remaining contribution biases a scale or an angle by its share of the products: an axis
+    that hardly moves seems many times too large.
     """
     pieces = list(_pieces(record, log, sigma))
     if sum(len(gram) for gram, _, _ in pieces) < LEAST_PIECES:
@@ -273,9 +276,13 @@ def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array
 
 
 def _spare(gram: Array, shared: Array) -> float:
-    """Return the largest share of the noise contribution, at most 1, that can be subtracted.
+    """Return the largest share of the noise contribution that can be subtracted from the products, at most 1.
 
     With a larger share, the information on a scale or an angle given the other parameters would be negative.
+
+    Args:
+        gram: Products of the columns and the residual, (LOG + 1, LOG + 1).
+        shared: Contribution of the velocity's noise to them.
     """
     mount = np.arange(SCALE.start, ANGLES.stop)
     others = np.setdiff1d(np.arange(LOG), mount)
@@ -287,7 +294,12 @@ def _spare(gram: Array, shared: Array) -> float:
 
 
 def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield Gram matrices of [columns, residual], their noise part, and squares by axis, per segment."""
+    """Yield, for each segment, the products of columns and residual in pieces of two seconds.
+
+    Yields:
+        Gram matrices (pieces, LOG + 1, LOG + 1), the contribution of the velocity's noise to them, and the
+        sums of squared residuals by axis, (pieces, 3).
+    """
     dt, mount, turned = record.dt, _mount(log), _mount_derivatives(log)
     wander = np.sqrt((sigma[6:9] ** 2).mean())
     horizon = np.clip(sigma[:3] / wander, *HORIZON)
@@ -342,7 +354,15 @@ def _mount_derivatives(log: Array) -> Array:
 
 
 def _reading(log: Array, mount: Array, turned: Array, nu: Array, t: Array) -> tuple[Array, Array]:
-    """Return the velocity of CO from the DVL output, (N, 3), and its parameter derivatives, (LOG, N, 3)."""
+    """Return the velocity of CO from the DVL output, (N, 3), and its parameter derivatives, (LOG, N, 3).
+
+    Args:
+        log: DVL parameters, (LOG,).
+        mount: Matrix of `_mount`.
+        turned: Derivatives of `_mount_derivatives`.
+        nu: Logged velocity, (N, 6).
+        t: Times [s], (N,).
+    """
     path = scipy.interpolate.CubicSpline(t, nu[:, :3])
     now, before, after = (path(np.clip(t + log[DELAY] + shift, t[0], t[-1])) for shift in (0.0, -BOX, BOX))
     now -= log[BIAS]

@@ -1,1 +1,1 @@
-"""Residual hull force: learned from one recording, held fixed in another."""
+"""Models of the residual hull force, which a vehicle file does not explain: regression or network."""

@@ -10,8 +10,9 @@ The remaining evidence belongs to the change (MacKay, Bayesian interpolation, Ne
 1992).  A change of weight, current, thrust or sensor has features that no force of the motion has, and keeps
 its evidence.  The library explains a change that only imitates the hull's model error.
 
-Residuals of a wrong model are not white noise: they persist for the length of a shot.  So each shot counts as
-six independent values, the components of a steady wrench.  The evidence also selects their variance.
+Residuals of a wrong model are not white noise: they persist for the length of a shot, a prediction of two
+seconds.  So each shot counts as six independent values, the components of a steady wrench.  The evidence also
+selects the variance of these values, as a factor on that of the noise (the temper).
 """
 
 from __future__ import annotations
@@ -39,25 +40,29 @@ from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
 FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
-"""Factors on the prior deviations of the coefficients (`residual.library.sizes`), selected by evidence."""
+"""Candidate factors on the prior deviations of the coefficients (`residual.library.sizes`)."""
 TEMPERS = np.exp(np.arange(-1.0, 15.0, 0.25))
-"""Reduced chi-squares of the residual model, selected by evidence."""
+"""Candidate reduced chi-squares of the model with effect and library."""
 STEPS, WORTH, SHORTER = 6, 0.5, 0.3
-"""Maximum Gauss-Newton steps, log evidence that each step must gain, and the shortened step that is also
-tried."""
-LEAST = 1e-300
+"""Maximum number of Gauss-Newton steps, log evidence that each step must gain, and length of a second try.
+
+The second try shortens a step that gains too little.
+"""
+LEAST = 1e-300  # lower bound of a divisor
 
 
 @dataclass(frozen=True)
 class Held:
-    """Fit of an effect together with the unmodelled hull force.
+    """Fit of an effect with the unmodelled hull force integrated out.
+
+    P is the number of fitted components, of the effect and of the file.
 
     Attributes:
-        values: Values of all fitted components at the linearisation point, (P,).
+        values: Values of the components at the linearisation point, (P,).
         evidence: Logarithm of the evidence; minus infinity where a prediction diverges.
         best: Most probable values, (P,).
-        covariance: Posterior covariance, (P, P).
-        left: Reduced chi-square that remains with the effect and the library.
+        covariance: Posterior covariance of the values, (P, P).
+        left: Reduced chi-square with the effect and the library, as selected by the evidence.
     """
 
     values: Array
@@ -71,10 +76,11 @@ class Held:
 class Allowance:
     """Allowance for unmodelled hull forces in fits: responses of short predictions to the hull-force library.
 
-    A rotation of the library's coefficients makes their normal equations diagonal.
+    The library's coefficients are rotated so that their normal equations are diagonal.  S is the number of
+    shots, R that of compared residuals per shot, Q that of coefficients.
 
     Attributes:
-        shots: The recording.
+        shots: Short predictions of the recording.
         weight: Robust weight of each shot, so that a few violent shots do not dominate, (S,).
         beginnings: Responses to the initial state of each shot, in units of the noise, (S, R, 12).
         across: Responses to the library with the initial states eliminated, (S, R, Q).
@@ -91,7 +97,7 @@ class Allowance:
 
     @classmethod
     def of(cls, vehicle: Vehicle, shots: Shots) -> Allowance:
-        """Compute the responses along the measured motion.
+        """Compute the responses of shots to the hull-force library, along the measured motion.
 
         Args:
             vehicle: The vehicle file.
@@ -112,7 +118,14 @@ class Allowance:
 
     @classmethod
     def _turned(cls, shots: Shots, weight: Array, beginnings: Array, library: Array) -> Allowance:
-        """Eliminate the initial states and rotate the library to the eigenvectors of its normal equations."""
+        """Eliminate the initial states and rotate the library to the eigenvectors of its normal equations.
+
+        Args:
+            shots: Short predictions of the recording.
+            weight: Robust weight of each shot, (S,).
+            beginnings: Responses to the initial states, (S, R, 12).
+            library: Responses to the coefficients in units of their priors, (S, R, Q).
+        """
         gram, across, known = np.zeros((library.shape[2], library.shape[2])), library.copy(), _known(shots)
         seen = shots.weights(slice(None))
         compared = library.shape[1] if seen is None else float(seen[:, :: thinning(shots)].sum() / len(seen))
@@ -126,12 +139,12 @@ class Allowance:
         return cls(shots, weight, beginnings, turned, np.maximum(found, 0.0), compared)
 
     def held(self, unknown: Free, values: Array, prior: Prior) -> Held:
-        """Evaluate values of the effect with the hull force integrated out.
+        """Evaluate the evidence of an effect near given values, with the hull force integrated out.
 
         Args:
-            unknown: The fitted components.
-            values: Their values, (P,).
-            prior: Their prior, in scales of the components.
+            unknown: The P fitted components.
+            values: Values of the components, (P,).
+            prior: Prior of the values, in scales of the components.
         """
         vehicle, count = unknown.at(values), len(values)
         error = _error(vehicle, self.shots)
@@ -160,16 +173,17 @@ class Allowance:
     def _integrated(
         self, own: Array, across: Array, away: Array, prior: Prior
     ) -> tuple[float, Array, Array, float]:
-        """Maximise the evidence over factors and tempers.
+        """Maximise the evidence over the factors FACTORS and the reduced chi-squares TEMPERS.
 
         Args:
             own: Normal equations of the effect's columns and the residual, initial states eliminated.
-            across: Their projections on the library.
+            across: Products of these columns with the library, (Q, P + 1).
             away: Distance of the values from the prior mean, in scales, (P,).
             prior: Prior of the values.
 
         Returns:
-            The evidence, the best step, its covariance and the reduced chi-square.
+            The log evidence, the best step of the values (P,) and its covariance (P, P), both in scales, and
+            the reduced chi-square.
         """
         scale = AXES / (self.compared * TEMPERS)  # information of a squared residual, (T,)
         size = np.multiply.outer(FACTORS**2, self.sizes)[:, None] * scale[:, None]  # (F, T, Q)
@@ -193,7 +207,12 @@ class Allowance:
     def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
         """Repeat the linearisation at the most probable values while the evidence grows.
 
-        An effect that is linear in its components needs no step.
+        Effects that are linear in their components need no step.
+
+        Args:
+            unknown: The fitted components.
+            held: Fit to start from.
+            prior: Prior of the values, in scales of the components.
         """
         for _ in range(STEPS):
             tried = self.held(unknown, held.best, prior)

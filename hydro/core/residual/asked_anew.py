@@ -1,8 +1,8 @@
-"""Shots whose hull-force correction is recomputed for every candidate.
+"""Shots whose hull-force correction is recomputed for every candidate vehicle.
 
 The wrench of a hull depends on the motion through the water.  A candidate's current and its DVL errors change
 that motion, so they change the correction of the shots as well as the prediction.  Residuals are computed
-again for every candidate here, and derivatives are finite differences of them.
+again for every candidate here, and derivatives are finite differences of residuals.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class AskedAnew:
-    """Least-squares problem of `levenberg_marquardt` over shots as measured.
+    """Least-squares problem of `levenberg_marquardt` with the hull force recomputed for every candidate.
 
     Attributes:
-        law: The residual wrench of the hull.
-        transitions: State transitions of deviations in the shots, for all candidates.
-        beginnings: Orthonormal responses of the compared rows to the initial state, in units of the noise,
-            (S, K, 12), K values per shot.
+        law: Model of the residual hull force.
+        transitions: Responses of the shots to small deviations, used for all candidates.
+        beginnings: Orthonormal basis of the responses of the K compared values of each of S shots to its
+            initial state, in units of the noise, (S, K, 12).
     """
 
     law: Law
@@ -40,7 +40,12 @@ class AskedAnew:
 
     @classmethod
     def of(cls, law: Law, transitions: Transitions) -> AskedAnew:
-        """Prepare the problem from the transitions of shots."""
+        """Prepare the problem.
+
+        Args:
+            law: Model of the residual hull force.
+            transitions: Shots of the recording, with their responses to forces.
+        """
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
             part = slice(begin, begin + SHOTS_TOGETHER)
@@ -53,7 +58,13 @@ class AskedAnew:
         return cls(law, transitions, np.concatenate(found))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the least-squares problem about a vehicle by finite differences."""
+        """Linearise the least-squares problem about a vehicle by finite differences.
+
+        Args:
+            base: The vehicle.
+            moved: Copies of the vehicle with one changed parameter each.
+            steps: Size of each change, in the unit of the problem's parameters.
+        """
         here = self._left(base)
         columns = [(here - self._left(other)) / step for other, step in zip(moved, steps, strict=True)]
         flat = np.stack([*columns, here], axis=-1)
@@ -66,15 +77,18 @@ class AskedAnew:
         return Normal(gram, np.maximum(compared - CHANNELS, 1.0), channels, follow)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, AskedAnew]:
-        """Return the sum of squares of a vehicle; initial states have no values to update."""
+        """Return the sum of squared residuals of a vehicle, and the problem, which keeps no state.
+
+        `step` and `normal` are not used: initial states are eliminated, so they need no update.
+        """
         return float((self._left(vehicle) ** 2).sum()), self
 
     def reweighted(self, normal: Normal) -> tuple[AskedAnew, bool]:
-        """Return the problem unchanged: the weights are fixed."""
+        """Return the problem unchanged, and False: its weights are fixed."""
         return self, False
 
     def _left(self, vehicle: Vehicle) -> Array:
-        """Return residuals in units of the noise with the initial states eliminated, (S, K)."""
+        """Return residuals of a vehicle in units of the noise, with the initial states eliminated, (S, K)."""
         shots = self.transitions.shots
         corrected = OutputError(self.transitions.corrected(self.law.wrench(vehicle, shots)))
         begun = corrected.at_measured_states(vehicle).shots

@@ -1,7 +1,8 @@
-"""Error of a hull model in the values of a change.
+"""Error that a hull-force model causes in the fitted values of a change.
 
-The error of a hull model is not white noise: it persists, and it recurs with the motion.  It may cause as
-much of a change as a fit would find in a held-out stretch of a recording without a change.
+The error of a hull-force model is not white noise: it persists, and it recurs with the motion.  So its effect
+on a fit is estimated from a recording without a change: from the change that a fit would find in each
+held-out stretch of this recording.
 """
 
 from __future__ import annotations
@@ -16,18 +17,19 @@ from hydro.core.vehicle.description import Vehicle
 
 
 def imitations(unchanged: OutputError, file: Vehicle, unknown: Free, values: Array, fold: Rows) -> Array:
-    """Return the changes that would be fitted to a recording without a change if all were like one stretch.
+    """Return the changes that a fit would find in a recording without a change, by stretch of the recording.
 
-    Each is one Gauss-Newton step along the motion that the file predicts, with the information of all
-    stretches and the score of one in place of each.  One stretch alone need not determine every entry: in a
-    straight run, thrusters with equal commands differ in nothing.
+    Each value is that of a recording in which all stretches are like this one.  It is one Gauss-Newton step
+    along the motion that the file predicts, with the information of all stretches and the score of one
+    stretch in place of each.  One stretch alone need not determine every entry: in a straight run, thrusters
+    with equal commands cannot be separated.
 
     Args:
-        unchanged: Shots of the recording before the change, corrected by the hull model.
+        unchanged: Shots of the recording before the change, corrected by the hull-force model.
         file: The vehicle without the change.
-        unknown: Components fitted to the recording after the change.
-        values: Their fitted values, (P,).
-        fold: Number of the stretch of each shot, (S,).
+        unknown: P components fitted to the recording after the change.
+        values: Fitted values of the components, (P,).
+        fold: Number of the stretch of each of S shots, (S,).
 
     Returns:
         Deviations from no change, in the scales of the components, (stretches, P).

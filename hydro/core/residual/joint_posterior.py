@@ -1,18 +1,21 @@
-"""Joint posterior of the values of changes, with the error of the hull model integrated out.
+"""Joint posterior of the values of changes, with the error of the hull-force model integrated out.
 
-The residual of the recording after the changes is linear in their values d near a fit:
+The residual e of the recording after the changes is linear in their values d near a fit:
 
     e = J d + L h + n,
 
-with the hull model's error h and the noise n.  Neither L h nor n is white: both persist, and L h recurs with
-the motion.  So their covariance comes from data, not from a formula:
+with the sensitivities J, the hull-force model's error h, its response L h, and the noise n.  Neither L h nor
+the noise is white: both persist, and L h recurs with the motion.  So their covariance comes from data, not
+from a formula:
 
 - Stretches of the recording before the changes give draws of what L h adds to the values (`imitation`).
-- Stretches of the recording after them give the scatter of the scores J^T e (the sandwich estimator for
-  clustered errors, White 1982, Liang and Zeger 1986).
+- Stretches of the recording after the changes give the scatter of the scores J^T e.
 
-Entries that the search held at the file's values may have changed a little, and then bias the others.  So
-they are free here, with a normal prior about the file's values.  Its standard deviation has the maximum
+The scatter of the scores is used in a sandwich estimator for clustered errors (White 1982, Liang and Zeger
+1986).
+
+Entries that the search held at the file's values may have changed a little, and then bias the other entries.
+So they are free here, with a normal prior about the file's values.  Its standard deviation has the maximum
 evidence (MacKay 1992): it is 0 where the recordings do not show that any of them has changed.
 
 Few stretches leave the variance uncertain, so standard errors are widened until two of them hold as much
@@ -33,19 +36,21 @@ from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.prediction.normal_equations import Normal, bounded_step
 
 HELD = 2.0
-"""Number of standard errors whose probability is that of a normal distribution, as readers expect."""
+"""Number of standard errors within which widened errors have the same probability as normal errors."""
 SPREADS = np.concatenate([[0.0], np.geomspace(0.01, 2.0, 24)])
-"""Candidate prior standard deviations of held entries, in scales: from none to that of a new effect, in steps
-of a quarter."""
+"""Candidate prior standard deviations of entries that the search held, in scales, in steps of a quarter.
+
+They range from no change to the prior of a new effect.
+"""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Normal posterior distribution of values, in the scales of their entries.
+    """Normal posterior distribution of P values, in the scales of their components.
 
     Attributes:
-        mean: (P,).
-        covariance: (P, P).
+        mean: Mean, (P,).
+        covariance: Covariance, (P, P).
     """
 
     mean: Array
@@ -61,17 +66,17 @@ def joint_posterior(
     imitated: Array,
     held: NDArray[np.bool_],
 ) -> Posterior:
-    """Return the posterior of the values of changes.
+    """Return the posterior of the values of changes, with the error of the hull-force model included.
 
     Correlations are those of white residuals: few stretches do not determine them.
 
     Args:
-        normal: Problem linearised about `here`.
-        here: Values at the linearisation, (P,), in scales.
+        normal: Least-squares problem of the recording after the changes, linearised about `here`.
+        here: Values of P components at the linearisation, (P,), in scales.
         prior: Prior of the values.
         bounds: Least and greatest values, (P,) each, in scales.
-        fold: Stretch of each shot, (S,).
-        imitated: Draws of the hull model's error in the values, (stretches, P), in scales.
+        fold: Number of the stretch of each of S shots, (S,).
+        imitated: Draws of the hull-force model's error in the values, from `imitations`, (stretches, P).
         held: Mask of the entries that the search held at the centre of the prior, (P,).
     """
     kept = np.isfinite(normal.gram[:, -1, -1])
@@ -91,12 +96,14 @@ def joint_posterior(
 
 
 def nearly_held(free: Posterior, centre: Array, held: NDArray[np.bool_]) -> Posterior:
-    """Return the posterior with a normal prior of the held entries about their values in the file.
+    """Return a posterior after adding a normal prior that keeps some entries near their values in the file.
+
+    The standard deviation of this prior is that of SPREADS with the maximum evidence.
 
     Args:
-        free: Posterior with all entries free.
+        free: Posterior with all P entries free.
         centre: Values in the file, (P,).
-        held: Mask of the held entries, (P,).
+        held: Mask of the entries with this prior, (P,).
     """
     if not held.any():
         return free
@@ -110,11 +117,11 @@ def nearly_held(free: Posterior, centre: Array, held: NDArray[np.bool_]) -> Post
 
 
 def widening(parts: Array, freedoms: Array) -> Array:
-    """Return the factor on standard errors for the uncertainty of their variance, at least 1, (P,).
+    """Return the factor on standard errors whose variance is uncertain, at least 1, (P,).
 
     Args:
-        parts: Independent estimates whose sum is the variance, (parts, P).
-        freedoms: Degrees of freedom of each, (parts, 1).
+        parts: Independent parts whose sum is the variance of each of P values, (parts, P).
+        freedoms: Degrees of freedom of each estimate, (parts, 1).
     """
     total = parts.sum(axis=0)
     freedom = total**2 / np.maximum((parts**2 / freedoms).sum(axis=0), np.finfo(float).tiny)

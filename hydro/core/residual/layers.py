@@ -33,7 +33,7 @@ FUNCTIONS = {"relu": 0, "silu": 1, "tanh": 2, "softmax": 3}
 SLOW = 0.1
 """Normalised speed below which the direction of motion is smoothed towards zero."""
 EPSILON = 1e-5
-"""Added to the variance in a layer norm, torch's default."""
+"""Term added to the variance in a layer norm, torch's default."""
 
 _ONE, _LOWEST, _HIGHEST, _LOG2_E = (np.float32(x) for x in (1.0, -87.0, 88.0, 1.44269504088896341))
 _ROUNDER = np.float32(1.5 * 2.0**23)  # adding it rounds to an integer, held in the last bits
@@ -54,12 +54,12 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 
 @kernel
 def run(program: Array, weights: Array32, nu: Array, work: Array32, scratch: Array) -> None:
-    """Run the program of a network on a workspace, whose first values are the inputs.
+    """Run the program of a network on a workspace whose first values are the inputs.
 
     Args:
         program: Operations, one per row, (operations, COLUMNS), from `core.residual.lowering`.
         weights: All weights in one vector.
-        nu: Velocity in body axes (6,) [m/s, rad/s].
+        nu: Velocity in body axes, (6,) [m/s, rad/s].
         work: Workspace; its last six values are the wrench afterwards.
         scratch: Memory for sums in float64, (`mirrors.SCRATCH`,).
     """
@@ -90,7 +90,7 @@ def run(program: Array, weights: Array32, nu: Array, work: Array32, scratch: Arr
 
 @kernel
 def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -> None:
-    """Write W^T x + b to `out`, four inputs per pass over it."""
+    """Write W x + b to `out`; W^T, then b, are stored from `start` on.  Four inputs per pass over `out`."""
     length = out.size
     bias = weights[start + wide * length : start + (wide + 1) * length]
     for j in range(length):
@@ -113,8 +113,8 @@ def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -
 def exponential(x: np.float32) -> np.float32:
     """Return exp(x) in single precision, accurate to 1e-7, between 1e-38 and 1e38; NaN stays NaN.
 
-    It uses arithmetic alone, so that loops over it are vectorised.  With x = n ln 2 + r, it evaluates a
-    polynomial of r (Cephes) and writes n into the exponent bits.
+    The function uses arithmetic alone, so that loops over it are vectorised.  With x = n ln 2 + r, it
+    evaluates a polynomial of r (Cephes) and writes n into the exponent bits.
     """
     if x < _LOWEST:
         x = _LOWEST
@@ -136,7 +136,7 @@ def exponential(x: np.float32) -> np.float32:
 
 @kernel
 def _activate(function: int, x: Array32) -> None:
-    """Apply a function of `FUNCTIONS` in place."""
+    """Apply an activation function in place; `function` is its number in `FUNCTIONS`."""
     one, two = np.float32(1.0), np.float32(2.0)
     if function == 0:
         for j in range(x.size):
@@ -161,7 +161,7 @@ def _activate(function: int, x: Array32) -> None:
 
 @kernel
 def _norm(weights: Array32, start: int, x: Array32, out: Array32) -> None:
-    """Write scale (x - mean) / sqrt(variance + EPSILON) + shift to `out`; its weights are scale, shift."""
+    """Write scale (x - mean) / sqrt(variance + EPSILON) + shift to `out`; scale, shift start at `start`."""
     length = x.size
     mean, variance = 0.0, 0.0
     for j in range(length):
@@ -187,9 +187,9 @@ def _mix(shares: Array32, vectors: Array32, out: Array32) -> None:
 
 @kernel
 def _direction(weights: Array32, start: int, nu: Array, out: Array32) -> None:
-    """Write (nu / v) / (SLOW + |nu|) and 1 / (1 + |nu|) to `out`, |nu| the root mean square of nu / v.
+    """Write (nu / v) / (SLOW + |nu|) and 1 / (1 + |nu|) to `out` (7,).
 
-    The weights are the velocity scales v (6).
+    v are the velocity scales (6,), stored from `start` on, and |nu| is the root mean square of nu / v.
     """
     square = 0.0
     for i in range(6):
@@ -202,10 +202,10 @@ def _direction(weights: Array32, start: int, nu: Array, out: Array32) -> None:
 
 @kernel
 def _passive(weights: Array32, start: int, A: Array32, nu: Array, out: Array32) -> None:
-    """Write C(nu) nu + D nu to `out`, with the D of `damping`.
+    """Write C(nu) nu + D nu to `out` (6,), with the damping matrix D of `damping`.
 
-    The weights are the inertia (36) row by row, whose C it is (Fossen theorem 3.2), r (6), and 1 / (6 v^2) of
-    the velocity scales v.
+    The weights from `start` on are an inertia matrix (36), row by row, which defines the Coriolis matrix C
+    (Fossen theorem 3.2); the scales r (6); and 1 / (6 v^2) of the velocity scales v.
     """
     factor = _growth(weights, start, nu)
     for i in range(6):
@@ -227,7 +227,17 @@ def _passive(weights: Array32, start: int, A: Array32, nu: Array, out: Array32) 
 
 @kernel
 def damping(weights: Array32, start: int, A: Array32, nu: Array, D: Array) -> None:
-    """Write D = (1 + |nu|) R A A^T R to `D` (36,), R = diag(r); |nu| is the root mean square of nu / v."""
+    """Write the damping matrix (1 + |nu|) R A A^T R of a passive network to `D` (36,), row by row.
+
+    R = diag(r), and |nu| is the root mean square of nu / v.
+
+    Args:
+        weights: All weights of the network.
+        start: Offset of the layer's weights: inertia (36), r (6), 1 / (6 v^2) with the velocity scales v (6).
+        A: Output of the layers, (36,).
+        nu: Velocity in body axes, (6,) [m/s, rad/s].
+        D: Output: damping matrix, (36,).
+    """
     factor = _growth(weights, start, nu)
     for i in range(6):
         for k in range(6):
@@ -239,7 +249,7 @@ def damping(weights: Array32, start: int, A: Array32, nu: Array, D: Array) -> No
 
 @kernel
 def _growth(weights: Array32, start: int, nu: Array) -> float:
-    """Return 1 + |nu|."""
+    """Return 1 + |nu|, with the root mean square |nu| of nu / v, v the velocity scales."""
     square = 0.0
     for i in range(6):
         square += weights[start + 42 + i] * nu[i] ** 2
@@ -248,7 +258,7 @@ def _growth(weights: Array32, start: int, nu: Array) -> float:
 
 @kernel
 def _row(weights: Array32, at: int, nu: Array) -> float:
-    """Return one row of a matrix times nu."""
+    """Return the product of a matrix row, stored from `at` on, with nu."""
     total = 0.0
     for j in range(6):
         total += weights[at + j] * nu[j]

@@ -1,13 +1,15 @@
 """Residual wrench from a network of `hydro train`.
 
 A label is y = tau - M nu_dot - g on the left-hand side of the equation of motion, with C(nu) nu included
-(`distillation.labels`).  So the true force of the water is F = C nu - y with the C of all of M.  With F_0,
-the force of the file, the residual wrench is
+(`distillation.labels`): tau is the wrench of the thrusters, M the mass matrix with added mass, C its Coriolis
+matrix, and -g the wrench of weight and buoyancy.  So the true force of the water is F = C nu - y.  With F_0,
+the force of the vehicle file, the residual wrench is
 
     w = C(nu_r) nu_r - y(nu_r, nu_r_dot) - F_0.
 
-This holds in a steady current too, since a network of still water holds in the frame that drifts with it
-(Fossen 2011, property 8.1).  For labels with all effects subtracted, y = C_RB nu - w.
+This holds in a steady current too, since a network of still water holds in the frame that drifts with the
+current (Fossen 2011, property 8.1).  For labels with all effects subtracted, y = C_RB nu - w, with C_RB of
+the rigid body.
 """
 
 from __future__ import annotations
@@ -33,18 +35,19 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 
 IN_LABELS = ("inertia", "actuator", "sensor")
-"""Kinds of effects that are accounted for in every label."""
+"""Kinds of effects of the vehicle file that every label contains."""
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """Network and the vehicle file that it complements.
+    """Trained network as a model of the residual hull force of a vehicle file.
 
     Attributes:
         network: The network.
-        file: The file.
-        forces: Whether the network includes the forces of the file, so that they must be subtracted.
-        window: Number of velocities in the input, the present one included.
+        file: The vehicle file.
+        forces: Whether the network predicts the forces of the file's effects too, so that they are
+            subtracted.
+        window: Number of velocities in the input, the present velocity included.
     """
 
     network: Network
@@ -54,7 +57,12 @@ class Learnt:
 
     @classmethod
     def of(cls, model: TrainedModel, file: Vehicle) -> Learnt:
-        """Combine a model artefact with a vehicle file.
+        """Combine a trained network with a vehicle file.
+
+        Args:
+            model: Trained network, as `hydro train` writes it.
+            file: Vehicle file; must have the rigid body, thrusters and inertia with which the labels were
+                made.
 
         Raises:
             DataError: The labels were made with another rigid body, thrusters or inertia, or in a current; or
@@ -65,11 +73,11 @@ class Learnt:
         return cls(Network.of(model), file, model.subtract != "effects", window)
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """Return the residual wrench at every row of a recording, (N, 6) [N, N m].
+        """Return the residual wrench on the vehicle about CO at every row of a recording, (N, 6) [N, N m].
 
         Args:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
-            shots: Of the recording.
+            shots: Shots of the recording, with its smoothed motion.
         """
         record, model = shots.record, candidate(vehicle)
         flow = Flow.of(model, shots)
@@ -89,7 +97,12 @@ class Learnt:
 
 
 def coriolis(mass: Array, nu: Array) -> Array:
-    """Return C(nu) nu of many velocities (N, 6), (N, 6) (Fossen 2011, theorem 3.2)."""
+    """Return C(nu) nu of N velocities, (N, 6) (Fossen 2011, theorem 3.2).
+
+    Args:
+        mass: Mass matrix M, (6, 6).
+        nu: Velocities of CO in body axes, (N, 6) [m/s, rad/s].
+    """
     momentum = nu @ mass.T
     force = np.cross(nu[:, 3:], momentum[:, :3])
     moment = np.cross(nu[:, :3], momentum[:, :3]) + np.cross(nu[:, 3:], momentum[:, 3:])
@@ -98,6 +111,10 @@ def coriolis(mass: Array, nu: Array) -> Array:
 
 def require_same(model: TrainedModel, file: Vehicle) -> None:
     """Check that the labels of a network were made with an equivalent vehicle file.
+
+    Args:
+        model: Trained network; not checked if it does not contain the vehicle of its labels.
+        file: Vehicle file.
 
     Raises:
         DataError: The vehicles differ, or the file has a current.
@@ -125,7 +142,7 @@ def require_same(model: TrainedModel, file: Vehicle) -> None:
 
 
 def _tables(vehicle: Vehicle, kinds: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Return the effects of some kinds without bookkeeping keys of a fit."""
+    """Return the effects of the given kinds without standard errors and other records of a fit."""
     return [
         {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}
         for table in vehicle.effect

@@ -2,8 +2,8 @@
 
 The terms of each axis are products of velocities and accelerations through the water
 (`distillation.features`), the remaining |nu_i| nu_j, and the direction of gravity for weight and trim.  The
-prior standard deviation of a coefficient follows from the water density and the hull's box alone.  Drag is
-half rho A with A the mean of the box's sides; mass is that of the displaced water; the lever arm of each
+prior standard deviation of a coefficient follows from the water density rho and the hull's box alone.  Drag
+is half rho A with A the mean of the box's sides; mass is that of the displaced water; the lever arm of each
 rotation is half the length.  Linear damping equals quadratic damping at SLOW.  Weight and buoyancy balance
 within UNEVEN.  Coefficients that port-starboard symmetry rules out, such as a sway force of surge, are scaled
 by UNEVEN.
@@ -32,24 +32,27 @@ AXES = 6
 SLOW = 0.3
 """Speed at which linear and quadratic damping are equal [m/s]."""
 UNEVEN = 0.05
-"""Prior size of what a designer balances: coefficients that port-starboard symmetry rules out, relative to
-the others, and weight and trim, relative to buoyancy."""
+"""Prior size of deviations from symmetry and balance, which designers avoid.
+
+For coefficients that port-starboard symmetry rules out it is relative to other coefficients, for weight and
+trim relative to buoyancy.
+"""
 MIRRORED = np.array([False, True, False, True, False, True])
 """Axes whose velocities and wrenches change sign under port-starboard reflection."""
 RESTING = 4
-"""Number of terms, the last ones, that do not vanish at rest: gravity direction and a constant."""
+"""Number of terms that do not vanish at rest, the last of the library: gravity direction and a constant."""
 KNOWN_PAIRS = {(int(i), int(j)) for i, j in CROSS}
 PAIRS = tuple((i, j) for i in range(AXES) for j in range(AXES) if i != j and (i, j) not in KNOWN_PAIRS)
-"""Pairs (i, j) of |nu_i| nu_j that the network features lack."""
+"""Pairs (i, j) of |nu_i| nu_j that the features of networks lack."""
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Smoothed motion through the water along a recording.
+    """Smoothed motion through the water along a recording of N rows.
 
     Attributes:
-        nu: Velocity, (N, 6) [m/s, rad/s].
-        nu_dot: Its rate in body axes, (N, 6).
+        nu: Velocity of CO through the water, body axes, (N, 6) [m/s, rad/s].
+        nu_dot: Rate of `nu` in body axes, (N, 6) [m/s^2, rad/s^2].
         down: Unit vector down in body axes, (N, 3).
     """
 
@@ -59,7 +62,12 @@ class Flow:
 
     @classmethod
     def of(cls, model: Candidate, shots: Shots) -> Flow:
-        """Return the motion of CO through the water, corrected for the vehicle's current and DVL errors."""
+        """Return the motion of CO through the water, corrected for the model's current and DVL errors.
+
+        Args:
+            model: The vehicle, with its current and DVL errors.
+            shots: Shots of the recording, with its smoothed motion.
+        """
         record = shots.record
         flow = constants_of(model.program.flat)[FLOW]
         nu = through_water(flow, shots.eta, true_velocity(model, record, shots.nu), record.t)
@@ -77,20 +85,20 @@ class Flow:
         return np.hstack([self.nu, self.nu_dot, self.down])
 
     def within(self, low: Array, high: Array) -> Flow:
-        """Return the motion clipped to bounds of (15,) each."""
+        """Return the motion with velocity, acceleration and down vector clipped to bounds, (15,) each."""
         nu, rate, down = np.split(np.clip(self.columns, low, high), [AXES, 2 * AXES], axis=1)
         return Flow(nu, rate, down)
 
 
 def terms(flow: Flow) -> Array:
-    """Return the library terms at every row, (N, F)."""
+    """Return the F library terms at each of N rows of a motion, (N, F)."""
     nu = flow.nu
     pairs = np.stack([np.abs(nu[:, i]) * nu[:, j] for i, j in PAIRS], axis=1)
     return np.hstack([features(np.hstack([nu, flow.nu_dot])), pairs, flow.down, np.ones((len(nu), 1))])
 
 
 def sizes(vehicle: Vehicle) -> Array:
-    """Return the prior standard deviation of every coefficient of the library on every axis, (F, 6)."""
+    """Return the prior standard deviation of the coefficients of F library terms on each axis, (F, 6)."""
     box, rho = vehicle.hull, vehicle.environment.water_density
     lever = 0.5 * box.length
     area = (box.length * box.width + box.width * box.height + box.height * box.length) / 3.0
@@ -106,7 +114,7 @@ def sizes(vehicle: Vehicle) -> Array:
 
 
 def _mirrored() -> NDArray[np.bool_]:
-    """Return which terms change sign under port-starboard reflection, (F,)."""
+    """Return which library terms change sign under port-starboard reflection, (F,)."""
     both = [MIRRORED[i] != MIRRORED[j] for i in range(AXES) for j in range(i + 1, AXES)]
     second = [MIRRORED[j] for _, j in (*CROSS, *PAIRS)]
     return np.array([*MIRRORED, *MIRRORED, *MIRRORED, *both, *second, False, True, False, False])

@@ -1,6 +1,6 @@
-"""Compiler from the description and tensors of a model artefact to a program for `core.residual.layers`.
+"""Compiler from a trained model, layers and tensors, to a program for `core.residual.layers`.
 
-Each architecture is a function that writes its steps; the last six values are the wrench.
+Each architecture has a function that writes its steps; the last six values of the workspace are the wrench.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PACE = 10.0  # s, time scale of the structured model's inertia
 
 
 class TrainedModel(Protocol):
-    """Protocol of the parts of a model artefact that a simulation needs (see `hydro.io.model.Model`)."""
+    """Protocol of the parts of a trained model that a simulation needs (see `hydro.io.model.Model`)."""
 
     @property
     def name(self) -> str:
@@ -32,7 +32,7 @@ class TrainedModel(Protocol):
 
     @property
     def architecture(self) -> Mapping[str, Any]:
-        """Description of the layers."""
+        """Description of the layers: `model` (kind), widths, activation and other options."""
 
     @property
     def tensors(self) -> Mapping[str, NDArray[Any]]:
@@ -44,7 +44,7 @@ class TrainedModel(Protocol):
 
     @property
     def subtract(self) -> str:
-        """Effects subtracted from the labels: `inertia`, or all `effects`."""
+        """Effects subtracted from the labels: `inertia` only, or all `effects` of the vehicle."""
 
     @property
     def labelled(self) -> Vehicle | None:
@@ -52,18 +52,18 @@ class TrainedModel(Protocol):
 
 
 class Place(NamedTuple):
-    """Block of values in the workspace of a network.
+    """Block of consecutive values in the workspace of a network.
 
     Attributes:
-        at: Index of its first value.
-        length: Number of its values.
+        at: Index of the first value.
+        length: Number of values.
     """
 
     at: int
     length: int
 
     def part(self, start: int, length: int) -> Place:
-        """Return the part of the block of `length` values that begins at its value `start`."""
+        """Return the part of the block with `length` values from index `start` of the block on."""
         return Place(self.at + start, length)
 
 
@@ -91,7 +91,7 @@ class Writer:
         self._weights: list[Array32] = []
 
     def program(self) -> Array:
-        """Return the operations, one per row, (operations, layers.COLUMNS)."""
+        """Return the operations of the network, one per row, (operations, layers.COLUMNS)."""
         return np.array(self._steps, dtype=np.float64).reshape(-1, layers.COLUMNS)
 
     def weights(self) -> Array32:
@@ -99,7 +99,7 @@ class Writer:
         return np.concatenate(self._weights)
 
     def option(self, name: str) -> Any:
-        """Return an entry of the architecture.
+        """Return an entry of the architecture by name.
 
         Raises:
             DataError: The entry is missing.
@@ -111,10 +111,10 @@ class Writer:
         return self.model.architecture[name]
 
     def tensor(self, name: str, shape: tuple[int, ...]) -> Array32:
-        """Return a tensor of the model as float32, with its shape checked.
+        """Return a tensor of the model by name as float32, with its shape checked.
 
         Raises:
-            DataError: It is missing or of another shape.
+            DataError: The tensor is missing or has another shape.
         """
         if name not in self.model.tensors:
             raise DataError(f"model {self.model.name}: tensor {name} is missing; train the model again")
@@ -132,12 +132,30 @@ class Writer:
         return found
 
     def dense(self, x: Place, name: str, length: int) -> Place:
-        """Add a dense layer W x + b with tensors `name.weight` (length, x) and `name.bias` (length,)."""
+        """Add a dense layer W x + b with tensors `name.weight` (length, len x) and `name.bias` (length,).
+
+        Args:
+            x: Input block.
+            name: Name of the layer.
+            length: Number of outputs.
+
+        Returns:
+            Output block.
+
+        Raises:
+            DataError: A tensor is missing or has another shape.
+        """
         weight = self.tensor(f"{name}.weight", (length, x.length))
         return self.affine(x, weight, self.tensor(f"{name}.bias", (length,)), self.place(length))
 
     def affine(self, x: Place, weight: Array32, bias: Array32, to: Place) -> Place:
-        """Add a dense layer W x + b with the given weights.
+        """Add a dense layer W x + b with given weights.
+
+        Args:
+            x: Input block.
+            weight: W, (outputs, inputs).
+            bias: b, (outputs,).
+            to: Output block, which is returned.
 
         Raises:
             DataError: The number of columns of W differs from the length of x.
@@ -151,7 +169,11 @@ class Writer:
         return self._step(layers.DENSE, x, to, weights=at)
 
     def activate(self, function: str, x: Place) -> Place:
-        """Apply a function of `layers.FUNCTIONS` in place.
+        """Apply an activation function to a block in place; the block is returned.
+
+        Args:
+            function: Key of `layers.FUNCTIONS`.
+            x: The block.
 
         Raises:
             DataError: The function is unknown.
@@ -162,7 +184,17 @@ class Writer:
         return self._step(layers.ACTIVATE, x, x, argument=layers.FUNCTIONS[function])
 
     def chain(self, x: Place, name: str, widths: Sequence[int], function: str) -> Place:
-        """Add dense layers `name.0`, `name.1`, …, with an activation after all but the last."""
+        """Add dense layers `name.0`, `name.1`, …, with an activation after all but the last.
+
+        Args:
+            x: Input block.
+            name: Common part of the names of the layers.
+            widths: Number of inputs, then the number of outputs of each layer.
+            function: Key of `layers.FUNCTIONS`.
+
+        Returns:
+            Output block.
+        """
         for i, width in enumerate(widths[1:]):
             x = self.dense(x, f"{name}.{i}", width)
             if i + 2 < len(widths):
@@ -170,42 +202,63 @@ class Writer:
         return x
 
     def norm(self, x: Place, name: str) -> Place:
-        """Add the layer norm with the tensors `name.weight` and `name.bias`."""
+        """Add a layer norm of block `x` with tensors `name.weight` and `name.bias`; return its output."""
         parts = (self.tensor(f"{name}.{part}", (x.length,)) for part in ("weight", "bias"))
         return self._step(layers.NORM, x, self.place(x.length), weights=self._keep(*parts))
 
     def add(self, x: Place, to: Place) -> Place:
-        """Add x to other values, in place."""
+        """Add the values of block x to those of block `to`, in place; return `to`."""
         return self._step(layers.ADD, x, to)
 
     def mix(self, shares: Place, vectors: Place, length: int) -> Place:
-        """Add the weighted mean of vectors."""
+        """Add a weighted sum of vectors; return its output block.
+
+        Args:
+            shares: Block with one weight for each vector.
+            vectors: Block with all vectors, one after another.
+            length: Length of a vector.
+        """
         source = Place(vectors.at, shares.length)
         return self._step(layers.MIX, source, self.place(length), argument=shares.at)
 
     def direction(self, scale: Array) -> Place:
-        """Add seven features of the velocity; see `layers._direction`."""
+        """Add the seven features of `layers._direction` for velocity scales (6,); return their block."""
         return self._step(layers.DIRECTION, self.inputs, self.place(AXES + 1), weights=self._keep(scale))
 
     def dissipate(self, A: Place, inertia: Array, root: Array, scale: Array) -> Place:
-        """Add C(nu) nu + D(nu) nu; see `layers._passive`."""
+        """Add the wrench C(nu) nu + D(nu) nu of a passive model; return its block.
+
+        See `layers._passive`.
+
+        Args:
+            A: Block of the 36 numbers of A, in D = (1 + |nu|) R A A^T R.
+            inertia: Symmetric inertia matrix that defines C, (6, 6).
+            root: Diagonal r of R, (6,).
+            scale: Velocity scales v, (6,) [m/s, rad/s].
+        """
         at = self._keep(inertia.ravel(), root, 1.0 / (AXES * scale**2))
         self.passive = A.at, at
         self.physical = True
         return self._step(layers.PASSIVE, A, self.place(AXES), weights=at)
 
     def mirrored(self, weights: Sequence[Array32], points: int) -> Place:
-        """Add the wrench of a model with `points` points of motion; see `core.residual.mirrors`."""
+        """Add the wrench of a model of radial basis functions (`core.residual.mirrors`); return its block.
+
+        Args:
+            weights: Weights in the order of `core.residual.mirrors`.
+            points: Number of centres of radial basis functions.
+        """
         self.physical = True
         to, at = self.place(AXES), self._keep(*weights)
         return self._step(layers.MIRRORED, self.inputs, to, weights=at, argument=points)
 
     def _step(self, operation: int, x: Place, to: Place, *, weights: int = 0, argument: int = 0) -> Place:
+        """Append an operation to the program; return its output block `to`."""
         self._steps.append([operation, x.at, x.length, to.at, to.length, weights, argument])
         return to
 
     def _keep(self, *parts: NDArray[Any]) -> int:
-        """Store weights and return their offset."""
+        """Store weights at the start of a cache line; return their offset."""
         before = sum(map(len, self._weights))
         at = _line_after(before)
         own = [np.asarray(part, dtype=np.float32).ravel() for part in parts]
@@ -214,11 +267,12 @@ class Writer:
 
 
 def _line_after(count: int) -> int:
-    """Return the start of the next cache line."""
+    """Return the first index of a cache line that is not below `count`."""
     return -(-count // LINE) * LINE
 
 
 def _feedforward(writer: Writer) -> None:
+    """Write a chain of dense layers."""
     widths = [int(width) for width in writer.option("layers")]
     function = writer.option("activation")
     if widths[0] != writer.inputs.length or widths[-1] != AXES:
@@ -230,6 +284,7 @@ def _feedforward(writer: Writer) -> None:
 
 
 def _residual_blocks(writer: Writer) -> None:
+    """Write a projection, residual blocks with layer norms, and an output layer."""
     width, hidden = writer.option("width"), writer.option("hidden")
     function = writer.option("activation")
     x = writer.dense(writer.inputs, "project", width)
@@ -240,6 +295,7 @@ def _residual_blocks(writer: Writer) -> None:
 
 
 def _heads(writer: Writer) -> None:
+    """Write a common trunk and a hidden layer and an output for each axis."""
     trunk, head = writer.option("trunk"), writer.option("head")
     function = writer.option("activation")
     x = writer.activate(function, writer.chain(writer.inputs, "trunk", trunk, function))
@@ -252,6 +308,7 @@ def _heads(writer: Writer) -> None:
 
 
 def _experts(writer: Writer) -> None:
+    """Write several chains of dense layers, and their mean by the weights of a gate network."""
     count, widths = writer.option("experts"), writer.option("layers")
     function = writer.option("activation")
     gate = writer.chain(writer.inputs, "gate", writer.option("gate"), function)
@@ -275,6 +332,7 @@ def _experts(writer: Writer) -> None:
 
 
 def _structured(writer: Writer) -> None:
+    """Write a passive model: inertia and a damping matrix that depends on the direction of motion."""
     velocity = np.asarray(writer.model.scalers["input_scale"], dtype=np.float64)[:AXES]
     root = np.sqrt(np.asarray(writer.model.scalers["output_scale"], dtype=np.float64) / velocity)
     inertia = writer.tensor("inertia", (AXES, AXES)).astype(np.float64)
@@ -284,6 +342,7 @@ def _structured(writer: Writer) -> None:
 
 
 def _gp(writer: Writer) -> None:
+    """Write a model of radial basis functions with mirror symmetry."""
     count, tensor = writer.option("points"), writer.tensor
     stages, sums, powers = mirrors.STAGES, mirrors.SUMS, mirrors.POWERS
     shapes = {
@@ -312,7 +371,11 @@ WRITERS: dict[str, Callable[[Writer], None]] = {
 
 
 def lower(model: TrainedModel, inputs: int) -> Writer:
-    """Write the program of a model with `inputs` inputs.
+    """Compile a trained model to a program.
+
+    Args:
+        model: The trained model.
+        inputs: Number of inputs of the network.
 
     Raises:
         DataError: The architecture is unknown, or its tensors do not fit it.

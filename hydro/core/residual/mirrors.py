@@ -4,6 +4,9 @@ Motion about a centre c is z = scale * nu_c, of size m = |z| and direction d = z
 
     tau = L z  +  sum_p m^p (B_p b(d) + sum_k sum_s W_pks S_s(d, d_k)),        p = 1, 2, 3
 
+nu_c is the velocity of the point c, L a (6, 6) matrix, B_p and W_pks are trained weights, and d_k is the
+direction of point k of the training data.
+
 b(d) are the 57 products |d_i| d_j and d_i d_j; drag and Coriolis forces are sums of these at p = 2.  The S
 are made of radial functions R(d, d_k) = (1 + r) exp(-r) between directions, with r = sqrt(3) |d - d_k| /
 WIDTH (Matern kernel of order 3/2: drag has kinks where it changes sides):
@@ -15,8 +18,9 @@ WIDTH (Matern kernel of order 3/2: drag has kinks where it changes sides):
 chi(g) = +-1 is the sign of the axis under the reflection g.  So S 0 holds for a hull with three planes of
 symmetry, S 1 for a port-starboard symmetric hull, and S 2 for any hull.
 
-There are two such sums.  The drag F is the first sum without the d_i d_j at p = 2.  It modulates the second
-sum, since a drag coefficient may depend on the direction of force and moment.  The wrench about c is
+There are two such expressions for tau, called stages.  The drag F is the first without the d_i d_j at p = 2.
+F modulates the second, since a drag coefficient may depend on the direction of force and moment.  With the
+trained matrix T, the wrench about c is
 
     tau_c,i = tau_i  +  sum_j T_ij F_i |F_j| / |F|
 
@@ -36,9 +40,9 @@ from hydro.core.compiled import kernel
 
 AXES, POWERS, SUMS, STAGES = 6, 3, 3, 2
 WIDTH = 2.0
-"""Length scale of the radial functions: the largest distance of two directions."""
-EPSILON = 0.05
-PRODUCTS = 57
+"""Length scale of the radial functions: the largest distance between two directions."""
+EPSILON = 0.05  # size m of the motion at rest
+PRODUCTS = 57  # number of products b(d): 36 of |d_i| d_j and 21 of d_i d_j
 SIGNED = 36
 """Number of products of the form |d_i| d_j."""
 PORT = 2
@@ -46,7 +50,7 @@ PORT = 2
 MIRRORS = np.array(
     [[a, b, c, b * c, a * c, a * b] for a in (1.0, -1.0) for b in (1.0, -1.0) for c in (1.0, -1.0)]
 )
-"""chi: signs of (u, v, w, p, q, r), and of X to N, in each image, (8, 6)."""
+"""Signs chi of (u, v, w, p, q, r), and of X to N, in each of eight mirror images, (8, 6)."""
 CENTRE, SCALE, TOP, STEERING, LINEAR = 0, 3, 9, 10, 28
 LIBRARY = LINEAR + STAGES * AXES * AXES
 POINTS = LIBRARY + STAGES * POWERS * PRODUCTS * AXES
@@ -56,17 +60,17 @@ OF_POINT = AXES + STAGES * SUMS * POWERS * AXES
 TINY = 1e-9
 """Smallest drag used as a divisor [N or N m]."""
 SCRATCH = 155
-"""Size of the kernel's scratch space in values."""
+"""Number of values of the kernel's scratch space."""
 
 
 def products(z: Array) -> Array:
-    """Return the products |z_i| z_j, then z_i z_j with i <= j, (N, PRODUCTS), of z (N, 6)."""
+    """Return the products |z_i| z_j, then z_i z_j with i <= j, (N, PRODUCTS), for N vectors z (N, 6)."""
     signed = [np.abs(z[:, [i]]) * z for i in range(AXES)]
     return np.hstack([*signed, *(z[:, [i]] * z[:, i:] for i in range(AXES))])
 
 
 def parities() -> Array:
-    """Return the signs of the six z and of the products in each image, (8, 6 + PRODUCTS)."""
+    """Return the signs of six velocities and of their products in eight mirror images, (8, 6 + PRODUCTS)."""
     one = np.ones((1, AXES))
     plain = np.hstack([one, products(one)])
     return np.vstack([np.hstack([one * g, products(one * g)]) / plain for g in MIRRORS])
@@ -76,9 +80,15 @@ def parities() -> Array:
 def mirrored_wrench(
     weights: Array32, start: int, points: int, nu: Array, scratch: Array, out: Array32
 ) -> None:
-    """Write the wrench (6,) about CO [N, N m] of a velocity nu (6,), with weights from `start` on.
+    """Write the wrench of a velocity about CO to `out`, by the model of this module.
 
-    Sums are in float64 (`scratch`, of SCRATCH values), since weights of neighbouring points nearly cancel.
+    Args:
+        weights: All weights of a network.
+        start: Offset of the weights of this model.
+        points: Number of points d_k.
+        nu: Velocity of CO in body axes, (6,) [m/s, rad/s].
+        scratch: Memory for sums in float64, since weights of neighbouring points nearly cancel, (SCRATCH,).
+        out: Output: wrench, (6,) [N, N m].
     """
     z, d, even, image = scratch[:6], scratch[6:12], scratch[12:18], scratch[18:26]
     x, b = scratch[26:32], scratch[32 : 32 + PRODUCTS]
@@ -139,7 +149,7 @@ def mirrored_wrench(
 
 @kernel
 def _steer(weights: Array32, at: int, drag: Array, tau: Array) -> None:
-    """Add T_ij F_i |F_j| / |F| to the wrench (6,), F the drag (6,)."""
+    """Add T_ij F_i |F_j| / |F| to the wrench `tau` (6,), with F the drag (6,) and T stored from `at` on."""
     for half in range(2):
         square = 0.0
         for j in range(3):
@@ -155,7 +165,10 @@ def _steer(weights: Array32, at: int, drag: Array, tau: Array) -> None:
 
 @kernel
 def _grow_products(weights: Array32, at: int, d: Array, b: Array, even: Array, grown: Array) -> None:
-    """Add B_p b(d) to `grown`, and write its d_i d_j part at stage 0, p = 2 to `even`; b (57,) is scratch."""
+    """Add B_p b(d) to `grown` (stages, p, 6); write the part of d_i d_j at stage 0, p = 2, to `even` (6,).
+
+    `b` (57,) is scratch; B is stored from `at` on.
+    """
     count = 0
     for i in range(AXES):
         for j in range(AXES):
@@ -178,7 +191,7 @@ def _grow_products(weights: Array32, at: int, d: Array, b: Array, even: Array, g
 
 @kernel
 def _images(weights: Array32, at: int, d: Array, square: float, x: Array, image: Array) -> None:
-    """Write R(g d, d_k) for the eight images g; square is |d|^2, x (6,) scratch."""
+    """Write R(g d, d_k) for the eight images g to `image`; `square` is |d|^2, `x` (6,) scratch."""
     far = square
     for i in range(AXES):
         x[i] = 2.0 * d[i] * weights[at + i]
@@ -193,7 +206,7 @@ def _images(weights: Array32, at: int, d: Array, square: float, x: Array, image:
 
 @kernel
 def _sum_images(image: Array, sums: Array) -> None:
-    """Write the three sums S of each axis."""
+    """Write the three symmetric sums S_s of each axis to `sums` (3, 6), from R of the eight images (8,)."""
     for i in range(AXES):
         total = 0.0
         for g in range(8):

@@ -1,8 +1,8 @@
 """Compiled forward pass of a trained residual network, shared by shots and simulation.
 
 The steps are features, a program of layers (`core.residual.layers`, written by `core.residual.lowering`), and
-scaling to physical units.  The caller supplies the memory of a recurrent input (`sim.residual.control` keeps
-it among MuJoCo's activations).
+scaling to physical units.  The caller supplies past velocities for networks with memory
+(`sim.residual.control` keeps them among MuJoCo's activations).
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ _SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 
 @dataclass(frozen=True)
 class Network:
-    """A residual network: (nu, nu_dot), past nu -> features -> layers -> tau_res.
+    """Compiled residual network: (nu, nu_dot) and past nu -> features -> layers -> tau_res.
 
     Attributes:
         program: Steps of `core.residual.layers`.
-        weights: Weights of all steps, end to end.
+        weights: Weights of all steps, concatenated.
         room: Size of the workspace in values: the inputs first, the wrench last.
         physfeat: Whether the features are the 45 of `distillation.features`; otherwise the twelve states.
         memory: Number of past values in the input, see `distillation.history`.
         period: Time between past velocities [s]; None for a model without memory.
-        scalers: Input means and scales, output means and scales, end to end.
-        passive: For a passive model, the place of the root A of its damping in the workspace, and the offset
-            of its weights.
+        scalers: Input means and scales, output means and scales, concatenated.
+        passive: For a passive model, the index of A in the workspace and the offset of its weights, as in
+            `lowering.Writer`; None for other models.
     """
 
     program: Array
@@ -58,7 +58,7 @@ class Network:
 
     @staticmethod
     def of(model: TrainedModel) -> Network:
-        """Compile a model artefact.
+        """Compile a trained model.
 
         Raises:
             DataError: The architecture is unknown, or its tensors do not fit it.
@@ -88,17 +88,18 @@ class Network:
         )
 
     def wrench(self, states: ArrayLike, past: ArrayLike | None = None) -> Array:
-        """Return the wrench tau_res of many states.
+        """Return the residual wrench tau_res of many states.
 
         Args:
-            states: (nu, nu_dot), FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
-            past: Past velocities (N, memory), see `distillation.history.past`; by default nu itself.
+            states: Velocity and acceleration (nu, nu_dot), FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
+            past: Past velocities (N, memory), see `distillation.history.past`; by default the present
+                velocity.
 
         Returns:
-            tau_res (N, 6) [N, N m], FRD, on the left-hand side.
+            tau_res about CO (N, 6) [N, N m], FRD, on the left-hand side of the equation of motion.
 
         Raises:
-            DataError: The past has the wrong shape.
+            DataError: The past velocities have the wrong shape.
         """
         x = np.ascontiguousarray(states, dtype=np.float64).reshape(-1, _STATES)
         before = np.tile(x[:, :_AXES], self.memory // _AXES) if past is None else np.asarray(past, float)
@@ -124,9 +125,15 @@ class Weights(NamedTuple):
 def network_kernel(
     network: Weights, state: Array, memory: Array, work: Array32, scratch: Array, out: Array
 ) -> None:
-    """Write tau_res (6,) of one state (12,) and its memory to `out`.
+    """Write the residual wrench tau_res of one state to `out`.
 
-    `work` is the workspace (`Network.room`,); `scratch` (inputs + `mirrors.SCRATCH`,) is overwritten.
+    Args:
+        network: Network data.
+        state: nu and nu_dot, (12,).
+        memory: Past velocities, (`Network.memory`,).
+        work: Workspace, (`Network.room`,).
+        scratch: Workspace in float64, (inputs + `mirrors.SCRATCH`,).
+        out: Output: tau_res, (6,) [N, N m].
     """
     scalers = network.scalers
     inputs = (scalers.size - 2 * out.size) // 2
@@ -151,5 +158,6 @@ def network_kernel(
 def _network_columns(
     network: Weights, states: Array, past: Array, work: Array32, scratch: Array, out: Array
 ) -> None:
+    """Write tau_res of many states (N, 12) to `out` (N, 6)."""
     for k in range(states.shape[0]):
         network_kernel(network, states[k], past[k], work, scratch, out[k])

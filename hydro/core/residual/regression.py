@@ -3,7 +3,7 @@
 Every term of `residual.library` on every axis is a column of responses of the shots, computed by
 `residual.response`.  Only the smoothed motion in the terms is differentiated.  The prior standard deviation
 of a coefficient is the hull's size times a factor, which the held-out error selects.  The recording is
-reduced to the normal equations of each stretch.
+reduced to the normal equations of each stretch, the part of a recording that is held out at once.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from hydro.core.vehicle.description import Vehicle
 FACTORS = 10.0 ** np.arange(-5.0, 0.01, 0.5)
 """Candidate factors on the prior standard deviations of the coefficients."""
 EVERY = 0.06
-"""Time between compared samples [s]: the response to a force is smooth."""
+"""Time between compared samples [s]: the response to a force is smooth, so not every row is needed."""
 MARGIN = 0.1
-"""Extrapolation beyond the range of the training motion, relative to that range."""
+"""Allowed extrapolation beyond the range of the training motion, relative to that range."""
 TAIL = 3.0
-"""Squared residual at which a shot has half weight, in units of the median."""
+"""Squared residual of a shot with half the full weight, in units of the median."""
 
 
 @dataclass(frozen=True)
 class Regression:
-    """Fitted coefficients of the library.
+    """Fitted model of the residual hull force: coefficients of the F library terms.
 
     Attributes:
-        coefficients: (F, 6).
-        left_out: Coefficients of the fits without each fold, (folds, F, 6).
+        coefficients: Coefficients of each term on each axis, (F, 6).
+        left_out: Coefficients fitted without each stretch, (stretches, F, 6).
         factor: Selected factor on the prior standard deviations.
         errors: Squared held-out residual for each of FACTORS.
-        low: Lower bound of each column of the motion (`Flow.columns`), with a margin, (15,).
-        high: Upper bound of each column, with a margin, (15,).
+        low: Lower bound of velocity, acceleration and down vector (`Flow.columns`), (15,).
+        high: Upper bound of the same columns, (15,).
     """
 
     coefficients: Array
@@ -54,14 +54,14 @@ class Regression:
     high: Array
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """Return the residual wrench at every row of a recording, (N, 6) [N, N m].
+        """Return the residual wrench on the vehicle about CO at every row of a recording, (N, 6) [N, N m].
 
         The motion is clipped to the range of the training data, since products of velocities extrapolate
         without bound.
 
         Args:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
-            shots: Of the recording.
+            shots: Shots of the recording, with its smoothed motion.
         """
         flow = Flow.of(candidate(vehicle), shots).within(self.low, self.high)
         found: Array = terms(flow) @ self.coefficients
@@ -69,12 +69,12 @@ class Regression:
 
 
 def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
-    """Fit the coefficients to shots of an unchanged vehicle.
+    """Fit the coefficients of the hull-force library to shots of an unchanged vehicle.
 
     Args:
-        vehicle: The file.
-        transitions: Its shots.
-        fold: Stretch of each shot, (S,), from 0 on without a gap.
+        vehicle: Vehicle file.
+        transitions: Shots of the recording, with their responses to forces.
+        fold: Number of the stretch of each of S shots for cross-validation, (S,), from 0 on without a gap.
 
     Raises:
         DataError: There are fewer than two stretches.
@@ -102,16 +102,16 @@ def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
 
 
 def _bounds(columns: Array) -> tuple[Array, Array]:
-    """Return lower and upper bounds of each column (N, C), widened by MARGIN of its range, (C,) each."""
+    """Return lower and upper bounds of columns (N, C), each widened by MARGIN of its range, (C,) each."""
     low, high = columns.min(axis=0), columns.max(axis=0)
     margin = MARGIN * (high - low)
     return low - margin, high + margin
 
 
 def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, prior: Array) -> Array:
-    """Return [X, e]^T [X, e] of each fold with the initial states eliminated, (folds, P + 1, P + 1).
+    """Return [X, e]^T [X, e] of each stretch with initial states eliminated, (stretches, P + 1, P + 1).
 
-    Columns are in units of their prior standard deviations.
+    X are the responses to the P coefficients in units of their prior standard deviations, e the residuals.
     """
     shots, library = transitions.shots, terms(Flow.of(transitions.model, transitions.shots))
     prepared = prepare(candidate(vehicle), shots)
@@ -132,15 +132,15 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
 
 
 def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[tuple[slice, Array]]:
-    """Yield the responses of batches of shots to initial states and library terms on every axis.
+    """Yield the responses of batches of shots to their initial states and to library terms on every axis.
 
     Args:
-        transitions: The shots.
-        library: The terms at every row of the recording, (N, F).
-        prior: Units of their coefficients, F of six axes each, (6 F,).
+        transitions: Shots of the recording, with their responses to forces.
+        library: The F terms at each of N rows of the recording, (N, F).
+        prior: Units of the coefficients, six axes for each term, (6 F,).
 
     Yields:
-        The slice of shots, and the responses of the compared rows in units of the noise, (s, rows, 12, 12 + 6
+        Slice of s shots, and the responses of the compared rows in units of the noise, (s, rows, 12, 12 + 6
         F).
     """
     shots, thin = transitions.shots, thinning(transitions.shots)
@@ -159,25 +159,31 @@ def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[
 
 
 def thinning(shots: Shots) -> int:
-    """Return the row step between compared rows; 1 where samples are rarer than rows."""
+    """Return the number of rows from one compared row to the next; 1 where samples are rarer than rows."""
     return 1 if shots.seen is not None else max(round(EVERY / shots.record.dt), 1)
 
 
 def robust(squares: Array) -> Array:
-    """Return robust weights of shots from their squared residuals, (S,): Student's t about the median.
+    """Return robust weights of S shots from their squared residuals (S,), 0 to 1, (S,).
 
-    Model errors grow with the motion; without weights, a few violent shots would dominate.
+    The weights are those of Student's t, relative to the median.  Model errors grow with the motion; without
+    weights, a few violent shots would dominate.
     """
     weight: Array = 1.0 / (1.0 + squares / (TAIL * max(float(np.median(squares)), 1e-300)))
     return weight
 
 
 def _solve(gram: Array, factor: float) -> Array:
-    """Return coefficients in units of their prior standard deviations, (P,)."""
+    """Return the coefficients of a fit in units of their prior standard deviations, (P,).
+
+    Args:
+        gram: Normal equations with the residual, (P + 1, P + 1).
+        factor: Factor on the prior standard deviations.
+    """
     known = gram[:-1, :-1] + factor**-2 * np.eye(len(gram) - 1)
     return np.asarray(np.linalg.solve(known, gram[:-1, -1]))
 
 
 def _error(gram: Array, found: Array) -> float:
-    """Return the squared residual of a stretch with coefficients (P,)."""
+    """Return the squared residual of a stretch with normal equations `gram` for coefficients (P,)."""
     return float(gram[-1, -1] - 2.0 * gram[-1, :-1] @ found + found @ gram[:-1, :-1] @ found)

@@ -1,13 +1,14 @@
 """Response of predicted shots to an additional wrench that is a known function of time.
 
-Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b with b
-= [0; M^-1 w] along a motion (`simulation.variational_equation`).  J is that of the file's forces along the
-measured motion.  So the transition between rows is computed once for all wrenches:
+Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b along
+a motion (`simulation.variational_equation`), with b = [0; M^-1 w] for a wrench w and the mass matrix M.  The
+Jacobian J is that of the file's forces along the measured motion.  So the transition A_k from row k to the
+next, at the sample time dt, is computed once for all wrenches:
 
     delta_k+1 = A_k (delta_k + dt/2 b_k) + dt/2 b_k+1,
 
-which is of second order in the sample time.  It equals Phi_k int Phi_j^-1 b dt, with Phi the product of the
-A, but needs no inverse.  Internal states of the file's effects are assumed not to respond.
+which is of second order in dt.  It equals Phi_k int Phi_j^-1 b dt, with Phi the product of the A, but needs
+no inverse.  Internal states of the file's effects are assumed not to respond.
 
 A delayed or misaligned DVL transforms the deviation as it transforms the motion, except for its bias.
 """
@@ -40,7 +41,7 @@ from hydro.core.vehicle.frames import body_states
 
 @dataclass(frozen=True)
 class Transitions:
-    """State transitions of deviations from row to row in the shots of a recording.
+    """State transitions of small deviations from row to row, in the S shots of a recording.
 
     Attributes:
         model: The vehicle whose forces define the transitions.
@@ -54,7 +55,12 @@ class Transitions:
 
     @classmethod
     def of(cls, model: Candidate, shots: Shots) -> Transitions:
-        """Compute the transitions along the smoothed measured motion of each shot, one row at a time."""
+        """Compute the transitions along the smoothed measured motion of each shot.
+
+        Args:
+            model: The vehicle whose forces define the transitions.
+            shots: The shots.
+        """
         record = shots.record
         nu = true_velocity(model, record, shots.nu)
         states = body_states(shots.eta, nu)
@@ -74,15 +80,16 @@ class Transitions:
         return inverse
 
     def answers(self, part: slice, wrenches: Array, begun: Array | None = None) -> Array:
-        """Return the deviations of the logged channels, row by row.
+        """Return how additional wrenches and initial deviations change the logged channels, row by row.
 
         Args:
-            part: Slice of shots.
-            wrenches: Q wrenches of each row, (s, length, 6, Q) [N, N m].
+            part: Slice of s shots.
+            wrenches: Q wrenches on the vehicle about CO at each row, (s, length, 6, Q) [N, N m].
             begun: Deviations at the first row, (12, Q); 0 by default.
 
         Returns:
-            (s, length, 12, Q): position [m], small rotation about the body's axes [rad], velocity, rates.
+            Deviations of position [m], small rotation about the body's axes [rad], velocity [m/s] and rates
+            [rad/s], (s, length, 12, Q).
         """
         each, half = self.each[part], 0.5 * self.shots.record.dt
         push = half * np.einsum("ij,skjq->skiq", self.accelerated, wrenches)
@@ -97,7 +104,14 @@ class Transitions:
         return self._logged(out, self.shots.measured[part][..., 3:7])
 
     def _logged(self, deviations: Array, attitude: Array) -> Array:
-        """Apply the errors of the vehicle's DVL, except its bias, to deviations about an attitude."""
+        """Return deviations of the motion as deviations of the log, by the errors of the model's DVL.
+
+        The bias of the DVL is constant, so it does not count.
+
+        Args:
+            deviations: Deviations of the motion, (s, length, 12, Q); overwritten.
+            attitude: Logged quaternions, (s, length, 4).
+        """
         log = self.model.log
         if not log.any():
             return deviations
@@ -114,7 +128,7 @@ class Transitions:
         """Return the shots with the response to a residual wrench subtracted from the measurements.
 
         Args:
-            wrench: Wrench at every row of the recording, (N, 6) [N, N m].
+            wrench: Wrench on the vehicle about CO at every row of the recording, (N, 6) [N, N m].
         """
         shots = self.shots
         measured = shots.measured.copy()
@@ -127,13 +141,21 @@ class Transitions:
 
 
 def rows_of(shots: Shots, part: slice = slice(None)) -> Rows:
-    """Return the rows of some shots in the recording, (s, length)."""
+    """Return the rows of the recording in each of s shots of a slice, (s, length)."""
     rows: Rows = shots.starts[part, None] + np.arange(shots.length)
     return rows
 
 
 def _one_row(model: Candidate, shots: Shots, rows: Rows, segment: int, begun: InitialStates) -> Array:
-    """Return the transitions from rows (K,) of a segment to the next rows, (K, 12, 12)."""
+    """Return the transitions from K rows of a segment to the next rows, (K, 12, 12).
+
+    Args:
+        model: The vehicle.
+        shots: Shots of the recording.
+        rows: The rows, (K,).
+        segment: Number of the segment.
+        begun: States of the motion at the rows.
+    """
     record, count = shots.record, rows.size
     places = Places(
         record.commands,

@@ -4,12 +4,18 @@ The spectral matrix of the north, east and down velocity has this model:
 
     S(omega) = S_v(omega) d d^H + diag(continuum),   d = (cos direction, sin direction, -i).
 
-S_v is the JONSWAP velocity spectrum at the depths of the recording.  Its likelihood is Whittle's
-(Whittle 1953; Brillinger 1981, section 7.3).  A minute of data resolves frequencies no closer than a tenth
-of that of a swell, and the peak of a swell is narrower.  So the coefficients are compared with their
-expected squares under the taper, not with the spectrum itself (Sykulski et al. 2019).  The gradient is
-analytic: a continuum and a band can replace each other along a narrow valley, in which finite differences
-fail.
+S_v is the JONSWAP velocity spectrum of the waves at the recorded depths.  The continuum is a smooth spectrum
+for each axis; its log is a polynomial in the log of frequency.  A "band" is a JONSWAP peak without the
+orbital phase between the axes: the rival of a sea.
+
+The likelihood of the coefficients is Whittle's (Whittle 1953; Brillinger 1981, section 7.3).  A minute of
+data resolves frequencies no closer than a tenth of that of a swell, and the peak of a swell is narrower.  So
+the coefficients are compared with their expected squares under the taper, not with the spectrum itself
+(Sykulski et al. 2019).  The gradient is analytic: a continuum and a band can replace each other along a
+narrow valley, in which finite differences fail.
+
+The order of the parameters is: the polynomial coefficients of the three log continua, then log height, log
+peak frequency, direction and log of the peak enhancement of the sea.
 """
 
 from __future__ import annotations
@@ -28,18 +34,18 @@ from hydro.core.effects.waves import elevation_spectrum
 from hydro.core.recording.arrays import Recording
 
 PERIODS = (1.5, 20.0)
-"""Least and greatest period of the waves that are tested [s]."""
+"""Shortest and longest period of the waves that are tested [s]."""
 FASTEST = 1.6  # highest frequency of the coefficients, relative to that of the fastest waves
 SLOWEST = 3  # number of the lowest Fourier frequency of a segment: slower motion is drift
 STRIDE = 2  # step in Fourier frequencies: under Hann's taper, every other one is nearly independent
 FINER, NEIGHBOURS = 4, 4
-"""Frequencies per Fourier frequency, and Fourier frequencies to each side, in the response of the taper."""
+"""Frequencies per Fourier frequency, and Fourier frequencies on each side, in the response of the taper."""
 LEAST_FREQUENCIES = 24
-"""Minimum number of frequencies of a recording."""
+"""Minimum number of Fourier coefficients of a recording."""
 DEPTHS = 500
-"""Maximum number of depths of a segment, and number of frequencies, at which the decay is computed."""
+"""Maximum number of depths of a segment, and number of frequencies, at which the wave decay is computed."""
 AXES, DEGREE = 3, 3
-"""Number of axes, and degree of the polynomial of a log continuum in the log of frequency."""
+"""Number of axes; degree of the polynomial that gives the log of a continuum from the log of frequency."""
 PEAK_PRIOR = (0.8, 0.8)
 """Prior mean and standard deviation of the log of the peak enhancement (Hasselmann et al. 1973)."""
 SHAPE_PRIOR = 4.0
@@ -51,15 +57,18 @@ STEP = 1e-3  # step of a parameter for the numerical derivatives of the spectra
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Fourier coefficients of the water's velocity under Hann's taper.
+    """Fourier coefficients of the water's velocity under a Hann taper.
+
+    F is the number of coefficients, G that of frequencies on a finer grid.
 
     Attributes:
         omega: Frequencies of the coefficients [rad/s], (F,).
-        y: Coefficients of the north, east and down velocity, (F, 3).  Their expected square is 1 where the
-            one-sided spectrum is 1.
-        fine: Frequencies on a finer grid [rad/s], (G,).
+        y: Complex coefficients of the north, east and down velocity, (F, 3).  Their expected square is 1
+            where the one-sided spectrum is 1.
+        fine: Frequencies on the finer grid [rad/s], (G,).
         response: Expected square of each coefficient for a unit of the elevation spectrum at each fine
-            frequency, (F, G).  It includes the taper, the decay with depth and omega^2 for the velocity.
+            frequency, sparse (F, G).  It contains the taper, the decay with depth, and omega^2 from elevation
+            to velocity.
         longest: Duration of the longest segment [s].
         slowest: Lowest frequency [rad/s].
     """
@@ -78,12 +87,12 @@ class Coefficients:
 
     @cached_property
     def powers(self) -> Array:
-        """Legendre polynomials of the log of frequency, scaled to the tested range, (F, DEGREE + 1)."""
+        """Legendre polynomials of the log frequency, the tested range scaled to [-1, 1], (F, DEGREE + 1)."""
         low, high = math.log(self.slowest), math.log(FASTEST * 2.0 * math.pi / PERIODS[0])
         return np.asarray(legvander((2.0 * np.log(self.omega) - low - high) / (high - low), DEGREE))
 
     def within(self, low: float, high: float) -> Coefficients:
-        """Return the coefficients between two frequencies [rad/s]."""
+        """Return the coefficients with frequencies from `low` to `high` [rad/s]."""
         kept = (self.omega >= low) & (self.omega <= high)
         return replace(self, omega=self.omega[kept], y=self.y[kept], response=self.response[kept])
 
@@ -92,9 +101,9 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
     """Return the Fourier coefficients of the water's motion.
 
     Args:
-        water: Velocity of the water in the world, north, east and down, (N, 3) [m/s].
-        record: Recording, for its segments and depths.
-        gravity: Gravity [m/s^2].
+        water: Velocity of the water, north, east and down, (N, 3) [m/s].
+        record: Recording of N rows, for its segments and depths.
+        gravity: Acceleration of gravity [m/s^2].
 
     Returns:
         The coefficients of all segments; None if the recording is too short.
@@ -131,7 +140,7 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
 
 
 def _depth_decay(omega: Array, depths: Array, taper: Array, gravity: float) -> Array:
-    """Return the mean decay of wave power over the depths (N,) of a segment at some frequencies (G,), (G,).
+    """Return the decay of wave power at frequencies (G,) [rad/s], averaged over the depths (N,) [m], (G,).
 
     The decay is smooth, so it is computed at a few depths and frequencies and interpolated.
     """
@@ -143,7 +152,7 @@ def _depth_decay(omega: Array, depths: Array, taper: Array, gravity: float) -> A
 
 
 def _taper_response(taper: Array, numbers: Rows, count: int) -> Any:
-    """Return the response of Fourier coefficients (F,) to `count` finer frequencies, (F, count)."""
+    """Return the response of Fourier coefficients (F,) to `count` finer frequencies, sparse (F, count)."""
     aside = np.arange(-FINER * NEIGHBOURS, FINER * NEIGHBOURS + 1)
     turns = np.exp(-2j * np.pi * np.outer(aside, np.arange(taper.size)) / (FINER * taper.size))
     share = np.abs(turns @ taper) ** 2
@@ -159,14 +168,20 @@ def _taper_response(taper: Array, numbers: Rows, count: int) -> Any:
 def unlikely(
     seen: Coefficients, floor: Array, sea: Array | None = None, apart: Array | None = None
 ) -> tuple[float, Array]:
-    """Return the negative log likelihood of the coefficients and its gradient.
+    """Return the negative log posterior of a spectral model, up to a constant, and its gradient.
+
+    The model is the continua alone, continua and a sea, or continua and a band of independent axes.
 
     Args:
-        seen: Coefficients.
-        floor: Polynomial coefficients of the log continua, (3 (DEGREE + 1),).
-        sea: Logs of height and peak frequency, direction, log of the peak enhancement; None for no sea.
-        apart: Band of independent axes: log of the height of each axis, log of the peak frequency, log of the
-            peak enhancement; None for no band.
+        seen: Fourier coefficients of the recording.
+        floor: Polynomial coefficients of the three log continua, (3 (DEGREE + 1),).
+        sea: Log height, log peak frequency, direction [rad] and log of the peak enhancement, (4,); None for
+            no sea.
+        apart: Band of independent axes: log height of each axis, log peak frequency, log of the peak
+            enhancement, (5,); None for no band.
+
+    Returns:
+        The value, and its derivatives by `floor` and then by `sea` or `apart`.
     """
     f, growth = _continuum(seen, floor)
     if apart is not None:
@@ -187,13 +202,13 @@ def unlikely(
 
 
 def _independent(seen: Coefficients, f: Array) -> tuple[float, Array]:
-    """Return the negative log likelihood of independent axes with spectra (F, 3), and its derivatives."""
+    """Return the negative log likelihood of independent axes with spectra f (F, 3); its derivatives by f."""
     relative = seen.squares / f
     return float((np.log(f) + relative).sum()), np.asarray((1.0 - relative) / f)
 
 
 def _independent_band(seen: Coefficients, f: Array, apart: Array) -> tuple[float, Array, Array]:
-    """Return the likelihood of continua (F, 3) and a band of independent axes, and its derivatives."""
+    """Return the negative log likelihood of continua f and a band; its derivatives by f and by `apart`."""
     band, slopes = _band(seen, 0.0, apart[AXES], apart[AXES + 1])
     squares = np.exp(2.0 * apart[:AXES])
     total, by_f = _independent(seen, f + band[:, None] * squares)
@@ -202,7 +217,7 @@ def _independent_band(seen: Coefficients, f: Array, apart: Array) -> tuple[float
 
 
 def _sea(seen: Coefficients, f: Array, sea: Array) -> tuple[float, Array, Array]:
-    """Return the likelihood of continua and a sea, and its derivatives.
+    """Return the negative log likelihood of continua f and a sea; its derivatives by f and by `sea`.
 
     diag(f) + g d d^H is a rank-one update, whose determinant and inverse are closed forms.
     """
@@ -221,18 +236,18 @@ def _sea(seen: Coefficients, f: Array, sea: Array) -> tuple[float, Array, Array]
 
 
 def _orbit(way: float) -> Any:
-    """Return the orbit (north, east, down) of a wave that travels in a direction, (3,)."""
+    """Return the orbit (north, east, down) of a wave that travels in direction `way` [rad], complex (3,)."""
     return np.array([math.cos(way), math.sin(way), -1j])
 
 
 def _continuum(seen: Coefficients, floor: Array) -> tuple[Array, Array]:
-    """Return the continua of north, east and down, and their derivatives in their logs, (F, 3) each."""
+    """Return the continua of north, east and down, and their derivatives by their logs, (F, 3) each."""
     grown = np.exp(np.minimum(seen.powers @ floor.reshape(AXES, -1).T, MAX_LOG_CONTINUUM))
     return np.asarray(grown + LEAST_CONTINUUM * seen.squares.mean()), np.asarray(grown)
 
 
 def _band(seen: Coefficients, height: float, top: float, raised: float) -> tuple[Array, Array]:
-    """Return `_velocity_spectrum` for a log height, and its derivatives in the three logs, (3, F)."""
+    """Return `_velocity_spectrum` for a log height, (F,), and its derivatives by the arguments, (3, F)."""
 
     def spectrum(top: float, raised: float) -> Array:
         return _velocity_spectrum(seen, math.exp(height), top, raised)
@@ -244,19 +259,24 @@ def _band(seen: Coefficients, height: float, top: float, raised: float) -> tuple
 
 
 def _velocity_spectrum(seen: Coefficients, height: float, top: float, raised: float) -> Array:
-    """Return the expected square of the coefficients along the waves at the recorded depths, (F,)."""
+    """Return the expected squares of the coefficients along the direction of the waves, (F,).
+
+    Args:
+        seen: Fourier coefficients of the recording.
+        height: Significant wave height [m].
+        top: Log of the peak frequency [rad/s].
+        raised: log of the peak enhancement.
+    """
     elevation = elevation_spectrum(seen.fine, height, 2.0 * math.pi / math.exp(top), math.expm1(raised))
     return np.asarray(seen.response @ elevation)
 
 
 def spectra(seen: Coefficients, at: Array) -> Array:
-    """Return the expected spectral matrix at each frequency, (F, 3, 3).
-
-    It is the sum of the waves and of a continuum on each axis, see the module.
+    """Return the expected spectral matrix of waves and continua at each of F frequencies, (F, 3, 3).
 
     Args:
         seen: Fourier coefficients of the recording.
-        at: Parameters of the waves and of the continua, in the order of this module.
+        at: Parameters of the continua and of the sea, in the order of this module.
     """
     floor, sea = at[:-4], at[-4:]
     d = _orbit(sea[2])

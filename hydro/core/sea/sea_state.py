@@ -1,11 +1,11 @@
 """Detection of waves: a narrow band of orbital water motion above a smooth continuum.
 
-`water_motion` returns the water motion with which a vehicle file would explain a recording.  Missing or wrong
-effects and sensor noise give this motion a smooth spectrum, the continuum.  A sea gives it a narrow band in
-which the water oscillates along one direction, and downward a quarter of a period later.  The most likely sea
-and continuum are fitted from several initial periods (`sea.likelihood`).  A force that oscillates
-independently in each axis could have the same spectra.  So a sea is accepted only if the orbital motion adds
-enough likelihood.
+`water_motion` returns the water velocity with which a vehicle file would explain a recording completely.
+Missing or wrong effects and sensor noise give this velocity a smooth spectrum, the continuum.  A sea gives it
+a narrow band in which the water oscillates along one direction, and downward a quarter of a period later. The
+most likely sea and continuum are fitted from several initial periods (`sea.likelihood`).  A force that
+oscillates independently in each axis could have the same spectra.  So a sea is accepted only if the orbital
+phase between the axes adds enough likelihood.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from hydro.core.vehicle.description import Vehicle
 
 CYCLES = 5.0  # minimum number of periods of the slowest tested waves in the longest segment
 STARTS, FITTED = 24, 3
-"""Number of candidate initial periods, and of the most likely ones from which a fit starts."""
+"""Number of initial periods that are compared, and of the most likely ones from which a fit starts."""
 HEIGHTS = (0.02, 0.06, 0.2, 0.6, 2.0)  # candidate initial wave heights [m]
-PEAKS = (0.0, 4.0)  # candidate initial peak enhancements
-MOST_PEAK = 20.0  # upper bound of the peak enhancement
+PEAKS = (0.0, 4.0)  # candidate initial peak enhancements, minus 1
+MOST_PEAK = 20.0  # upper bound of the peak enhancement minus 1
 LEAST_HEIGHT, MOST_HEIGHT = 1e-4, 30.0  # bounds of the wave height [m]
 INDEPENDENT_HEIGHT = -0.35
-"""Initial log height of each axis of a band of independent axes, relative to that of the sea."""
+"""Initial log height of each axis in the fit of a band of independent axes, relative to that of the sea."""
 SAMPLES = 4.0  # minimum number of samples of attitude and velocity in the shortest period
 MAX_PEAK_DEVIATION = 1.0  # upper bound of the standard deviation of the log of the peak enhancement
 LEAST_RATIO, LEAST_ORBITAL_RATIO = 100.0, 50.0
 """Minimum of twice the log likelihood ratio of a sea to a continuum, and to a band of independent axes.
 
-Slow model errors of a hull that pitches as it sinks reach 100 and 35.
+Without waves, slow model errors of a hull that pitches as it sinks reach 100 and 35.
 """
 LEAST_HEIGHT_ERRORS = 2.0  # minimum wave height, in its standard errors
 ERROR_FACTOR = 1.4
@@ -62,9 +62,9 @@ ERROR_FACTOR = 1.4
 A minute has few waves, and no taper makes their coefficients fully independent.
 """
 RELIABLE = (0.6, 2.2)
-"""Frequency range relative to the peak in which the spectrum is reliable; the values are fitted to it."""
+"""Range of frequencies around the peak, relative to the peak, to which the values of a sea are fitted."""
 DRIFT_MARGIN = 0.05
-"""Minimum distance of the log peak frequency from that of the slowest tested waves: below it are drifts."""
+"""Minimum distance of a sea's log peak frequency from that of the slowest tested waves; below are drifts."""
 FIT_OPTIONS = {"ftol": 1e-9, "maxiter": 500}  # tolerance and iteration limit of the likelihood fit
 LEAST_START_RATIO = 12.0
 """Minimum of twice the log likelihood ratio at the initial values for a fit to start."""
@@ -77,11 +77,12 @@ class SeaState:
     """Sea that a recording shows.
 
     Attributes:
-        values: Height [m], period [s], direction [rad], peak enhancement, (4,).
+        values: Significant height [m], peak period [s], direction of travel [rad] and peak enhancement minus
+            1, (4,).
         spread: Covariance of the values, (4, 4).
-        telling: Twice the log likelihood ratio to the continuum alone.
-        orbital: Twice the log likelihood ratio to a band of independent axes.
-        speed: Root mean square of the water's velocity at the recording's depths [m/s].
+        telling: Twice the log likelihood ratio of the sea to the continuum alone.
+        orbital: Twice the log likelihood ratio of the sea to a band of independent axes.
+        speed: Root mean square velocity of the water at the recording's median depth [m/s].
     """
 
     values: Array
@@ -92,7 +93,7 @@ class SeaState:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the effect, rounded to a hundredth of their standard errors."""
+        """Values of the effect `ocean_waves` by parameter, rounded to 0.01 times their standard errors."""
         digits = 2 - np.floor(np.log10(np.sqrt(np.diag(self.spread)) + 1e-12)).astype(int)
         names = (one.name for one in WAVES.parameters)
         each = zip(names, self.values.tolist(), digits.tolist(), strict=True)
@@ -100,28 +101,32 @@ class SeaState:
 
     @property
     def table(self) -> dict[str, Any]:
-        """The `[[effect]]` table."""
+        """The sea as an `[[effect]]` table of a vehicle file."""
         return {"name": WAVES.name, **self.parameters}
 
     @property
     def p_value(self) -> float:
-        """Probability that a continuum alone has this likelihood ratio at any of the initial periods."""
+        """p-value of the sea if there is only a continuum, corrected for the number of initial periods."""
         return float(min(STARTS * scipy.special.chdtrc(len(self.values), max(self.telling, 0.0)), 1.0))
 
     @property
     def errors(self) -> dict[str, float]:
-        """Standard errors of the values, by parameter."""
+        """Standard errors of the values, by parameter name."""
         names = (one.name for one in WAVES.parameters)
         each = zip(names, np.sqrt(np.diag(self.spread)), strict=True)
         return {name: float(f"{error:.3g}") for name, error in each}
 
 
 def shown(vehicle: Vehicle, record: Recording) -> SeaState | None:
-    """Return the sea that a recording shows, from the residual forces of a vehicle file, or None.
+    """Return the sea that a recording shows beyond the forces of a vehicle file.
 
     Args:
         vehicle: Vehicle without waves.
         record: Recording.
+
+    Returns:
+        The sea; None if attitude or velocity is sampled too rarely, the recording is too short, or the
+        evidence is too weak.
     """
     if record.seen is not None and record.seen[:, 3:].mean(axis=0).min() < SAMPLES * record.dt / PERIODS[0]:
         return None
@@ -139,12 +144,16 @@ def shown(vehicle: Vehicle, record: Recording) -> SeaState | None:
 
 
 def sea_state(water: Array, record: Recording, gravity: float) -> SeaState | None:
-    """Return the sea that fits a recording best, or None if the recording is too short or shows no sea.
+    """Return the most likely sea in a recording, even if the evidence is weak.
 
     Args:
-        water: Water motion that explains the recording, from `water_motion`, (N, 3) [m/s].
-        record: Recording.
-        gravity: Gravity [m/s^2].
+        water: Water velocity that explains the recording, NED, from `water_motion`, (N, 3) [m/s].
+        record: Recording of N rows.
+        gravity: Acceleration of gravity [m/s^2].
+
+    Returns:
+        The sea.  None if the recording is too short, no sea is more likely than a continuum, the fit finds a
+        drift, or the height is not significant.
     """
     seen = coefficients(water, record, gravity)
     if seen is None:
@@ -176,7 +185,16 @@ def sea_state(water: Array, record: Recording, gravity: float) -> SeaState | Non
 
 
 def _initial_seas(seen: Coefficients, floor: Array, slowest: float) -> list[Array]:
-    """Return the initial values of the FITTED most likely seas above a continuum, the most likely first."""
+    """Return the FITTED most likely seas, one for each initial period, above a given continuum.
+
+    Args:
+        seen: Fourier coefficients of the recording.
+        floor: Polynomial coefficients of the log continua.
+        slowest: Longest tested period [s].
+
+    Returns:
+        Parameters (4,) of each sea in the order of `likelihood.unlikely`, the most likely first.
+    """
     best = []
     for period in np.geomspace(PERIODS[0], slowest, STARTS):
         top = 2.0 * math.pi / period
@@ -190,7 +208,7 @@ def _initial_seas(seen: Coefficients, floor: Array, slowest: float) -> list[Arra
 
 
 def _bounds(slowest: float) -> list[tuple[float | None, float | None]]:
-    """Return the bounds of the logs of height and frequency, the direction and the log of the enhancement."""
+    """Return the bounds of log height, log peak frequency, direction and log of the peak enhancement."""
     heights = math.log(LEAST_HEIGHT), math.log(MOST_HEIGHT)
     tops = math.log(2.0 * math.pi / slowest), math.log(2.0 * math.pi / PERIODS[0])
     return [heights, tops, (None, None), (0.0, math.log1p(MOST_PEAK))]
@@ -199,7 +217,7 @@ def _bounds(slowest: float) -> list[tuple[float | None, float | None]]:
 def _minimised(
     unlikely: Callable[[Array], tuple[float, Array]], begin: Array, bounds: Sequence[Any] = ()
 ) -> scipy.optimize.OptimizeResult:
-    """Minimise a negative log likelihood from initial values; the bounds are those of the last values."""
+    """Minimise a negative log likelihood from initial values; `bounds` are those of the last parameters."""
     free = [(None, None)] * (len(begin) - len(bounds))
     return scipy.optimize.minimize(
         unlikely, begin, jac=True, method="L-BFGS-B", bounds=[*free, *bounds], options=FIT_OPTIONS
@@ -207,7 +225,7 @@ def _minimised(
 
 
 def _direction_near(seen: Coefficients, top: float) -> float:
-    """Return the direction of travel of waves near a frequency, from the phase of the orbit [rad]."""
+    """Return the direction of travel of waves near a frequency [rad/s], from the phase of the orbit [rad]."""
     y = seen.within(RELIABLE[0] * top, RELIABLE[1] * top).y
     quarter = (y[:, :2] * np.conj(y[:, 2:])).imag.sum(axis=0)
     return math.atan2(quarter[1], quarter[0])
@@ -220,9 +238,13 @@ def _speed(values: Array, gravity: float, depth: float) -> float:
 
 
 def _physical(found: Array, near: Coefficients) -> tuple[Array, Array]:
-    """Return height, period, direction and peak enhancement with their covariance.
+    """Return height, period, direction and peak enhancement minus 1, (4,), with their covariance, (4, 4).
 
-    The covariance is the inverse of Fisher's information, scaled by ERROR_FACTOR.
+    The covariance is the inverse of Fisher's information, scaled by ERROR_FACTOR squared.
+
+    Args:
+        found: Fitted parameters of continua and sea, in the order of `likelihood.spectra`.
+        near: Fourier coefficients near the peak, to which they were fitted.
     """
     count, base = found.size, _inverse_root(spectra(near, found))
     slopes = []
@@ -247,7 +269,7 @@ def _physical(found: Array, near: Coefficients) -> tuple[Array, Array]:
 
 
 def _inverse_root(matrices: Array) -> Array:
-    """Return S^-1/2 of Hermitian matrices."""
+    """Return S^-1/2 of positive definite Hermitian matrices S, (F, 3, 3)."""
     values, vectors = np.linalg.eigh(matrices)
     values = np.maximum(values, EIGENVALUE_FLOOR * values[:, -1:])
     root: Array = (vectors * values[:, None, :] ** -0.5) @ vectors.conj().transpose(0, 2, 1)

@@ -1,11 +1,12 @@
 """Water motion with which a vehicle file would explain a recorded motion completely.
 
-The residual force in the three axes is attributed to moving water:
+The residual force along the three body axes is attributed to moving water of velocity v_w:
 
-    (M_A + rho V) R^T v_w_dot = residual force at nu_r = nu - R^T (v_c + v_w).
+    (M_A + rho V) R^T v_w_dot = residual force at nu_r = nu - R^T (v_c + v_w),
 
-v_w is integrated along the recording from still water.  A steady force drives v_w to the speed at which drag
-balances it.  With a correct file in calm water, v_w is noise only.
+with the added mass M_A, water density rho, displaced volume V, rotation R from body to NED, and the current
+v_c of the file.  v_w is integrated along the recording from still water.  A steady force drives v_w to the
+speed at which drag balances it.  With a correct file in calm water, v_w is noise only.
 """
 
 from __future__ import annotations
@@ -38,16 +39,19 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
 
 FASTEST = 20.0
-"""Upper bound of the water velocity [m/s], which forces that are far too large in a file would exceed."""
+"""Bound of the water velocity on each axis [m/s]; forces that are far too large in a file would exceed it."""
 
 
 def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
-    """Return the water velocity beyond the file's current, NED, for each row, (N, 3) [m/s].
+    """Return the water velocity that would explain a recording, beyond the current of the vehicle file.
 
     Args:
         model: Vehicle without waves.
-        record: Recording.
-        motion: Its smoothed motion.
+        record: Recording of N rows.
+        motion: Smoothed motion of the recording.
+
+    Returns:
+        North, east and down velocity at each row, (N, 3) [m/s]; 0 at the start of each segment.
     """
     nu = np.ascontiguousarray(true_velocity(model, record, motion.nu))
     left = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
@@ -66,7 +70,10 @@ def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
 
 
 def carried(model: Candidate) -> Array:
-    """Return the wrench about CO for a unit acceleration of the water along each body axis, (6, 3)."""
+    """Return the wrench about CO on the vehicle per acceleration of the water along each body axis, (6, 3).
+
+    Units are kg for the force rows and kg m for the moment rows.
+    """
     c = constants_of(model.program.flat)
     x, y, z = c[CENTER_OF_BUOYANCY : CENTER_OF_BUOYANCY + 3]
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -85,7 +92,18 @@ def _follow(
     segments: Rows,
     out: Array,
 ) -> None:
-    """Integrate with Euler's method from row to row; `along` has pose, velocity, times and commands."""
+    """Integrate the water velocity with Euler's method from row to row, into `out` (N, 3).
+
+    Args:
+        flat: Program of the vehicle.
+        along: Pose, velocity, times and commands of the rows.
+        rotors: Lag states of the thrusters at the rows.
+        memory: Internal states of the effects at the rows.
+        left: Residual wrench of the rows in still water, (N, 6).
+        inverse: Inverse of the force rows of `carried`, (3, 3).
+        segments: First and past-the-last row of each segment, (S, 2).
+        out: Output: water velocity, NED, (N, 3) [m/s].
+    """
     eta, nu, t, commands = along
     mass = flat[HEADER + MASS_MATRIX : HEADER + MASS_MATRIX + 36]
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])

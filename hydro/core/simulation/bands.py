@@ -1,8 +1,8 @@
 """Prediction bands from the uncertainty of estimated parameters.
 
 Vehicles are drawn from the covariance of their estimates, and each is simulated with the same commands.  95 %
-of them lie within the band at every time.  The band contains the uncertainty of the parameters, but neither
-model errors nor sensor noise.
+of the predictions lie within the band at every time.  The band contains the uncertainty of the parameters,
+but neither model errors nor sensor noise.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from hydro.core.vehicle.description import Vehicle
 
 DRAWS = 100
 """Default number of drawn vehicles."""
-LEVELS = (0.025, 0.975)
+LEVELS = (0.025, 0.975)  # quantiles that bound 95 %
 MOTION = (*POSE, *VELOCITY)
 ANGLES = slice(3, 6)
 LEAST = 0.5
-"""Minimum share of draws that must not diverge."""
+"""Minimum share of drawn vehicles whose motion must not diverge."""
 
 
 def bands(
@@ -42,14 +42,14 @@ def bands(
     Args:
         vehicle: The vehicle with its estimated numbers.
         estimates: The estimates, with their covariance.
-        commands: As for `simulate`.
-        draws: Number of drawn vehicles.
+        commands: Commands, and initial states if known, as for `simulate`.
+        draws: Number of vehicles to draw.
         seed: Seed of the draws.
         progress: Called with a few words and the share of the work done.
 
     Returns:
         The bands table: `session`, `t`, the motion of the vehicle itself (pose in NED [m, rad], velocity in
-            the body frame [m/s, rad/s]), and the limits of each band, `x_low` ... `r_high`.
+        the body frame [m/s, rad/s]), and the limits of each band, `x_low`, `x_high` ... `r_low`, `r_high`.
 
     Raises:
         DataError: The commands do not fit the vehicle, its motion diverges, or that of most draws does.
@@ -72,14 +72,14 @@ def spread(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Array, Array]:
-    """Return the lower and upper limit of the band about a vehicle's motion, (N, 12) each.
+    """Return the lower and upper limit of the 95 % band about a vehicle's motion, (N, 12) each.
 
     Args:
         vehicle: The vehicle.
         estimates: Its estimated numbers.
-        predicted: Function from a vehicle to its pose and velocity, (N, 12); NaN, or an error, if it
-            diverges.
-        draws: Number of drawn vehicles.
+        predicted: Function from a vehicle to its pose and velocity at N times, (N, 12) [m, rad, m/s, rad/s];
+            gives NaN or raises a DataError if the motion diverges.
+        draws: Number of vehicles to draw.
         seed: Seed of the draws.
         progress: Called with a few words and the share of the work done.
 
@@ -104,7 +104,14 @@ def spread(
 
 
 def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.DataFrame:
-    """Return the bands table of motions (N, 12), after the columns `session` and `t` of `rows`."""
+    """Return the bands table.
+
+    Args:
+        rows: Columns `session` and `t` of N rows.
+        middle: Motion of the vehicle itself, pose in NED and body velocity, (N, 12) [m, rad, m/s, rad/s].
+        low: Lower limits of the motion, (N, 12).
+        high: Upper limits of the motion, (N, 12).
+    """
     ends = [
         pl.Series(f"{name}_{side}", values[:, i])
         for i, name in enumerate(MOTION)
@@ -114,7 +121,7 @@ def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.Data
 
 
 def _off(motion: Array, middle: Array) -> Array:
-    """Return the difference of two motions, (N, 12), with angles wrapped."""
+    """Return the difference of two motions, (N, 12), with angles wrapped to [-pi, pi)."""
     off: Array = motion - middle
     off[:, ANGLES] = (off[:, ANGLES] + np.pi) % (2.0 * np.pi) - np.pi
     return off

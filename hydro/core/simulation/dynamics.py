@@ -57,12 +57,12 @@ class Motion(NamedTuple):
     """State of a moving vehicle.
 
     Attributes:
-        flat: Its program.
-        facets: (8, F) hull of the panel method, or `NO_HULL`.
-        y: State, (13 + internal states,).
+        flat: Compiled vehicle (`effects.program`).
+        facets: Hull of the panel method, F facets, (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
+        y: Integrated state: position, unit quaternion, nu and internal states of the effects, (13 + states,).
         s: State of motion of `core.effects.layout` at the last evaluation, optionally followed by a held
             wrench (`simulation.held`).
-        work: (4, y.size) workspace for three states and a wrench.
+        work: Workspace for three states and a wrench, (4, y.size).
     """
 
     flat: Array
@@ -74,14 +74,27 @@ class Motion(NamedTuple):
 
 @jit
 def afloat(flat: Array, facets: Array) -> Motion:
-    """Return a vehicle without an initial state."""
+    """Return the `Motion` of a vehicle with all states 0, to be initialised.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
+    """
     size = BODY + int(flat[STATE_COUNT])
     return Motion(flat, facets, np.zeros(size), np.zeros(MOTION), np.zeros((4, size)))
 
 
 @kernel
 def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array) -> None:
-    """Write the state of motion `s` at its time: R of a quaternion (w, x, y, z) of any length, and nu_r."""
+    """Write the state of motion `s` from pose and velocity, at the time that `s` contains.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`), for the current.
+        position: Position, NED, (3,) [m].
+        quaternion: Body to NED (w, x, y, z), of any length but 0.
+        nu: Velocity of CO over ground, body axes, (6,) [m/s, rad/s].
+        s: Output: rotation, position, nu and nu_r, in the layout of `effects.layout`.
+    """
     quaternion_kernel(quaternion, s[ROTATION : ROTATION + 9])
     for i in range(3):
         s[POSITION + i] = position[i]
@@ -92,13 +105,19 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 @kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
-    """Write the state of motion to `s` (`effects.layout`) from an integrated state `y`."""
+    """Write the state of motion to `s` from an integrated state.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`), for the current.
+        y: Integrated state: position, unit quaternion, nu, and internal states of the effects.
+        s: Output: state of motion in the layout of `effects.layout`; the time is read.
+    """
     observe(flat, y[:3], y[3:7], y[7:BODY], s)
 
 
 @kernel
 def settle(motion: Motion) -> None:
-    """Set the internal states of effects to their values in steady motion, at the time in `motion.s`."""
+    """Set the internal states of the effects to their steady values at the present motion and time."""
     observe_state(motion.flat, motion.y, motion.s)
     start(motion.flat, motion.s, motion.y[BODY:])
 
@@ -109,8 +128,8 @@ def thrust_of(row: Array, rotor: float, s: Array) -> float:
 
     Args:
         row: Row of the thruster table.
-        rotor: Its lag state: thrust [N] before losses, or normalised rotor speed.
-        s: State of motion, see `effects.layout`, for the inflow.
+        rotor: Lag state of the thruster: thrust [N] before losses, or normalised rotor speed.
+        s: State of motion (`effects.layout`), for the inflow speed.
     """
     inflow = inflow_speed(row, s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]) if row[INFLOW] != 0.0 else 0.0
     return state_to_thrust(row, rotor, inflow)
@@ -118,7 +137,14 @@ def thrust_of(row: Array, rotor: float, s: Array) -> float:
 
 @kernel
 def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
-    """Add tau_prop = B f to `tau`, f the thrusts from lag states `rotors` (n,) and inflow."""
+    """Add the wrench of the thrusters, tau_prop = B f, about CO to `tau` (6,) [N, N m].
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        s: State of motion, for the inflow speed.
+        rotors: Lag states of the n thrusters, (n,).
+        tau: Wrench in body axes, (6,), added to.
+    """
     begin = int(flat[THRUSTER_TABLE])
     # six variables, since elements of an array would be stored and loaded again for every thruster
     x, y, z, k, m, n = tau[0], tau[1], tau[2], tau[3], tau[4], tau[5]
@@ -135,11 +161,12 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
     """Write the acceleration of CO over ground in the body frame, from thrust, restoring forces and effects.
 
     Args:
-        flat: The program.
+        flat: Compiled vehicle (`effects.program`).
         s: State of motion.
         x: Internal states of the effects.
-        dx: Output: their rates.
-        tau: The thrusters' wrench about CO [N, N m] on entry; overwritten by the total wrench on M.
+        dx: Output: rates of the internal states.
+        tau: The thrusters' wrench about CO [N, N m] on entry; overwritten by the total wrench that
+            accelerates M.
         nu_dot: Output: (6,) [m/s^2, rad/s^2].
     """
     c, nu_r = flat[HEADER : HEADER + CONSTANTS], s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
@@ -159,7 +186,10 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
 
 @kernel
 def _turn_with_body(s: Array, nu_dot: Array) -> None:
-    """Convert nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0]; R^T v_c is v - v_r."""
+    """Convert nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0], with the current v_c in place.
+
+    R^T v_c is the velocity over ground minus that through the water.
+    """
     x = s[VELOCITY] - s[RELATIVE_VELOCITY]
     y = s[VELOCITY + 1] - s[RELATIVE_VELOCITY + 1]
     z = s[VELOCITY + 2] - s[RELATIVE_VELOCITY + 2]
@@ -176,13 +206,13 @@ def rates_kernel(
     """Write the rates of the state: quaternion kinematics (Fossen 2011, section 2.2.2) and the dynamics.
 
     Args:
-        flat: The vehicle's program.
-        facets: (8, F), or `NO_HULL`.
-        y: State.
-        s: State of motion, overwritten.
-        rotors: (n,) lag states.
-        tau: (6,) overwritten.
-        rates: Output: (y.size,); components 7 to 12 are nu_dot of CO.
+        flat: Compiled vehicle (`effects.program`).
+        facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
+        y: Integrated state.
+        s: State of motion; the time is read, the rest is overwritten.
+        rotors: Lag states of the n thrusters, (n,).
+        tau: Workspace, (6,).
+        rates: Output: rates of `y`; components 7 to 12 are nu_dot of CO.
     """
     observe(flat, y[0:3], y[3:7], y[7:BODY], s)
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]

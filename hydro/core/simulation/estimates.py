@@ -1,7 +1,7 @@
 """Estimated parameters of a vehicle file with their covariance: tables, subsets and random draws.
 
-A draw is one vehicle that agrees with the recording.  Its components are normally distributed about their
-values with their covariance.  Values beyond the plausible range of a parameter are clipped to it.
+A random draw is a vehicle whose estimated values are normally distributed about the estimates, with their
+covariance.  Values beyond the plausible range of a parameter are clipped to the range.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.vehicle.description import Vehicle
 
 AGREES = 0.02
-"""Standard errors by which a rounded value in a file may differ from its estimate."""
+"""Difference of a rounded value in a file from its estimate that is allowed, in standard errors."""
 
 
 class Place(Protocol):
-    """Place of a number in a vehicle file."""
+    """Place of a number in the effects of a vehicle file."""
 
     @property
     def effect(self) -> str:
@@ -35,7 +35,7 @@ class Place(Protocol):
 
     @property
     def index(self) -> tuple[int, ...]:
-        """Index in the parameter; () for a scalar."""
+        """Index in the value of the parameter; () for a scalar."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Estimate:
     Attributes:
         effect: Name of the effect.
         parameter: Name of the parameter.
-        index: Index in the parameter; () for a scalar.
-        unit: Its unit.
+        index: Index in the value of the parameter; () for a scalar.
+        unit: Unit of the number.
         value: The number in the file.
     """
 
@@ -64,11 +64,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimated numbers of a vehicle file.
+    """Estimated numbers of a vehicle file, with their covariance.
 
     Attributes:
-        entries: The numbers, (P,).
-        covariance: Their covariance, (P, P), in their units.
+        entries: The P numbers.
+        covariance: Covariance of the numbers, (P, P), in their units.
     """
 
     entries: tuple[Estimate, ...]
@@ -76,16 +76,16 @@ class Estimates:
 
     @property
     def values(self) -> Array:
-        """Values, (P,)."""
+        """Estimated values, (P,)."""
         return np.array([entry.value for entry in self.entries])
 
     @property
     def errors(self) -> Array:
-        """Standard errors, (P,)."""
+        """Standard errors of the values, (P,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def frame(self) -> pl.DataFrame:
-        """Return the covariance table: a row per component, with its correlation with every component."""
+        """Return the covariance table: one row for each number, with its correlation with every number."""
         errors = np.maximum(self.errors, np.finfo(float).tiny)
         correlation = np.clip(self.covariance / np.outer(errors, errors), -1.0, 1.0)
         return pl.DataFrame(
@@ -102,7 +102,7 @@ class Estimates:
 
     @classmethod
     def of(cls, frame: pl.DataFrame) -> Estimates:
-        """Read estimates from a covariance table."""
+        """Read estimates from a covariance table, the result of `frame`."""
         entries = tuple(
             Estimate(row["effect"], row["parameter"], tuple(row["index"]), row["unit"], row["value"])
             for row in frame.iter_rows(named=True)
@@ -111,12 +111,15 @@ class Estimates:
         return cls(entries, np.array(frame["correlation"].to_list(), float) * np.outer(errors, errors))
 
     def of_effects(self, names: Sequence[str]) -> Estimates:
-        """Return the estimates of some effects, marginalised over the others."""
+        """Return the estimates of the named effects, marginalised over all other effects."""
         kept = [i for i, entry in enumerate(self.entries) if entry.effect in names]
         return Estimates(tuple(self.entries[i] for i in kept), self.covariance[np.ix_(kept, kept)])
 
     def after(self, earlier: Estimates | None) -> Estimates:
-        """Return these estimates and earlier ones of other effects, assumed independent."""
+        """Return these estimates together with earlier estimates of other effects.
+
+        An effect in both has its values here.  The two groups are assumed to be independent.
+        """
         if earlier is None:
             return self
         own = {entry.effect for entry in self.entries}
@@ -127,7 +130,7 @@ class Estimates:
         return Estimates((*kept.entries, *self.entries), both)
 
     def disagreement(self, vehicle: Vehicle) -> str:
-        """Describe the first number of a vehicle file that differs from the estimates; empty if none does."""
+        """Describe the first number of a vehicle file that differs from these estimates; empty if none."""
         for entry, error in zip(self.entries, self.errors, strict=True):
             there = number(vehicle, entry)
             if there is None or abs(there - entry.value) > AGREES * error + 1e-9 * abs(entry.value):
@@ -136,7 +139,7 @@ class Estimates:
         return ""
 
     def drawn(self, vehicle: Vehicle, draws: int, seed: int) -> Iterator[Vehicle]:
-        """Draw vehicles from these estimates.
+        """Draw vehicles whose numbers vary according to the covariance of these estimates.
 
         Args:
             vehicle: The vehicle of the estimates.
@@ -152,7 +155,7 @@ class Estimates:
             yield with_numbers(vehicle, self.entries, np.clip(values, low, high))
 
     def _plausible(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Return the plausible ranges within the admissible ones, (P,) each, widened to hold the values."""
+        """Return the minimum and maximum plausible value of each number, (P,) each, widened to include it."""
         ends = []
         for entry in self.entries:
             record = CATALOGUE[entry.effect].parameter(entry.parameter)
@@ -163,7 +166,12 @@ class Estimates:
 
 
 def number(vehicle: Vehicle, place: Place) -> float | None:
-    """Return a number of a vehicle file; None if the file does not contain it."""
+    """Return a number of a vehicle file; None if the file does not contain it.
+
+    Args:
+        vehicle: Vehicle file.
+        place: Effect, parameter and index of the number.
+    """
     table = next(iter(vehicle.effects(place.effect)), {})
     values = np.asarray(table.get(place.parameter, np.nan), float)
     there = len(place.index) == values.ndim and all(np.array(place.index) < values.shape)
@@ -172,7 +180,15 @@ def number(vehicle: Vehicle, place: Place) -> float | None:
 
 
 def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Vehicle:
-    """Return the vehicle with these values (P,) of its effects; a symmetric matrix changes on both sides."""
+    """Return the vehicle with new numbers in its effects.
+
+    In a symmetric matrix, both entries of an off-diagonal pair change.
+
+    Args:
+        vehicle: The vehicle.
+        places: Places of the P numbers.
+        values: The new numbers, (P,).
+    """
     tables = {place.effect: {} for place in places}  # type: dict[str, dict[str, Any]]
     for place, value in zip(places, values, strict=True):
         table = tables[place.effect]
@@ -190,6 +206,7 @@ def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Ve
 
 
 def _put(nested: list[Any], index: tuple[int, ...], value: float) -> None:
+    """Set a number in nested lists, in place."""
     for i in index[:-1]:
         nested = nested[i]
     nested[index[-1]] = value

@@ -3,7 +3,7 @@
 A collection is a list of sessions, each of one kind: single-axis sine sweeps in surge, sway, heave and yaw;
 coupled manoeuvres (circles, corkscrews, drift turns); Ornstein-Uhlenbeck walks on all axes; and the
 nine-segment, 90 s sequence of the paper's replay.  A demand is a share of the maximum wrench of the thrusters
-on that axis alone, so it fits any vehicle; `vehicle.control_allocation` converts it to commands.
+on that axis alone, so it fits any vehicle; `vehicle.control_allocation` converts demands to commands.
 
 All random numbers depend on the seed and the session's number only, not on the order of the work.
 """
@@ -25,7 +25,7 @@ SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep
 LOG_RATE = 50.0
 """Rate of rows and commands [Hz]."""
 REPLAY = "replay90"
-REPLAY_SECONDS = 90.0
+REPLAY_SECONDS = 90.0  # duration of the sequence of the paper [s]
 DECKS: dict[str, tuple[str, ...]] = {
     "hybrid": (*SWEEPS, "coupled", "coupled", "coupled", "walk", "walk", "walk"),
     "sweeps": tuple(SWEEPS),
@@ -33,17 +33,24 @@ DECKS: dict[str, tuple[str, ...]] = {
     "walks": ("walk",),
     REPLAY: (REPLAY,),
 }
-"""Kinds of session of each excitation; they are drawn from a deck that is shuffled again when empty."""
+"""Kinds of session of each excitation, drawn like cards: each once in random order, then again."""
 
 SHORTEST, LONGEST = 6_000, 29_000
-"""Minimum and maximum rows of a session in a large collection."""
+"""Minimum and maximum number of rows of a session in a large collection."""
 LEAST_ROWS = 250
-"""Minimum rows of a session in a small collection, which uses its deck about once."""
+"""Minimum number of rows of a session in a small collection, which has about one session of each kind."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """Session of a collection: name, kind of excitation, rows, and the number that seeds it."""
+    """Planned session of a collection.
+
+    Attributes:
+        name: Name, such as `003_walk`.
+        kind: Kind of excitation, an entry of `DECKS`.
+        rows: Number of rows.
+        number: Position in the collection, from 0; part of the seed of its random numbers.
+    """
 
     name: str
     kind: str
@@ -54,16 +61,17 @@ class Session:
 def plan(
     rows: int, seed: int, axes: Sequence[int] = range(6), *, excitation: str = "hybrid"
 ) -> tuple[Session, ...]:
-    """Plan sessions of an excitation whose lengths sum to exactly `rows`.
+    """Plan the sessions of a collection; their lengths sum to exactly `rows`.
 
     Args:
         rows: Total number of rows.
         seed: Seed of the order of kinds and of the lengths.
-        axes: Axes that the vehicle's thrusters can actuate; sweeps of others are omitted.
-        excitation: One of `DECKS`.
+        axes: Axes that the vehicle's thrusters can actuate, 0 to 5; sweeps of all other axes are omitted.
+        excitation: Key of `DECKS`.
 
     Returns:
-        Sessions of 6,000 to 29,000 rows if `rows` suffices for a full deck, else shorter ones in proportion.
+        Sessions of 6,000 to 29,000 rows if `rows` suffices for one of each kind; else sessions that are
+        shorter in proportion.
 
     Raises:
         DataError: An unknown excitation, fewer than one row, or no axis to excite.
@@ -91,10 +99,12 @@ def plan(
 
 
 def demands(session: Session, seed: int, dt: float) -> Array:
-    """Return the demanded wrench of a session by rows, as shares of the authority of each axis.
+    """Return the demanded wrench of a session in every row, as shares of the authority of each axis.
+
+    The authority is the maximum wrench of the thrusters on that axis alone.
 
     Args:
-        session: A session from `plan`.
+        session: Session from `plan`.
         seed: Seed of the collection.
         dt: Time between rows [s].
 
@@ -114,12 +124,12 @@ def demands(session: Session, seed: int, dt: float) -> Array:
 
 
 def holds_heading(kind: str) -> bool:
-    """Return whether a kind of session holds its heading: single-axis sweeps except in yaw."""
+    """Return whether sessions of a kind hold their heading: single-axis sweeps except in yaw."""
     return kind in SWEEPS and kind != "sweep_yaw"
 
 
 def _lengths(rows: int, deck: int, rng: np.random.Generator) -> list[int]:
-    """Return random lengths that sum to `rows`, within the bounds if such a sum exists."""
+    """Return random session lengths that sum to `rows`, for a deck of `deck` kinds of session."""
     shrink = min(1.0, rows / (deck * 0.5 * (SHORTEST + LONGEST)))
     low, high = max(LEAST_ROWS, int(SHORTEST * shrink)), max(4 * LEAST_ROWS, int(LONGEST * shrink))
     lengths: list[int] = []
@@ -132,7 +142,7 @@ def _lengths(rows: int, deck: int, rng: np.random.Generator) -> list[int]:
 
 
 def _sweep(rows: int, dt: float, rng: np.random.Generator) -> Array:
-    """Return contiguous logarithmic sine sweeps, 40 to 80 s, about 0.03 to 0.5 Hz, of random amplitude."""
+    """Return one sine sweep after another, each of 40 to 80 s, about 0.03 to 0.5 Hz, in [-1, 1], (rows,)."""
     parts: list[Array] = []
     count = 0
     while count < rows:
@@ -147,7 +157,11 @@ def _sweep(rows: int, dt: float, rng: np.random.Generator) -> Array:
 
 
 def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
-    """Return Ornstein-Uhlenbeck walks, dx = -x/T dt + sigma sqrt(2/T) dW, from stationary initial values."""
+    """Return Ornstein-Uhlenbeck walks on six axes, dx = -x/T dt + sigma sqrt(2/T) dW, (rows, 6).
+
+    T and sigma are random for each axis, and W is a Wiener process.  Initial values are drawn from the
+    stationary distribution.
+    """
     constant = rng.uniform(1.0, 6.0, size=6)
     sigma = rng.uniform([0.3, 0.3, 0.3, 0.1, 0.1, 0.15], [0.7, 0.7, 0.7, 0.3, 0.3, 0.4])
     keep = np.exp(-dt / constant)
@@ -161,7 +175,14 @@ def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True)
 class _Segment:
-    """Segment of a constant demand plus a sine: (6,) each, and the sine's frequency [Hz]."""
+    """Segment of a session: a constant demand plus a sine on each axis.
+
+    Attributes:
+        seconds: Duration [s].
+        steady: Constant part, (6,).
+        swing: Amplitude of the sine, (6,).
+        frequency: Frequency of the sine [Hz].
+    """
 
     seconds: float
     steady: Array
@@ -170,13 +191,13 @@ class _Segment:
 
 
 def _demand(**axes: float) -> Array:
-    """Return six shares by name: `_demand(surge=0.5, yaw=0.2)`."""
+    """Return six shares from shares by name: `_demand(surge=0.5, yaw=0.2)`."""
     names = ("surge", "sway", "heave", "roll", "pitch", "yaw")
     return np.array([axes.get(name, 0.0) for name in names])
 
 
 def _coupled_segments(seconds: float, rng: np.random.Generator) -> list[_Segment]:
-    """Return circles, corkscrews and drift turns in random order, 15 to 45 s each."""
+    """Return circles, corkscrews and drift turns in random order, 15 to 45 s each, for at least `seconds`."""
     segments: list[_Segment] = []
     while seconds > 0.0:
         length = rng.uniform(15.0, 45.0)
@@ -214,7 +235,7 @@ def _replay_segments() -> list[_Segment]:
 
 
 def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
-    """Return demands (rows, 6) of contiguous segments; the list repeats if it is too short."""
+    """Return the demands of consecutive segments, (rows, 6); the list repeats if it is too short."""
     out = np.zeros((rows, 6))
     start, index = 0.0, 0
     while round(start / dt) < rows:
@@ -227,6 +248,6 @@ def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
 
 
 def _smooth(demand: Array, dt: float, constant: float = 0.25) -> Array:
-    """Apply a first-order low-pass from rest, so that no demand jumps."""
+    """Low-pass a demand (rows, 6) from rest with a time constant [s], so that it never jumps."""
     keep = math.exp(-dt / constant)
     return leaky_sum((1.0 - keep) * demand, keep)

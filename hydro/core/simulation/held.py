@@ -5,9 +5,10 @@ components add to the right-hand side of the equation of motion
 
     C_K(nu) nu - D nu - h
 
-The wrench h is on the left-hand side, as a label is.  K is the inertia whose Coriolis and centripetal forces
-the network already contains or does not need.  D is the damping of a passive network; it acts on the present
-velocity.  nu is the input velocity of the network, over ground or through the water.
+h is the wrench of the network; like a label, it is defined on the left-hand side, so its sign is negative
+here.  K is the inertia whose Coriolis and centripetal forces C_K(nu) nu the network already contains or does
+not need.  D is the damping of a passive network; it acts on the present velocity.  nu is the input velocity
+of the network, over ground or through the water.
 """
 
 from __future__ import annotations
@@ -22,12 +23,17 @@ WRENCH = MOTION + 1  # h, 6 [N, N m]
 CANCELLED = MOTION + 7  # K, 36
 DAMPING = MOTION + 43  # D, 36
 WITH_HELD = MOTION + 79
-"""Length of a state of motion with a held wrench."""
+"""Length of a state of motion that includes a held wrench."""
 
 
 @kernel
 def exert_held(s: Array, tau: Array) -> None:
-    """Add the held wrench at the present velocity to `tau` (6,), body frame about CO [N, N m]."""
+    """Add C_K(nu) nu - D nu - h of the held wrench to `tau` (6,), body frame about CO [N, N m].
+
+    Args:
+        s: State of motion of length WITH_HELD; nu is the present velocity.
+        tau: Wrench, added to.
+    """
     at = int(s[FELT])
     nu = s[at : at + 6]
     coriolis_kernel(s[CANCELLED : CANCELLED + 36], nu, tau)

@@ -1,8 +1,8 @@
 """Integration of a vehicle's motion under its commands by the classical Runge-Kutta method of order 4.
 
 One loop serves the forward simulation, the reference simulator, fleets of vehicles, and the shots of a fit.
-They differ in the initial state, in whether a pilot computes the commands, and in whether small deviations
-are carried along (`simulation.variational_equation`).
+The uses differ in the initial state, in whether a pilot computes the commands, and in whether small
+deviations are integrated too (`simulation.variational_equation`).
 
 The thrusters' lags depend on the commands alone.  They are advanced exactly to the start, middle and end of a
 step.  A step ends where a command takes effect, so that delays of any length keep the order.
@@ -27,15 +27,17 @@ from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
 
 
 class Thrusters(NamedTuple):
-    """State of a vehicle's thrusters.
+    """State of a vehicle's n thrusters.
+
+    A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
 
     Attributes:
         table: Thruster table (n, columns).
-        target: (n,) steady lag states of the present commands.
-        upcoming: (n,) next row of the commands that each thruster will follow.
-        decay: (n,) factor of the distance to `target` over half a step; 0 without lag.
-        rotors: (3, n) lag states at the start, middle and end of a step.
-        due: (2,) time of the next command, and the step to which `decay` applies [s].
+        target: Lag states to which the present commands lead, (n,).
+        upcoming: Next row of the commands that each thruster will follow, (n,).
+        decay: Factor of the distance to `target` over half a step, (n,); 0 without lag.
+        rotors: Lag states at the start, middle and end of a step, (3, n).
+        due: Time of the next command [s], and the length of step to which `decay` applies [s], (2,).
     """
 
     table: Array
@@ -47,10 +49,10 @@ class Thrusters(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Commands of a motion, and its time steps.
+    """Commands of n thrusters in N rows of a segment, and the time steps of the integration.
 
     Attributes:
-        commands: (N, n); row k acts on [t_k, t_k+1), later by each thruster's delay.
+        commands: Effective commands, (N, n); row k acts on [t_k, t_k+1), later by each thruster's delay.
         t: Times of the rows (N,) [s].
         steps: Integration steps per row.
         length: Length of a step [s]; 0 divides each row into equal steps.
@@ -64,7 +66,11 @@ class Course(NamedTuple):
 
 @jit
 def at_rest(flat: Array) -> Thrusters:
-    """Return the thrusters of a vehicle, at rest."""
+    """Return the state of the thrusters of a vehicle at rest.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+    """
     table = thrusters_of(flat)
     n = table.shape[0]
     upcoming = np.zeros(n, np.int64)
@@ -73,10 +79,14 @@ def at_rest(flat: Array) -> Thrusters:
 
 @kernel
 def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None:
-    """Resume a motion at row `at` of a segment, with delayed commands from before it still pending.
+    """Prepare the thrusters to integrate from row `at` of a segment; delayed earlier commands stay pending.
 
-    `settled` tells whether the rotors were in the steady state of the first command at the segment's start,
-    as after a gap.
+    Args:
+        thrusters: State of the thrusters, changed.
+        course: Commands of the whole segment.
+        at: First row to integrate.
+        settled: Whether the rotors were in the steady state of the first command when the segment started, as
+            after a gap; otherwise at rest.
     """
     t = course.t
     for i in range(thrusters.target.size):
@@ -91,10 +101,15 @@ def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None
 
 @kernel
 def obey(thrusters: Thrusters, course: Course, now: float) -> float:
-    """Apply the commands that take effect at `now` [s]; rows later than `now` are not read.
+    """Apply the commands that take effect at `now` [s] or before; later commands are not read.
+
+    Args:
+        thrusters: State of the thrusters, changed.
+        course: Commands of the segment.
+        now: Time [s].
 
     Returns:
-        Time of the next change [s], infinite after the last.
+        Time of the next change [s], infinite after the last command.
     """
     table, target, upcoming = thrusters.table, thrusters.target, thrusters.upcoming
     commands, t, change = course.commands, course.t, np.inf
@@ -109,7 +124,13 @@ def obey(thrusters: Thrusters, course: Course, now: float) -> float:
 
 @kernel
 def spin(target: Array, decay: Array, rotors: Array) -> None:
-    """Compute the lag states at the start, middle and end of a step from those at the end of the last."""
+    """Compute the lag states at the start, middle and end of a step from the end of the previous step.
+
+    Args:
+        target: Lag states of n thrusters to which the present commands lead, (n,).
+        decay: Factor of the distance to `target` over half a step, (n,); 0 without lag.
+        rotors: Lag states, (3, n); the last row is read, all are written.
+    """
     for i in range(target.size):
         away = rotors[2, i] - target[i] if decay[i] > 0.0 else 0.0
         rotors[0, i] = target[i] + away
@@ -119,12 +140,17 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
 
 @kernel
 def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: float) -> float:
-    """Advance the rotors from `now` to `end`, or to the next command if it takes effect before.
+    """Advance the rotors from `now` to `end`, or to the time at which the next command takes effect.
 
-    Times closer than `close` [s] count as equal.
+    Args:
+        thrusters: State of the thrusters, changed.
+        course: Commands of the segment.
+        now: Start [s].
+        end: End [s].
+        close: Difference up to which two times count as equal [s].
 
     Returns:
-        Time to which they were advanced [s].
+        Time to which the rotors were advanced [s].
     """
     due, target, decay = thrusters.due, thrusters.target, thrusters.decay
     if due[0] <= now + close:
@@ -150,11 +176,20 @@ def step(
     h: float,
     deviations: Deviations | None,
 ) -> None:
-    """Advance the state of a motion by one step h [s] from the time in `s`; its quaternion is normalised.
+    """Advance the state of a motion by one step from the time in `s`; the quaternion is normalised.
 
-    It takes the arrays of `Motion` one by one, since unpacking them costs up to a tenth of the time.
-    `rotors` (3, n) are the lag states at the start, middle and end of the step.  Deviations, if any, are
-    carried along.
+    The function takes the arrays of `Motion` one by one, since unpacking them costs up to a tenth of the
+    time.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        facets: Hull of the panel method, F facets, (8, F).
+        y: Integrated state, changed.
+        s: State of motion; its time is advanced.
+        work: Workspace of `Motion`.
+        rotors: Lag states of n thrusters at the start, middle and end of the step, (3, n).
+        h: Step [s].
+        deviations: Small deviations to integrate too; or None.
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     now = s[TIME]
@@ -187,10 +222,18 @@ def advance(
     length: float,
     deviations: Deviations | None,
 ) -> None:
-    """Advance the state from `begin` by the steps of one row, each of `length` [s].
+    """Advance the state by the integration steps of one row of commands.
 
-    A step is split where a command takes effect within it.  Times closer than a billionth of it count as
-    equal.  Deviations, if any, are carried along.
+    A step is split where a command takes effect within it.  Times closer than a billionth of a step count as
+    equal.
+
+    Args:
+        motion: State of the vehicle, changed.
+        thrusters: State of the thrusters, changed.
+        course: Commands and number of steps.
+        begin: Time of the row [s].
+        length: Length of each step [s].
+        deviations: Small deviations to integrate too; or None.
     """
     flat, facets, y, s, work = motion
     rotors = thrusters.rotors
@@ -214,16 +257,16 @@ def march(
     pilot: Pilot | None,
     deviations: Deviations | None,
 ) -> int:
-    """Integrate a motion from row `at` of its course.
+    """Integrate a motion from row `at` of its commands.
 
     Args:
-        motion: The vehicle, in its initial state.
-        thrusters: Its thrusters, resumed there (`resume`).
+        motion: The vehicle in its initial state, changed.
+        thrusters: State of the thrusters, prepared by `resume`.
         course: Commands of the whole segment.
         at: First row.
-        out: Output: (K, 13) state of the body at every row; NaN after the first that is not finite.
-        pilot: Computes the commands row by row; None if they are known.
-        deviations: Deviations to carry along and record; or None.
+        out: Output: state of the body at each of K rows, (K, 13); NaN after the first row that is not finite.
+        pilot: Pilot that computes the commands row by row; None if the commands are known.
+        deviations: Small deviations to integrate too and record; or None.
 
     Returns:
         Number of rows that stayed finite.

@@ -1,4 +1,4 @@
-"""Live simulation of a vehicle, step by step under incoming commands."""
+"""Live simulation of a vehicle, step by step, under commands that arrive one at a time."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ class Reading(NamedTuple):
 
     Attributes:
         time: Time since `Live.reset` [s].
-        eta: x y z [m, NED] and phi theta psi [rad, ZYX], (6,).
-        quaternion: Body to NED (w, x, y, z).
+        eta: Pose x y z [m, NED] and phi theta psi [rad, ZYX], (6,).
+        quaternion: Rotation from body to NED (w, x, y, z), (4,).
         nu: Velocity of CO over ground, body axes, (6,) [m/s, rad/s].
         velocity: Linear velocity of CO in NED, (3,) [m/s].
-        specific_force: Reading of an accelerometer at CO, v_dot + omega x v - R^T g, body axes, (3,) [m/s^2].
+        specific_force: Reading of an accelerometer at CO, v_dot + omega x v - R^T g, body axes, (3,) [m/s^2];
+            v is the linear, omega the angular velocity, and g gravity in NED.
     """
 
     time: float
@@ -42,14 +43,17 @@ class Reading(NamedTuple):
 
 
 class Live:
-    """Moving vehicle, with the dynamics of `simulate`.
+    """Vehicle that moves step by step, with the dynamics of `simulate`.
 
     Attributes:
         time: Time since `reset` [s].
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        """Put a vehicle at rest at the origin.
+        """Create a vehicle at rest at the origin.
+
+        Args:
+            vehicle: The vehicle.
 
         Raises:
             DataError: An effect or a thruster of the vehicle is invalid.
@@ -62,7 +66,12 @@ class Live:
         self.reset()
 
     def reset(self, eta: ArrayLike = (0.0,) * 6, nu: ArrayLike = (0.0,) * 6) -> None:
-        """Set the state at time 0 with thrusters at rest: a pose (6,), NED, and a velocity (6,), body."""
+        """Set the state at time 0, with thrusters at rest.
+
+        Args:
+            eta: Pose x y z [m, NED], phi theta psi [rad, ZYX], (6,).
+            nu: Velocity of CO over ground, body axes, (6,) [m/s, rad/s].
+        """
         pose, count, y = np.asarray(eta, float), len(self._thrusters.target), self._motion.y
         self.time = 0.0
         y[:] = 0.0
@@ -72,7 +81,11 @@ class Live:
         self._lags, self._given, self._since = np.zeros(count), np.zeros((0, count)), np.zeros(0)
 
     def step(self, commands: ArrayLike, length: float) -> None:
-        """Advance by `length` [s] under constant effective commands (n,) (`recording.supply`).
+        """Advance the motion under constant commands.
+
+        Args:
+            commands: Effective commands of the n thrusters, (n,) (`recording.supply`).
+            length: Time to advance [s].
 
         Raises:
             DataError: The commands do not fit the thrusters, or the motion diverges.
@@ -93,7 +106,7 @@ class Live:
             raise DataError(f"the motion diverges by t = {self.time:g} s; check the vehicle's damping")
 
     def read(self) -> Reading:
-        """Return the present state."""
+        """Return the present state of the vehicle."""
         y, turned, force = self._motion.y, np.zeros(9), np.zeros(3)
         _feel(self._motion, self._lags, self.time, self._gravity, turned, force)
         angles = euler_from_quaternion(y[3:7])
@@ -105,7 +118,10 @@ class Live:
 
 @jit
 def _move(motion: Motion, thrusters: Thrusters, course: Course, lags: Array, length: float) -> None:
-    """Advance a motion from the last row of its course; `lags` (n,) are read and written."""
+    """Advance a motion from the last row of its course, by steps of `length` [s].
+
+    `lags` (n,), the lag states of the thrusters, are read and written.
+    """
     last = course.t.size - 1
     resume(thrusters, course, last, False)
     thrusters.rotors[2] = lags
@@ -116,7 +132,7 @@ def _move(motion: Motion, thrusters: Thrusters, course: Course, lags: Array, len
 
 @jit
 def _feel(motion: Motion, lags: Array, time: float, gravity: float, turned: Array, force: Array) -> None:
-    """Write the rotation (9,) and the specific force (3,) at a time."""
+    """Write the rotation from body to NED to `turned` (9,), the specific force [m/s^2] to `force` (3,)."""
     flat, facets, y, s, work = motion
     s[TIME] = time
     rates_kernel(flat, facets, y, s, lags, work[3, :6], work[0])

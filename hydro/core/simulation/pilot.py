@@ -1,4 +1,7 @@
-"""Pilot: commands computed row by row from the true state, for a demanded wrench with weak holds."""
+"""Pilot: commands computed row by row from the true state, from demanded wrenches and weak holds.
+
+A hold is a weak controller of depth, roll, pitch or heading (`vehicle.control_allocation`).
+"""
 
 from __future__ import annotations
 
@@ -13,13 +16,13 @@ from hydro.core.vehicle.control_allocation import Mixing, hold_kernel, mixing_ke
 
 
 class Pilot(NamedTuple):
-    """Demands of a pilot and its knowledge of the vehicle.
+    """Demands of a pilot and the pilot's knowledge of the vehicle.
 
     Attributes:
-        gains: (4, 2) gains of the holds, as in `vehicle.control_allocation.Mixing`.
-        allocation: Pseudo-inverse of B (n, 6).
+        gains: Gains of the holds, (4, 2), as in `vehicle.control_allocation.Mixing`.
+        allocation: Pseudo-inverse of the configuration matrix B of n thrusters, (n, 6).
         table: Thruster table (n, columns) known to the pilot; that of the vehicle may contain hidden faults.
-        wrenches: (N, 6) demanded [N, N m].
+        wrenches: Demanded wrench in each row, body axes, (N, 6) [N, N m].
         depth: Depth to hold [m].
         heading: (cos, sin) of the heading to hold; (0, 0) for none.
     """
@@ -36,8 +39,8 @@ class Pilot(NamedTuple):
         """Create the pilot of a session.
 
         Args:
-            crew: Conversion of demands to commands.
-            demand: (N, 6) shares of each axis's authority.
+            crew: Conversion of demanded wrenches to commands, with the gains of the holds.
+            demand: Demands in each row, as shares of each axis's authority, (N, 6).
             depth: Depth to hold [m].
             heading: Heading to hold [rad]; None for none.
         """
@@ -48,7 +51,15 @@ class Pilot(NamedTuple):
 
 @kernel
 def steer(pilot: Pilot, row: int, s: Array, tau: Array, commands: Array) -> None:
-    """Write the commands (n,) of a row at the state of motion `s`; `tau` (6,) is workspace."""
+    """Write the pilot's commands for a row to `commands`.
+
+    Args:
+        pilot: Demands of the pilot.
+        row: Number of the row.
+        s: State of motion (`effects.layout`), for the holds.
+        tau: Workspace, (6,).
+        commands: Output: commands of n thrusters in [-1, 1], (n,).
+    """
     copy_kernel(pilot.wrenches[row], tau)
     R, nu = s[ROTATION : ROTATION + 9], s[VELOCITY : VELOCITY + 6]
     hold_kernel(pilot.gains, R, s[POSITION + 2], nu, pilot.depth, pilot.heading, tau)

@@ -1,4 +1,4 @@
-"""Sensor noise of a recording: white and Gaussian, one standard deviation per kind of measurement."""
+"""Sensor noise of a simulated recording: white and Gaussian, with a size for each kind of measurement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hydro.core.vehicle.frames import wrapped
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations (1 sigma) of the logged quantities.
+    """Standard deviations (1 sigma) of the noise of logged quantities.
 
     Attributes:
         velocity: Standard deviation of u, v, w [m/s].
@@ -22,7 +22,7 @@ class Noise:
         attitude: Standard deviation of phi, theta, psi [rad].
 
     Raises:
-        DataError: One of them is negative or not finite.
+        DataError: A standard deviation is negative or not finite.
     """
 
     velocity: float = 0.0
@@ -52,15 +52,15 @@ PROFILES = {
 
 
 def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:
-    """Add noise to logged motion.
+    """Return a logged motion with noise added.
 
     Args:
-        motion: (N, 12) x y z [m], phi theta psi [rad], u v w [m/s], p q r [rad/s].
+        motion: x y z [m], phi theta psi [rad], u v w [m/s], p q r [rad/s] in N rows, (N, 12).
         noise: Standard deviations.
         rng: Source of the noise.
 
     Returns:
-        (N, 12); phi and psi within (-pi, pi], theta within [-pi/2, pi/2].
+        (N, 12); phi and psi wrapped to (-pi, pi], theta clipped to [-pi/2, pi/2].
     """
     noisy: Array = motion + rng.standard_normal(motion.shape) * noise.deviations
     noisy[:, [3, 5]] = wrapped(noisy[:, [3, 5]])

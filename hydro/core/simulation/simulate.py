@@ -33,16 +33,16 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
     """Simulate a vehicle under recorded or designed commands.
 
     Args:
-        vehicle: The vehicle with all its effects; effects of its sensors act on the returned velocity.
-        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`, and `voltage` [V] if known; the command of a
-            row is held until the next. With all columns of pose and velocity (a raw table), the first row of
-            every session, and the first after a gap, gives the initial state; else every session starts at
-            rest at the origin.
+        vehicle: The vehicle with all its effects; effects of its sensors act on the returned motion.
+        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`, and `voltage` [V] if known.  The command of a
+            row is held until the next row.  With all columns of pose and velocity (a raw table), the first
+            row of every session, and the first after a gap, gives the initial state; else every session
+            starts at rest at the origin.
         sea: Seed of the waves of the file, drawn again for every session; by default there are no waves, as
             in every prediction.
 
     Returns:
-        The raw table of the logged motion without noise, row for row.
+        Raw table of the motion that noise-free sensors would log, row for row.
 
     Raises:
         DataError: Columns are missing, a gap in time has no state after it, or the motion diverges.
@@ -91,7 +91,12 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
 
 
 def steps_of_row(dt: float, rate: float = INTEGRATION_RATE) -> int:
-    """Return the integration steps per row of `dt` [s] for at least `rate` steps a second [Hz]."""
+    """Return the number of integration steps per row.
+
+    Args:
+        dt: Time between rows [s].
+        rate: Minimum number of steps per second [Hz].
+    """
     return max(1, math.ceil(dt * rate * (1.0 - 1e-9)))
 
 
@@ -105,19 +110,19 @@ def trajectory(
     settled: bool = False,
     steps: int | None = None,
 ) -> Array:
-    """Return the true motion of one segment.
+    """Return the true motion of one segment, without sensor errors.
 
     Args:
         program: The compiled vehicle.
-        commands: Shape (N, n); row k is held on [t_k, t_k+1).
-        t: Times [s], shape (N,), ascending.
-        eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
-        nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
+        commands: Effective commands of n thrusters in N rows, (N, n); row k is held on [t_k, t_k+1).
+        t: Times [s], (N,), ascending.
+        eta: Initial pose, NED and ZYX Euler angles, (6,) [m, rad].
+        nu: Initial velocity of CO over ground, body frame, (6,) [m/s, rad/s].
         settled: Whether thrusters start in the steady state of the first command; by default at rest.
         steps: Integration steps per row; by default at least `INTEGRATION_RATE` a second.
 
     Returns:
-        Pose and velocity (x ... psi, u ... r), shape (N, 12).
+        Pose and velocity (x ... psi, u ... r), (N, 12) [m, rad, m/s, rad/s].
 
     Raises:
         DataError: The commands do not fit the thrusters or the times, or the motion diverges.
@@ -141,7 +146,7 @@ def trajectory(
 
 @jit
 def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
-    """Integrate one segment from `first` (13,); return the number of finite rows of `out` (N, 13)."""
+    """Integrate one segment from the state `first` (13,) into `out` (N, 13); return its finite rows."""
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)
     begin = int(np.int64(0))  # a variable: a literal would compile what it calls once more
     copy_kernel(first, motion.y[:BODY])

@@ -1,4 +1,4 @@
-"""Limits of the wrench at which hydrodynamic moments overturn a vehicle.
+"""Limits of the wrench below which hydrodynamic moments do not overturn a vehicle.
 
 A hull in straight motion has moments that grow with the square of its speed and turn it broadside (Munk;
 Fossen 2011, section 6.3.1).  Weight and buoyancy, and any attitude control, resist them.  Above some speed
@@ -17,23 +17,24 @@ from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 MARGIN = 0.9
-"""Maximum speed of excitation relative to the speed of overturning."""
+"""Maximum speed of an excitation, relative to the speed at which the vehicle overturns."""
 TURN_RATE = 2.0
 """Maximum steady yaw rate [rad/s]."""
 MOST_TILT = 0.5
-"""Maximum steady roll and pitch of excitation against the righting moment [rad]."""
+"""Maximum steady roll and pitch that an excitation may hold against the righting moment [rad]."""
 
 
 def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
     """Return the maximum wrench on each axis that keeps a vehicle upright.
 
     Args:
-        program: The vehicle.
-        facets: Facets of its hull (8, F), from `vehicle.panels.loaded_facets`.
-        righting: Stiffness (2,) in roll and pitch [N m/rad].
+        program: The compiled vehicle.
+        facets: F facets of its hull, (8, F), from `vehicle.panels.loaded_facets`, or `NO_HULL`.
+        righting: Righting stiffness in roll and pitch, (2,) [N m/rad].
 
     Returns:
-        (6,) [N, N m], infinite without a limit.  In translation and yaw it is the drag at the maximum speed.
+        (6,) [N, N m], infinite without a limit.  In translation and yaw it is the drag at the maximum speed,
+        in roll and pitch the righting moment at MOST_TILT.
     """
     limits = np.full(6, np.inf)
     for axis in range(3):
@@ -46,7 +47,7 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
 
 
 def _upright_speed(program: Program, facets: Array, righting: Array, axis: int) -> float:
-    """Return the speed along a translational axis [m/s] at which roll or pitch becomes unstable, or inf."""
+    """Return the lowest speed along an axis [m/s] at which roll or pitch becomes unstable, or infinity."""
     tilt = 1e-4
     speeds = [np.inf]
     for turn in (0, 1):
@@ -67,9 +68,15 @@ def _upright_speed(program: Program, facets: Array, righting: Array, axis: int) 
 
 
 def fluid_wrench(program: Program, facets: Array, nu_r: Array) -> Array:
-    """Return the wrench (6,) [N, N m] of steady motion through still water on a level vehicle.
+    """Return the wrench of the water on a level vehicle in steady motion, about CO, (6,) [N, N m].
 
-    It contains panels, the effects of its program and -C_A(nu_r) nu_r, minus their values at rest.
+    It contains the drag of the panels, the effects of the program and -C_A(nu_r) nu_r, minus their values at
+    rest.
+
+    Args:
+        program: The compiled vehicle.
+        facets: F facets of its hull, (8, F), or `NO_HULL`.
+        nu_r: Velocity through still water, body axes, (6,) [m/s, rad/s].
     """
     moving, resting = np.zeros(6), np.zeros(6)
     _add_fluid_wrench(program.flat, facets, np.ascontiguousarray(nu_r), moving)
@@ -79,7 +86,7 @@ def fluid_wrench(program: Program, facets: Array, nu_r: Array) -> Array:
 
 @jit
 def _add_fluid_wrench(flat: Array, facets: Array, nu_r: Array, tau: Array) -> None:
-    """Add panels, effects and added-mass Coriolis terms at a level attitude, deep below the surface."""
+    """Add panel drag, effects and added-mass Coriolis terms at velocity nu_r to `tau`, level and at depth."""
     s, states = np.zeros(MOTION), int(flat[STATE_COUNT])
     for i in range(6):
         s[RELATIVE_VELOCITY + i] = s[VELOCITY + i] = nu_r[i]

@@ -1,12 +1,12 @@
 """Variational equation: responses of a motion to its initial state and to changes of its forces.
 
-Along a predicted motion x(t) of x' = f(x, p), small deviations obey delta' = J delta + df/dp, J = df/dx.  J
-is computed once per step for any number of parameters.  df/dp of an effect costs only the effect, not a whole
-vehicle.  So a hundred parameters cost a few predictions instead of a hundred (Hairer, Norsett and Wanner
-1993, section I.14).
+Along a predicted motion x(t) of x' = f(x, p), with the state x and the parameters p, small deviations obey
+delta' = J delta + df/dp, J = df/dx.  J is computed once per step for any number of parameters.  df/dp of an
+effect costs only the effect, not a whole vehicle.  So a hundred parameters cost a few predictions instead of
+a hundred (Hairer, Norsett and Wanner 1993, section I.14).
 
 A deviation consists of position in NED, small rotation about body axes, nu, and the internal states of the
-effects: 12 + states values.  `simulation.integrate` carries deviations along with a motion.
+effects: 12 + states values.  `simulation.integrate` integrates deviations together with a motion.
 """
 
 from __future__ import annotations
@@ -42,11 +42,12 @@ DEVIATION = 12
 """Number of components of a deviation of the body."""
 LITTLE = 1e-3  # step of the state for J [m, rad, m/s, rad/s]
 STIFF = 1.0
-"""Decay of a velocity within a step, h |J_ii|, above which deviations use all four terms of the motion's
-method.  The midpoint rule with two terms grows above 2, where the full method is still stable."""
-FORCES, THRUST, WHOLE = 0, 1, 2
-"""Kinds of parameter changes: wrenches of effects, thrusts for the same lag states, or any part of a program.
+"""Decay of a velocity within a step of length h, h |J_ii|, above which deviations use a method of order 4.
+
+The midpoint rule of order two is unstable above 2, where the method of the motion is still stable.
 """
+FORCES, THRUST, WHOLE = 0, 1, 2
+"""Kinds of parameter changes: wrenches of effects, thrusts at equal lag states, or any part of a program."""
 
 
 class Changes(NamedTuple):
@@ -54,10 +55,11 @@ class Changes(NamedTuple):
 
     Attributes:
         kinds: Kind of each parameter, (P,): FORCES, THRUST or WHOLE.
-        programs: Concatenated programs, each once.  For FORCES, one with the added effects of the changed
-            vehicle and one with its removed effects; for other kinds, the changed vehicle's.
-        where: Start and end of both in `programs`, (P, 4).
-        own: Start and end of the internal states of the added effects among those of all, (P, 2).
+        programs: Concatenated programs of the changed vehicles, each once.  A change of kind FORCES has a
+            program with the added effects, and another with the removed effects; a change of another kind has
+            the program of the whole changed vehicle.
+        where: Start and end of the program, and of that with the removed effects, in `programs`, (P, 4).
+        own: Start and end of the internal states of the added effects among those of all changes, (P, 2).
         shares: Size of each change in units of the parameter, (P,).
     """
 
@@ -78,14 +80,14 @@ class Deviations(NamedTuple):
 
     Attributes:
         changes: The parameters.
-        delta: (12 + states, 12 + P).
+        delta: The deviations, (12 + states, 12 + P): a column for each initial value and each parameter.
         own: Internal states of added effects, now and in the middle of a step, and their rates, (3, all).
         middle: Workspace for deviations within a step, (2, 12 + states, 12 + P).
         slope: Workspace for J, (12 + states, 12 + states).
         push: Workspace for df/dp without its rows of the pose, (6 + states, P).
         changed: Workspace for the rates of a changed state, (13 + states,).
         gone: Workspace for the wrench of removed effects, (6,).
-        out: Output: (K, 12, 12 + P), row by row, without internal states.
+        out: Output: deviations at each of K rows, without internal states, (K, 12, 12 + P).
     """
 
     changes: Changes
@@ -100,17 +102,17 @@ class Deviations(NamedTuple):
 
 
 class Middle(NamedTuple):
-    """Motion in the middle of a step.
+    """Motion in the middle of an integration step.
 
     Attributes:
-        flat: The vehicle's program.
+        flat: Compiled vehicle (`effects.program`).
         s: State of motion of `core.effects.layout`.
-        rotors: Lag states of the thrusters, (n,).
-        y: State, (13 + states,).
-        rates: Its rates.
+        rotors: Lag states of the n thrusters, (n,).
+        y: Integrated state, (13 + states,).
+        rates: Rates of `y`.
         tau: Workspace for a wrench, (6,).
-        thrust: tau_prop, (6,).
-        changed: Workspace for other rates.
+        thrust: Wrench of the thrusters tau_prop, (6,).
+        changed: Workspace for the rates of a changed state.
     """
 
     flat: Array
@@ -125,13 +127,13 @@ class Middle(NamedTuple):
 
 @jit
 def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Deviations:
-    """Initialise deviations.
+    """Initialise deviations at the start of a motion.
 
     Args:
-        changes: The parameters.
-        ahead: Change of the internal states per unit of each parameter, (states, P).
-        own: Internal states of added effects, (all,).
-        out: As in `Deviations`.
+        changes: The P parameters.
+        ahead: Initial change of the internal states per unit of each parameter, (states, P).
+        own: Initial internal states of the added effects, (all,).
+        out: Output for the deviations at K rows, (K, 12, 12 + P).
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
@@ -150,10 +152,18 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
 
 @separate
 def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
-    """Advance deviations by a step h [s] by the midpoint rule, with J and df/dp of its middle.
+    """Advance deviations by a step h [s] by the midpoint rule, with J and df/dp at its middle.
 
-    It takes the arrays of a motion (`dynamics.Motion`, without facets) one by one, in the state that
-    `integrate.step` leaves them: `s`, `rotors` (n,) and work[2] are those of the middle, work[0] the rates.
+    The function takes the arrays of a motion (`dynamics.Motion`, without facets) one by one, in the state in
+    which `integrate.step` has them at the middle of a step.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        s: State of motion at the middle.
+        work: Workspace of `Motion`: row 2 is the integrated state at the middle, row 0 its rates.
+        rotors: Lag states of the n thrusters at the middle, (n,).
+        h: Step [s].
+        deviations: The deviations, changed.
     """
     delta, middle, slope, push = deviations.delta, deviations.middle, deviations.slope, deviations.push
     here = Middle(flat, s, rotors, work[2], work[0], work[3, :6], work[3, 6:12], deviations.changed)
@@ -174,7 +184,7 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
 
 @kernel
 def _is_stiff(slope: Array, h: float) -> bool:
-    """Return whether a velocity decays so fast that two terms are not sufficient."""
+    """Return whether a velocity decays too fast within a step h [s] for the midpoint rule."""
     most = 0.0
     for i in range(6, DEVIATION):
         most = max(most, abs(slope[i, i]))
@@ -183,7 +193,7 @@ def _is_stiff(slope: Array, h: float) -> bool:
 
 @kernel
 def _onward(slope: Array, push: Array, h: float, delta: Array, at: Array, out: Array) -> None:
-    """Write the deviations h [s] after `delta`, with their rates at `at`."""
+    """Write delta + h (J at + df/dp) to `out`: the deviations h [s] later, with their rates at `at`."""
     for i in range(delta.shape[0]):
         copy_kernel(delta[i], out[i])
     _add(slope, push, h, at, out)
@@ -191,7 +201,7 @@ def _onward(slope: Array, push: Array, h: float, delta: Array, at: Array, out: A
 
 @kernel
 def _balance_slopes(here: Middle, slope: Array) -> None:
-    """Fill the rows of nu and of the internal states of J by finite differences of their rates."""
+    """Fill the rows of J for nu and for internal states, by finite differences of their rates."""
     flat, s, rotors, middle, rates, tau, thrust, changed = here
     inflow, still = _feels_inflow(flat), not _feels_place(here)
     for column in range(slope.shape[0]):
@@ -211,7 +221,7 @@ def _balance_slopes(here: Middle, slope: Array) -> None:
 
 @kernel
 def _feels_place(here: Middle) -> bool:
-    """Return whether any rate depends on the position; if not, three columns are skipped.
+    """Return whether any rate depends on the position; if not, three columns of J are skipped.
 
     Each coordinate is displaced by a different amount, so that their effects cannot cancel.
     """
@@ -240,7 +250,7 @@ def _feels_inflow(flat: Array) -> bool:
 
 @kernel
 def _displace(here: Middle, column: int, little: float) -> None:
-    """Displace the state by a small step; the negative step reverts it."""
+    """Displace component `column` of the state by a small step; the negative step reverts this."""
     flat, s, middle, turned = here.flat, here.s, here.y, here.changed[:4]
     if column < 3:
         s[POSITION + column] += little
@@ -260,7 +270,7 @@ def _displace(here: Middle, column: int, little: float) -> None:
 
 @kernel
 def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
-    """Write the quaternion of a state rotated slightly about a body axis; it is not normalised."""
+    """Write the quaternion of state `y` rotated by a small angle about a body axis; not normalised."""
     half = 0.5 * angle
     a = half if axis == 0 else 0.0
     b = half if axis == 1 else 0.0
@@ -311,7 +321,7 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
 def _remembering(
     program: Array, s: Array, h: float, now: Array, middle: Array, rates: Array, unused: Array, tau: Array
 ) -> None:
-    """Add the wrench of effects with internal states (`Deviations.own`), and advance these by the step."""
+    """Add the wrench of effects with internal states to `tau`, and advance these states by the step h [s]."""
     wrench(program, s, now, rates, unused)
     for i in range(now.size):
         middle[i] = now[i] + 0.5 * h * rates[i]
@@ -322,7 +332,7 @@ def _remembering(
 
 @kernel
 def _accelerated(flat: Array, tau: Array, per_unit: float, out: Array) -> None:
-    """Write the change of nu_dot by a wrench, per unit of a parameter; internal states are not affected."""
+    """Write the change of nu_dot by a wrench `tau`, per unit of a parameter; no internal state changes."""
     out[:] = 0.0
     for i in range(6):
         row, total = HEADER + INVERSE_MASS_MATRIX + 6 * i, 0.0
@@ -333,7 +343,7 @@ def _accelerated(flat: Array, tau: Array, per_unit: float, out: Array) -> None:
 
 @kernel
 def _pose_slopes(s: Array, slope: Array) -> None:
-    """Fill the pose rows of J: p' = R v, which rotates with the body, and those of the small rotation."""
+    """Fill the rows of J for the position, p' = R v, and for the small rotation about body axes."""
     u, v, w = s[VELOCITY], s[VELOCITY + 1], s[VELOCITY + 2]
     p, q, r = s[VELOCITY + 3], s[VELOCITY + 4], s[VELOCITY + 5]
     for i in range(6):
@@ -349,7 +359,7 @@ def _pose_slopes(s: Array, slope: Array) -> None:
 
 
 def _added(slope: Array, push: Array, h: float, delta: Array, out: Array) -> None:
-    """Add h (J delta + df/dp)."""
+    """Add h (J delta + df/dp) to `out`; J is `slope`, df/dp is `push`."""
     size, total = delta.shape
     for i in range(size):
         for j in range(size):

@@ -1,8 +1,8 @@
 """Conversion of effects to polynomials of velocity or constant vertical forces, by numerical trial.
 
 Gazebo supports drag with coefficients of nu_j, |nu_k| nu_j and nu_k nu_j.  The wrench of an effect's kernel
-is evaluated in many states of motion and fitted by such a law.  The effect has this form if no residual
-remains for any pose, time and commands.
+is evaluated in many states of motion and fitted by such a polynomial.  The effect has this form if no
+residual remains for any pose, time and commands.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hydro.core.effects import layout
 from hydro.core.effects.catalogue import Entry
 from hydro.core.vehicle.frames import rotation, skew
 
-SAMPLES = 300
+SAMPLES = 300  # number of trial states, several times the 66 coefficients of a law
 FASTEST = 1.5
 """Maximum velocities of the trial states, in both directions [m/s, rad/s]."""
 CLOSE = 1e-9
@@ -28,14 +28,17 @@ PRODUCTS = tuple((j, k) for j, k in PAIRS if j <= k)
 
 @dataclass(frozen=True)
 class Law:
-    """Wrench on a vehicle as a polynomial of its velocity through the water, body axes (FRD) about CO.
+    """Wrench on a vehicle as a polynomial of its velocity nu through the water, body axes (FRD) about CO.
+
+    Indices i, j, k are 0 to 5 for X Y Z K M N and u v w p q r.
 
     Attributes:
         linear: (6, 6): tau_i += linear[i, j] nu_j.
         sized: (6, 6, 6): tau_i += sized[i, j, k] |nu_k| nu_j.
         plain: (6, 6, 6): tau_i += plain[i, j, k] nu_k nu_j.
         force: Constant force downward in the world [N].
-        moment: (3,): tau_K,M,N += moment x d, d the world's down direction in body axes [N m].
+        moment: (3,) [N m]: (K, M, N) += moment x d, the cross product with the world's down direction d in
+            body axes.
     """
 
     linear: Array
@@ -60,11 +63,14 @@ class Law:
 
 
 def law(entry: Entry, constants: Array) -> Law | None:
-    """Return the law of an effect; None if it has another form.
+    """Return an effect as a polynomial of velocity plus a vertical force, or None.
 
     Args:
-        entry: An effect with a kernel.
+        entry: Effect with its parameters.
         constants: Constants of the vehicle (`core.effects.layout`).
+
+    Returns:
+        The polynomial; None if the effect has another form, such as one that depends on position or commands.
     """
     effect, parameters, _ = entry
     if effect.states is not None or effect.kernel is None:
@@ -86,7 +92,7 @@ def law(entry: Entry, constants: Array) -> Law | None:
 
 
 def _motions() -> tuple[Array, Array, Array]:
-    """Return states of motion (N, length), with their velocities (N, 6) and down directions (N, 3)."""
+    """Return random states of motion (N, MOTION), with their velocities (N, 6) and down directions (N, 3)."""
     rng = np.random.default_rng(0)
     nu = rng.uniform(-FASTEST, FASTEST, (SAMPLES, 6))
     turned = rotation(*rng.uniform(-1.2, 1.2, (3, SAMPLES)))
@@ -101,14 +107,14 @@ def _motions() -> tuple[Array, Array, Array]:
 
 
 def _columns(nu: Array, down: Array) -> Array:
-    """Return the regressors of a law, (N, 6 + 36 + 21 + 3)."""
+    """Return the regressors of the polynomial and the vertical force, (N, 6 + 36 + 21 + 3)."""
     sized = np.stack([np.abs(nu[:, k]) * nu[:, j] for j, k in PAIRS], axis=1)
     plain = np.stack([nu[:, k] * nu[:, j] for j, k in PRODUCTS], axis=1)
     return np.hstack([nu, sized, plain, down])
 
 
 def _law(found: Array, close: float) -> Law | None:
-    """Return coefficients (66, 6) as a law; None if the constant part is not a vertical force."""
+    """Return fitted coefficients (66, 6) as a `Law`; None if the constant part is not a vertical force."""
     linear, sized, plain, still = np.split(found, np.cumsum([6, len(PAIRS), len(PRODUCTS)]))
     force, turning = still.T[:3], still.T[3:]
     moment = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])

@@ -6,7 +6,7 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
-    """Return a name that moved when this module became a package, with a warning."""
+    """Return a name that moved to another module when this module became a package, with a warning."""
     from hydro._moved import attribute
 
     return attribute(__name__, name)

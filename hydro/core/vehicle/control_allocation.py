@@ -1,8 +1,8 @@
 """Control allocation from a demanded wrench to thruster commands, with weak holds of depth and attitude.
 
-The loop closes once per row of the log: demand plus holds, through the pseudo-inverse of the thruster
-configuration and the inverted thrust curve, to commands in [-1, 1].  Axes that the thrusters cannot actuate
-have no authority and no hold.
+Once per row of the log, the demand plus the wrench of the holds is converted to commands in [-1, 1], through
+the pseudo-inverse of the thruster configuration and the inverted thrust curve.  Axes that the thrusters
+cannot actuate have no authority and no hold.
 """
 
 from __future__ import annotations
@@ -28,14 +28,13 @@ from hydro.core.vehicle.thrusters import (
 )
 
 HELD = (2, 3, 4, 5)
-"""Axes of the holds: heave, roll, pitch, yaw."""
+"""Axes with a hold: heave, roll, pitch, yaw."""
 FREQUENCY = np.array([0.15, 4.0, 4.0, 4.0])
-"""Natural frequency [rad/s] of each hold alone: slow in depth, stiffer in attitude."""
+"""Natural frequency [rad/s] of each hold without other forces: slow in depth, stiffer in attitude."""
 LAG_MARGIN = 0.6
-"""Maximum of natural frequency times thruster time constant: a hold faster than its thrusters would
-oscillate."""
+"""Maximum of natural frequency times thruster time constant: a faster hold would oscillate."""
 DAMPING_RATIO = np.array([0.7, 0.5, 0.5, 0.7])
-"""Damping ratio for the stiffness of the hold, weight and buoyancy together."""
+"""Damping ratio of each hold, for the total stiffness of the hold and of weight and buoyancy."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class Mixing:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes that the thrusters can actuate."""
+        """Axes that the thrusters can actuate, 0 to 5."""
         return tuple(int(axis) for axis in np.flatnonzero(self.authority))
 
 
@@ -69,11 +68,11 @@ def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
     """Compute authority, allocation and hold gains of a vehicle.
 
     Args:
-        vehicle: The vehicle; its file's thrusters, without actuator effects.
-        mass_matrix: M (6, 6) about CO, added mass included.
+        vehicle: Vehicle file; thruster effects such as gains are ignored, since a pilot does not know them.
+        mass_matrix: Mass matrix M with added mass about CO, (6, 6).
 
     Raises:
-        DataError: A thruster's placement is missing or doubled.
+        DataError: A thruster has no placement, or two.
     """
     table, B = thruster_table(vehicle), configuration_matrix(vehicle)
     limit = np.minimum(table[:, MAX_THRUST], table[:, MAX_REVERSE])
@@ -100,15 +99,15 @@ TURNING = (3, 4, 5)
 
 
 def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
-    """Return the mixing with moments of servos on the axes that no thruster turns.
+    """Return a conversion of wrenches to commands in which fin servos turn the axes that no thruster turns.
 
-    A demanded moment then gives the commands of the servos, as a share of their moment at one speed.  Their
-    forces are ignored.
+    A demanded moment then gives commands of the servos, as shares of their moments at one speed.  The forces
+    of the fins are ignored.
 
     Args:
-        crew: Mixing of the thrusters.
-        wrenches: Wrench of each command of a servo at full deflection, (6, n), 0 for thrusters; see
-            `effects.steering.servo_wrenches`.
+        crew: Conversion for the thrusters alone.
+        wrenches: Wrench of each of n commands at full deflection of a servo, (6, n), 0 for thrusters; see
+            `effects.steering.servo_wrenches`, which also gives the speed.
     """
     axes = [axis for axis in TURNING if crew.authority[axis] == 0.0]
     steered = np.zeros((len(crew.table), 6))
@@ -129,13 +128,13 @@ def hold_kernel(
     """Add the wrench of the holds: proportional and derivative action on depth, roll, pitch and heading.
 
     Args:
-        gains: (4, 2), as in `Mixing`.
-        R: (9,) rotation from body to NED, row by row.
+        gains: Gains of the holds, (4, 2), as in `Mixing`.
+        R: Rotation from body to NED, row by row, (9,).
         depth: z of CO [m].
-        nu: (6,) velocity of CO, body axes.
+        nu: Velocity of CO, body axes, (6,) [m/s, rad/s].
         target_depth: Depth to hold [m].
         heading: (cos, sin) of the heading to hold; (0, 0) holds none and leaves yaw undamped.
-        tau: (6,) wrench about CO [N, N m], added to.
+        tau: Wrench about CO, (6,) [N, N m], added to.
     """
     sink = R[6] * nu[0] + R[7] * nu[1] + R[8] * nu[2]
     down = gains[0, 0] * (target_depth - depth) - gains[0, 1] * sink
@@ -153,14 +152,14 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
     """Write commands for a wrench: thrusts by the pseudo-inverse, inverted curve, clipped to [-1, 1].
 
     The dead band is not compensated: a demand too small for it is lost, as for a pilot.  Commands are rounded
-    to float32, the precision of the log, so that the log contains the applied values.  A row of a servo gives
-    its command itself; it is zero without `with_servos`.
+    to float32, the precision of the log, so that the log contains the applied values.  For a servo, the
+    allocation gives the command itself; it is zero without `with_servos`.
 
     Args:
-        allocation: (n, 6).
-        table: (n, columns) thruster table.
-        tau: (6,) wrench about CO [N, N m].
-        commands: (n,) output.
+        allocation: Pseudo-inverse of B for n thrusters, (n, 6), as in `Mixing`.
+        table: Thruster table, (n, columns).
+        tau: Demanded wrench about CO, (6,) [N, N m].
+        commands: Output: commands, (n,).
     """
     for i in range(table.shape[0]):
         thrust = 0.0

@@ -1,7 +1,7 @@
 """Vehicle description: rigid body, buoyancy, hull, thrusters and a list of effects.
 
 SI units, frame FRD about the body origin CO (Fossen 2011, ch. 2 and 7).  These structs are both the model in
-memory and the validator of the TOML file; `io.vehicle` reads and writes it.
+memory and the validator of the TOML file; `io.vehicle` reads and writes the file.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 DeadBand = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 Name = Annotated[str, msgspec.Meta(extra_json_schema={"pattern": names.PATTERN})]
-"""Name by the rule of `vehicle.names`; `io.vehicle` checks it, for a better error message."""
+"""Name by the rule of `vehicle.names`; `io.vehicle` checks the rule, for a better error message."""
 
 APART = ":"
-"""Separator between the name of an effect in the catalogue and its label or number."""
+"""Separator between the catalogue name of an effect and the label or number of one effect in a file."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Table of the vehicle file: unknown keys are errors, so that a misspelt name is never ignored."""
+    """Table of the vehicle file.  Unknown keys are errors, so that a misspelt name is never ignored."""
 
 
 class Environment(_Part, frozen=True):
@@ -40,7 +40,7 @@ class Environment(_Part, frozen=True):
 
 
 class RigidBody(_Part, frozen=True):
-    """Dry mass [kg], centre of gravity [m] and inertia matrix [kg m^2] about the centre of gravity.
+    """Dry mass [kg], centre of gravity [m] from CO and inertia matrix [kg m^2] about the centre of gravity.
 
     `inertia` is the matrix itself: its off-diagonal entries are -int xy dm.
     """
@@ -51,14 +51,17 @@ class RigidBody(_Part, frozen=True):
 
 
 class Buoyancy(_Part, frozen=True):
-    """Buoyant force [N] and the point it acts at [m]."""
+    """Buoyant force [N] and the point at which it acts [m], FRD from CO."""
 
     force: NonNegative
     center: Vector3
 
 
 class Hull(_Part, frozen=True):
-    """Bounding lengths [m] about `center` [m]; optionally a triangulated surface next to the vehicle file."""
+    """Sides of the hull's box [m] and its `center` [m] from CO; optionally the file of a triangulated mesh.
+
+    The mesh file is next to the vehicle file.
+    """
 
     length: Positive
     width: Positive
@@ -74,7 +77,7 @@ class Battery(_Part, frozen=True):
 
 
 class Thruster(_Part, frozen=True):
-    """Thruster: a point and direction, or a constant body wrench per newton (axis demand).
+    """Thruster: a point and direction, or instead a constant body `wrench` per newton of thrust.
 
     The chain is: clip to [-1, 1] -> delay -> {dead band, curve, lag} in the order set by `lag`. `lag =
     "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag on the
@@ -82,9 +85,9 @@ class Thruster(_Part, frozen=True):
     integrates the lag by explicit Euler with that step.
 
     A `curve` by name is proportional to the command or its square up to `max_thrust` and `max_reverse_thrust`
-    [N].  A table, or `"t200"` for the published one of that thruster, includes these and the dead band, so
-    they are omitted.  With a table and a lag of the rotor speed, the speed is the root of the share of full
-    thrust.
+    [N].  A table, or `"t200"` for the published table of that thruster, includes the maximum thrusts and the
+    dead band, so these keys are omitted.  With a table and a lag of the rotor speed, the speed is the root of
+    the share of full thrust.
 
     The curve `"none"` is for a command that drives no thruster: a fin's servo, used by a `control_surface` of
     the file.  Such a command has only a name.
@@ -106,14 +109,14 @@ class Thruster(_Part, frozen=True):
 
     @property
     def pushes(self) -> bool:
-        """Whether this is a thruster, not a servo."""
+        """Whether the command drives a thruster, not a servo."""
         return self.curve != "none"
 
 
 class Vehicle(_Part, frozen=True):
     """Vehicle file.  `effect` holds one table per physical effect, with the catalogue's names.
 
-    In memory several effects of one name have distinct names, see `told_apart`.
+    In memory, several effects of the same catalogue name have distinct names, see `told_apart`.
     """
 
     name: Name
@@ -127,15 +130,19 @@ class Vehicle(_Part, frozen=True):
     effect: tuple[dict[str, Any], ...] = ()
 
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
-        """Return all effect tables with this name in the file or in the catalogue."""
+        """Return all effect tables with a name, either a name in this file or one of the catalogue.
+
+        Args:
+            name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
+        """
         return tuple(entry for entry in self.effect if name in called(entry))
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the distinct names of these tables."""
+        """Return the distinct names in this file of all effects with a catalogue name."""
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
     def without(self, name: str) -> Vehicle:
-        """Return the vehicle without the effects of this name."""
+        """Return the vehicle without the effects of a name, a name in this file or one of the catalogue."""
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
 
@@ -156,16 +163,23 @@ def catalogue_name(name: str) -> str:
 
 
 def called(table: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the name of an effect, and its name in the catalogue."""
+    """Return the name of an effect in its vehicle, and its name in the catalogue.
+
+    Args:
+        table: `[[effect]]` table.
+    """
     name = str(table.get("name"))
     return name, catalogue_name(name)
 
 
 def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return unique names of a file's effects for use in memory.
+    """Return a unique name for each effect of a vehicle file.
 
     An effect with a label is `NAME:LABEL`; several effects of one name without labels are `NAME:1`, `NAME:2`
     in order.
+
+    Args:
+        tables: `[[effect]]` tables of the file.
     """
     listed = [(str(table.get("name")), table.get("label")) for table in tables]
     count = Counter(name for name, _ in listed)
@@ -179,13 +193,13 @@ def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def told_apart(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle of a file with a unique name for each effect."""
+    """Return the vehicle of a file with a unique name for each effect, for use in memory."""
     pairs = zip(vehicle.effect, own_names(vehicle.effect), strict=True)
     effects = tuple(table if table.get("name") == name else {**table, "name": name} for table, name in pairs)
     return msgspec.structs.replace(vehicle, effect=effects)
 
 
 def as_written(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle as in a file, with effects by their names in the catalogue."""
+    """Return the vehicle as in a file, with the effects under their catalogue names."""
     effects = tuple({**table, "name": called(table)[1]} for table in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=effects)

@@ -18,7 +18,7 @@ from hydro.core.errors import DataError
 
 
 def lamb_constants(semi_axes: Sequence[float]) -> Array:
-    """Return the constants (alpha_0, beta_0, gamma_0) of an ellipsoid.
+    """Return Lamb's constants (alpha_0, beta_0, gamma_0) of an ellipsoid, as the module defines them.
 
     Args:
         semi_axes: a, b, c [m] along body x, y, z; any order of size.
@@ -42,9 +42,10 @@ def lamb_factors(semi_axes: Sequence[float]) -> Array:
         semi_axes: a, b, c [m] along body x, y, z.
 
     Returns:
-        Six numbers [-].  The first three are alpha_0 / (2 - alpha_0) and so on (art. 114 (7)); the last three
-        are of art. 115 (9), relative to m (b^2 + c^2)/5 and so on.  D = (gamma_0 - beta_0) / (b^2 - c^2) is
-        an integral of its own: (b^2 - c^2)^2 D / ((b^2 + c^2)(2 - (b^2 + c^2) D)) has no 0/0 at b = c.
+        Six numbers [-].  The first three are alpha_0 / (2 - alpha_0) and so on (art. 114 (7)).  The last
+        three are (b^2 - c^2)^2 D / ((b^2 + c^2)(2 - (b^2 + c^2) D)) and so on (art. 115 (9)), relative to the
+        displaced inertia m (b^2 + c^2)/5.  D = (gamma_0 - beta_0) / (b^2 - c^2) is computed as an integral,
+        so that there is no 0/0 at b = c.
 
     Raises:
         DataError: A semi-axis is not a positive finite number.
@@ -65,8 +66,9 @@ def added_mass_matrix(semi_axes: Sequence[float], density: float, center: Sequen
         center: Centre of the ellipsoid [m] from the body origin CO, FRD.
 
     Returns:
-        M_A (6, 6) about CO, symmetric and positive semi-definite: diagonal about the centre, then H(r)^T M_A
-        H(r), Fossen's transformation (7.27).  A centre off CO couples sway with yaw and so on.
+        Added-mass matrix M_A (6, 6) about CO, symmetric and positive semi-definite: H(r)^T D H(r), with the
+        diagonal matrix D about the centre and Fossen's transformation H (7.27).  A centre off CO couples sway
+        with yaw and so on.
 
     Raises:
         DataError: A semi-axis is not a positive finite number.
@@ -83,7 +85,7 @@ def added_mass_matrix(semi_axes: Sequence[float], density: float, center: Sequen
 
 
 def _rotational_factor(axis: float, b: float, c: float) -> float:
-    """Return added over displaced moment of inertia about `axis`, with b and c the other two semi-axes."""
+    """Return added over displaced moment of inertia about the semi-axis `axis`; b and c are the others."""
     scale = max(axis, b, c)
     a2, b2, c2 = (axis / scale) ** 2, (b / scale) ** 2, (c / scale) ** 2
 

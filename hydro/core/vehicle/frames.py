@@ -16,18 +16,18 @@ from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
 HALF_TURN: Array = np.array([1.0, -1.0, -1.0])
-"""Half-turn about x, its own inverse: signs that convert FRD to FLU axes, and NED to a z-up world."""
+"""Signs of a half-turn about x, its own inverse: convert FRD to FLU axes, and NED to a z-up world."""
 FRD_FLU: Array = np.concatenate([HALF_TURN, HALF_TURN])
-"""Signs of the half-turn for a twist or wrench."""
+"""Signs of the same half-turn for a twist or wrench of six components."""
 
 _LOCK = 1e-8  # below this cos(theta), roll and yaw rotate about the same axis
 
 
 @kernel
 def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
-    """Write R_nb = Rz(psi) Ry(theta) Rx(phi) into `out` (9,), row-major; Fossen (2.18).
+    """Write the rotation from body to NED, R = Rz(psi) Ry(theta) Rx(phi), into `out` (9,), row-major.
 
-    Its last row `out[6:9]` is the world's down direction in body axes.
+    Source: Fossen (2.18).  The last row `out[6:9]` is the world's down direction in body axes.
     """
     c_phi, s_phi = math.cos(phi), math.sin(phi)
     c_theta, s_theta = math.cos(theta), math.sin(theta)
@@ -45,7 +45,7 @@ def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
 
 @kernel
 def quaternion_kernel(quaternion: Array, out: Array) -> None:
-    """Write R_nb of a quaternion (w, x, y, z) of any length but zero into `out` (9,), row-major."""
+    """Write the rotation of a quaternion (w, x, y, z), of any length but zero, into `out` (9,), row-major."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     twice = 2.0 / (w * w + x * x + y * y + z * z)
     out[0] = 1.0 - twice * (y * y + z * z)
@@ -61,7 +61,7 @@ def quaternion_kernel(quaternion: Array, out: Array) -> None:
 
 @kernel
 def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, out: Array) -> None:
-    """Write the product q (w, x, y, z) into `out` (4,): first the rotation on the right, then q."""
+    """Write the quaternion product q (w, x, y, z) into `out` (4,): rotation by (w, x, y, z), then by q."""
     out[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z
     out[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y
     out[2] = q[0] * y - q[1] * z + q[2] * w + q[3] * x
@@ -69,7 +69,15 @@ def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, 
 
 
 def quaternion_product(q: Array, w: Array, x: Array, y: Array, z: Array) -> Array:
-    """Return the products of quaternions q (N, 4) and (w, x, y, z), each (N,) or (1,); (N, 4)."""
+    """Return the products of N quaternions q with quaternions (w, x, y, z), (N, 4).
+
+    Args:
+        q: Quaternions on the left, (N, 4).
+        w: Real parts of the quaternions on the right, (N,) or (1,).
+        x: First imaginary parts, (N,) or (1,).
+        y: Second imaginary parts, (N,) or (1,).
+        z: Third imaginary parts, (N,) or (1,).
+    """
     a, b, c, d = q.T
     return np.stack(
         [
@@ -84,6 +92,7 @@ def quaternion_product(q: Array, w: Array, x: Array, y: Array, z: Array) -> Arra
 
 @kernel
 def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
+    """Write the rotations of many Euler angles (N,) to `out` (N, 9)."""
     for k in range(phi.size):
         rotation_kernel(phi[k], theta[k], psi[k], out[k])
 
@@ -148,14 +157,14 @@ def euler_from_rotation(R: ArrayLike) -> Array:
 
 
 def body_states(eta: ArrayLike, nu: ArrayLike) -> Array:
-    """Return states of a body: position, attitude as a quaternion, velocity.
+    """Return states of a body: position, attitude as a unit quaternion, velocity.
 
     Args:
-        eta: Poses (..., 6), Euler angles.
-        nu: Velocities (..., 6).
+        eta: Poses with ZYX Euler angles, (..., 6) [m, rad].
+        nu: Velocities, (..., 6) [m/s, rad/s].
 
     Returns:
-        States (..., 13).
+        States: x y z, quaternion (w, x, y, z), nu, (..., 13).
     """
     pose, velocity = np.asarray(eta, np.float64), np.asarray(nu, np.float64)
     attitude = quaternion_from_euler(*np.moveaxis(pose[..., 3:], -1, 0))
@@ -198,7 +207,7 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     """Return the rotation body to world (..., 3, 3) from quaternions (w, x, y, z); Fossen sec. 2.2.2.
 
     Args:
-        quaternion: Shape (..., 4), of any length but zero.
+        quaternion: Quaternions, (..., 4), of any length but zero.
 
     Raises:
         DataError: A quaternion is zero or not finite, so it is not a rotation.
@@ -225,7 +234,7 @@ def euler_from_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def swap_frd_flu(x: ArrayLike) -> Array:
-    """Convert FRD to FLU axes, or back: a half-turn about x, its own inverse.
+    """Convert vectors, twists or wrenches from FRD to FLU axes, or back: a half-turn about x.
 
     Args:
         x: Vectors of shape (..., 3), or twists and wrenches of shape (..., 6).
@@ -240,7 +249,13 @@ def swap_frd_flu(x: ArrayLike) -> Array:
 
 
 def swap_quaternion(quaternion: ArrayLike) -> Array:
-    """Return rotations (..., 4) from FRD to NED as those from FLU to the z-up world, or back: F R F."""
+    """Return rotations from FLU to the z-up world from rotations from FRD to NED, or back: F R F.
+
+    F is the half-turn about x.
+
+    Args:
+        quaternion: Rotations (w, x, y, z), (..., 4).
+    """
     turned: Array = np.asarray(quaternion, float) * np.concatenate([[1.0], HALF_TURN])
     return turned
 
@@ -251,7 +266,7 @@ def wrapped(angle: ArrayLike) -> Array:
 
 
 def skew(a: ArrayLike) -> Array:
-    """Return the matrix S(a) of shape (..., 3, 3) with S(a) b = a x b."""
+    """Return the matrix S(a), (..., 3, 3), with S(a) b = a x b for vectors a, (..., 3)."""
     vector = np.asarray(a, float)
     matrix = np.zeros((*vector.shape, 3))
     matrix[..., 0, 1], matrix[..., 1, 0] = -vector[..., 2], vector[..., 2]
@@ -261,6 +276,6 @@ def skew(a: ArrayLike) -> Array:
 
 
 def _columns(*angles: ArrayLike) -> tuple[tuple[int, ...], tuple[Any, ...]]:
-    """Return the common shape of some angles, and each as a flat float64 column."""
+    """Return the common shape of several angles, and each as a flat float64 column."""
     wide = np.broadcast_arrays(*(np.asarray(angle, float) for angle in angles))
     return wide[0].shape, tuple(np.ascontiguousarray(angle).ravel() for angle in wide)

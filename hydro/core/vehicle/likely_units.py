@@ -1,7 +1,7 @@
 """Warnings about values of a vehicle file, or of a recording's clock, that are likely in another unit.
 
-`plausible` bounds the parameters of effects by the vehicle.  Here the vehicle itself is checked, by wide
-bounds that hold for every vehicle in water: fresh water and the Dead Sea, a hand-sized robot and a rig.
+`vehicle.plausible` bounds the parameters of effects by the vehicle.  Here the vehicle itself is checked, by
+wide bounds that hold for every vehicle in water: fresh water and the Dead Sea, a hand-sized robot and a rig.
 """
 
 from __future__ import annotations
@@ -19,29 +19,27 @@ DENSITY = (900.0, 1300.0)
 GRAVITY = (9.7, 9.9)
 """Gravity at the Earth's surface [m/s^2]: 9.78 at the equator, 9.83 at the poles."""
 MASS = (0.01, 1e8)
-"""Mass of a vehicle [kg]: a hand-sized robot to the largest submarines, 5e7."""
+"""Mass of a vehicle [kg]: from a hand-sized robot to the largest submarines, 5e7."""
 LENGTH = (0.02, 300.0)
-"""Sides of a hull [m]: for the same vehicles; the largest submarines have 175."""
+"""Sides of a hull [m]: from a hand-sized robot to the largest submarines, 175."""
 FILLED = (0.02, 3.0)
-"""Mass relative to the water in the hull's box: frames have a fifth, bodies 0.5 to 1, landers up to 2."""
+"""Mass over that of the water in the hull's box: frames have a fifth, bodies 0.5 to 1, landers up to 2."""
 UNBALANCE = 0.3
-"""Difference of buoyancy and weight relative to weight: free vehicles keep within 0.05, crawlers within 0.2.
-"""
+"""Maximum difference of buoyancy and weight over weight: free vehicles keep within 0.05, crawlers 0.2."""
 THRUST = (1e-4, 10.0)
 """Sum of all thrusts over the weight: small ROVs have 4, a glider 1e-2."""
 INERTIA = (1e-3, 2.0)
-"""Sum of the principal moments over m d^2/2, d the box's diagonal: 1 if all mass is at the corners."""
+"""Sum of the moments of inertia over m d^2/2, m the mass, d the box's diagonal: 1 for mass at corners."""
 REACH = 3.0
-"""Distance of thrusters and centres from the box's middle, relative to its diagonal; includes booms."""
+"""Maximum distance of thrusters and centres from the box's middle over its diagonal; includes booms."""
 RATE = (0.5, 2000.0)
-"""Rows of a recording per second: fewer show no motion of a vehicle, and no sensor has more."""
+"""Rows of a recording per second: fewer show no motion of a vehicle, and no sensor gives more."""
 
 
 def doubts(vehicle: Vehicle) -> list[str]:
-    """Return values that are likely in another unit, a line each; usually empty.
+    """Return a warning for each value of a vehicle that is likely in another unit; usually none.
 
-    Args:
-        vehicle: The vehicle.
+    Relations between values are checked only if each value alone is possible.
     """
     alone = list(_alone(vehicle))
     together = [] if alone else list(_together(vehicle))
@@ -50,7 +48,11 @@ def doubts(vehicle: Vehicle) -> list[str]:
 
 
 def sampling(step: float) -> str:
-    """Return a warning about the sample time [s] of a recording; else empty."""
+    """Return a warning if the sample time of a recording is likely in another unit; else empty.
+
+    Args:
+        step: Sample time [s].
+    """
     low, high = RATE
     if low <= 1.0 / step <= high:
         return ""
@@ -119,7 +121,13 @@ def _together(vehicle: Vehicle) -> Iterator[str]:
 
 
 def _balance(force: float, mass: float, weight: float) -> Iterator[str]:
-    """Yield a warning about buoyancy far from the weight; 0 means that the file does not give it."""
+    """Yield a warning if buoyancy is far from the weight; a force of 0 means that the file does not give it.
+
+    Args:
+        force: Buoyant force [N].
+        mass: Mass [kg].
+        weight: Weight [N].
+    """
     if force and abs(force - weight) > UNBALANCE * weight:
         kilograms = abs(force - mass) <= UNBALANCE * mass
         unit = "is it in kg? it is a force, in N" if kilograms else "is mass in kg, and force in N?"
@@ -131,7 +139,13 @@ def _beyond(value: float, bounds: tuple[float, float]) -> bool:
 
 
 def _hint(value: float, bounds: tuple[float, float], units: dict[str, float]) -> str:
-    """Return the unit in which the value would be possible, and the value to write; else empty."""
+    """Return the end of a warning: the unit in which a value would be possible, and the value to write.
+
+    Args:
+        value: The value in the file.
+        bounds: Possible range.
+        units: Size of other units in the file's unit, by name.
+    """
     for unit, size in units.items():
         if not _beyond(value * size, bounds):
             return f": is it in {unit}? write {value * size:g}"

@@ -8,20 +8,20 @@ from collections.abc import Mapping
 from hydro.core.errors import DataError, shown
 
 PATTERN = r"""^\w[\w .+()'"-]{0,79}$"""
-"""Pattern of names that every export format supports, with at most 80 characters: a line of a table."""
+"""Pattern of names that every export format supports, at most 80 characters so that they fit into tables."""
 ALLOWED = "letters, digits, spaces and . _ + - ( ) ' \", at most 80, the first a letter, a digit or _"
-"""The rule in words."""
+"""The rule for names in words."""
 _NAME = re.compile(PATTERN)
 
 
 def require(named: Mapping[str, str]) -> None:
-    """Refuse names that violate the rule.
+    """Refuse names in a vehicle file that violate the rule for names, ALLOWED.
 
     Args:
         named: Names by their paths in the vehicle file.
 
     Raises:
-        DataError: A name has a character that is not allowed, or is too long; the message names the path.
+        DataError: A name has a character that is not allowed, or is too long; the message contains the path.
     """
     for path, name in named.items():
         if not _NAME.fullmatch(name):
@@ -30,6 +30,6 @@ def require(named: Mapping[str, str]) -> None:
 
 
 def usable_name(text: str) -> str:
-    """Return a text with `-` for every character that is not allowed in a name."""
+    """Return a text as a valid name: `-` for every character that is not allowed, at most 80 characters."""
     name = re.sub(r"""[^\w .+()'"-]""", "-", text)[:80]
     return name if _NAME.fullmatch(name) else f"_{name}"[:80]

@@ -1,18 +1,19 @@
 """Fluid force on a closed triangulated hull, facet by facet, from the local velocity.
 
 This is a quasi-steady method similar to Newton's impact theory.  A facet with centroid r, outward unit normal
-n and area A moves through the water at v = v_r + omega x r.  Its normal part is v_n = v . n, its tangential
-part v_t = v - v_n n.  The forces are
+n and area A moves through the water at v = v_r + omega x r, with velocity v_r of the body origin through the
+water and angular velocity omega.  The normal part of v is v_n = v . n, the tangential part v_t = v - v_n n.
+The forces, in water of density rho, are
 
-    form drag      dF = -1/2 rho C_p A max(v_n, 0)^2 n    where it faces the flow, none in its wake
+    form drag      dF = -1/2 rho C_p A max(v_n, 0)^2 n    where the facet faces the flow, none in the wake
     skin friction  dF = -1/2 rho C_f A |v_t| v_t          on every facet
 
 A flat plate broadside on then has the drag coefficient C_p without skin friction.  A sphere has C_p/2, and a
 circular cylinder across the flow 2 C_p/3, plus friction.  Every facet dissipates power, so the sum does: (X,
 Y, Z, K, M, N) . nu_r <= 0 for any motion.
 
-C_p = 1.1 is a square plate's or disc's (Hoerner, *Fluid-Dynamic Drag*, 1965, ch. 3: 1.1-1.2); C_f = 0.0043 is
-the ITTC-1957 line 0.075/(log10 Re - 2)^2 at a Reynolds number of 1.5e6, a 1.5 m hull at 1 m/s.
+C_p = 1.1 is that of a square plate or disc (Hoerner, *Fluid-Dynamic Drag*, 1965, ch. 3: 1.1-1.2); C_f =
+0.0043 is the ITTC-1957 line 0.075/(log10 Re - 2)^2 at a Reynolds number of 1.5e6, a 1.5 m hull at 1 m/s.
 """
 
 from __future__ import annotations
@@ -28,18 +29,18 @@ from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
-FORM_DRAG = 1.1
-SKIN_FRICTION = 0.0043
+FORM_DRAG = 1.1  # default C_p, see the module
+SKIN_FRICTION = 0.0043  # default C_f, see the module
 
 
 @dataclass(frozen=True)
 class Panels:
-    """Closed hull as flat facets, in body axes FRD about the body origin CO.
+    """Closed hull of F flat facets, in body axes FRD about the body origin CO.
 
     Attributes:
         table: (7, F) rows x y z of the centroid [m], x y z of the outward unit normal, area [m^2].
         volume: Enclosed volume [m^3].
-        center: Its centroid (3,) [m]: the centre of buoyancy.
+        center: Centroid of the volume (3,) [m]: the centre of buoyancy.
         extent: Lengths (3,) of the bounding box [m].
     """
 
@@ -53,8 +54,8 @@ def panels(vertices: ArrayLike, faces: ArrayLike) -> Panels:
     """Compute facets, volume and centre of buoyancy of a closed triangulated surface.
 
     Args:
-        vertices: (V, 3) points [m], FRD about CO.
-        faces: (F, 3) vertex numbers from 0, anticlockwise as seen from outside.
+        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
+        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3).
 
     Returns:
         The panels.  Volume and centroid are sums over the tetrahedra from the origin to each facet (the
@@ -92,19 +93,19 @@ def superellipsoid(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Return a triangulated hull of a given size: full along its length, rounded across it.
 
-    The surface is (|y'|^2.5 + |z'|^2.5)^(4/2.5) + x'^4 = 1 in half lengths about the centre.  Its facets are
-    symmetric about three planes, so straight motion along an axis gives no force across it.
+    The surface is (|y'|^2.5 + |z'|^2.5)^(4/2.5) + x'^4 = 1, with x', y', z' from the centre in half lengths.
+    Its facets are symmetric about three planes, so straight motion along an axis gives no force across it.
 
     Args:
         length: Extent along x [m].
         width: Extent along y [m].
         height: Extent along z [m].
         center: Centre (3,) [m] from CO, FRD.
-        along: Bands from bow to stern, even.
-        around: Points around each ring, a multiple of 4.
+        along: Number of bands from bow to stern, even.
+        around: Number of points around each ring, a multiple of 4.
 
     Returns:
-        Vertices (V, 3) [m] and faces (F, 3), F = 2 around (along - 1).
+        V vertices, (V, 3) [m], and F faces, (F, 3), F = 2 around (along - 1).
 
     Raises:
         DataError: A size is not positive and finite.
@@ -126,16 +127,17 @@ def superellipsoid(
 def loaded_facets(
     hull: Panels, density: float, form: float = FORM_DRAG, friction: float = SKIN_FRICTION
 ) -> Array:
-    """Return facets in the form of the kernel.
+    """Return the facets of a hull with their drag coefficients, as `panel_wrench_kernel` needs them.
 
     Args:
-        hull: The panels.
+        hull: Panels of the hull, F facets.
         density: Water density [kg/m^3].
-        form: C_p [-].
-        friction: C_f [-].
+        form: Coefficient of form drag C_p [-].
+        friction: Coefficient of skin friction C_f [-].
 
     Returns:
-        (8, F) rows x y z of the centroid [m], x y z of the normal, 1/2 rho C_p A and 1/2 rho C_f A [kg/m].
+        (8, F) rows x y z of the centroid [m], x y z of the normal, 1/2 rho C_p A and 1/2 rho C_f A [kg/m],
+        with density rho and area A.
     """
     area = 0.5 * density * hull.table[6]
     return np.ascontiguousarray(np.vstack([hull.table[:6], form * area, friction * area]))
@@ -143,12 +145,12 @@ def loaded_facets(
 
 @partial(kernel, reorder_sums=True)
 def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
-    """Add the panel wrench about CO at one state.
+    """Add the drag of the facets of a hull about CO to `out`.
 
     Args:
-        nu_r: (6,) velocity of CO through the water, body axes [m/s, rad/s].
-        facets: (8, F), from `loaded_facets`; empty without a hull.
-        out: (6,) wrench X Y Z K M N on the vehicle [N, N m], added to.
+        nu_r: Velocity of CO through the water, body axes, (6,) [m/s, rad/s].
+        facets: F facets from `loaded_facets`, (8, F); (8, 0) without a hull.
+        out: Wrench X Y Z K M N on the vehicle, body axes, (6,) [N, N m], added to.
     """
     u, v, w, p, q, r = nu_r[0], nu_r[1], nu_r[2], nu_r[3], nu_r[4], nu_r[5]
     X = Y = Z = K = M = N = 0.0
@@ -193,14 +195,14 @@ def panel_wrench(hull: Panels, nu_r: ArrayLike, density: float) -> Array:
 
 
 def _power(value: Array, exponent: float) -> Array:
-    """Return a signed power with rounding residue at the axes set to 0, so that mirror images are exact."""
+    """Return sign(value) |value|^exponent; rounding errors near 0 are removed, for exact mirror images."""
     clean = np.where(np.abs(value) < 1e-12, 0.0, value)
     power: Array = np.sign(clean) * np.abs(clean) ** exponent
     return power
 
 
 def _ring_faces(rings: int, around: int) -> NDArray[np.int64]:
-    """Return faces between a bow point, rings of points and a stern point; diagonals are symmetric."""
+    """Return the triangles between a bow point, rings of points and a stern point, symmetric about planes."""
     faces: list[tuple[int, int, int]] = []
     stern = 1 + rings * around
     for j in range(around):
@@ -218,7 +220,7 @@ def _ring_faces(rings: int, around: int) -> NDArray[np.int64]:
 
 
 def _check_surface(points: Array, triangles: NDArray[np.int64]) -> None:
-    """Refuse a surface that is not closed."""
+    """Refuse a surface that is not closed or not consistently oriented."""
     if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
         raise DataError(
             f"a hull needs (V, 3) vertices and (F, 3) faces, not {points.shape} and {triangles.shape}"

@@ -1,6 +1,6 @@
-"""Physically plausible ranges of a vehicle's parameters; values beyond them imitate another effect.
+"""Physically plausible ranges of a vehicle's parameters; a value beyond its range imitates another effect.
 
-They follow from the vehicle's weight, displacement and the box of its hull.  The ranges are generous: a value
+The ranges follow from the vehicle's weight, displacement and the box of its hull.  They are generous: a value
 within may be wrong, but a value beyond is reported.  Ranges of increments contain 0.
 """
 
@@ -19,16 +19,15 @@ Index = tuple[int, ...]
 Range = Callable[[Index, Vehicle], tuple[float, float]]
 
 MOST_DRAG = 2.5
-"""Maximum drag coefficient of a bluff body or an open frame; slender ones have 0.1."""
+"""Maximum drag coefficient of a bluff body or an open frame; slender bodies have 0.1."""
 BOOMS = 2.0
 """Distance from CO, in half lengths of the box, at which fins, frames and booms still have drag."""
 MOST_ADDED = 3.0
-"""Maximum added over displaced mass, of plates and frames; 0.5 for a sphere, 1 for a cylinder across the
-flow."""
+"""Maximum of added over displaced mass, for plates and frames; a sphere has 0.5, a long cylinder 1."""
 DRAG_SOURCE = "Hoerner (1965), chapter 3 (bluff bodies)"
 ADDED_SOURCE = "Newman (1977), section 4.14 (ellipsoids and plates)"
 LIFT_SLOPE = 2.0 * math.pi
-"""Lift slope of a thin wing of infinite span."""
+"""Lift slope of a thin wing of infinite span, dC_L/d(angle of attack) [1/rad]."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,8 @@ class Plausible:
     """Plausible range of a parameter.
 
     Attributes:
-        at: Minimum and maximum plausible value of a component on a vehicle, in the parameter's unit.
+        at: Function from the index of a component and the vehicle to the minimum and maximum plausible value,
+            in the parameter's unit.
         words: The range in words, with its unit if it has one.
         source: Source of the range.
     """
@@ -47,13 +47,26 @@ class Plausible:
 
 
 def between(low: float, high: float, unit: str, source: str) -> Plausible:
-    """Return a range that is the same for every vehicle."""
+    """Return a plausible range that is the same for every vehicle.
+
+    Args:
+        low: Minimum.
+        high: Maximum.
+        unit: Unit of both, or empty.
+        source: Source of the range.
+    """
     words = f"{low:g} to {high:g}" + (f" {unit}" if unit else "")
     return Plausible(lambda index, vehicle: (low, high), words, source)
 
 
 def of_weight(share: float, words: str, source: str) -> Plausible:
-    """Return the range up to a share of the vehicle's weight [N], in both directions."""
+    """Return the plausible range of a force up to a share of the vehicle's weight [N], in both directions.
+
+    Args:
+        share: Share of the weight.
+        words: The range in words.
+        source: Source of the range.
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         most = share * vehicle.rigid_body.mass * vehicle.environment.gravity
@@ -63,7 +76,14 @@ def of_weight(share: float, words: str, source: str) -> Plausible:
 
 
 def within_box(times: float, words: str, source: str, axis: int | None = None) -> Plausible:
-    """Return the range of `times` half lengths of the hull [m], along `axis` or along that of the index."""
+    """Return the plausible range of a position on the vehicle, relative to CO, in both directions [m].
+
+    Args:
+        times: Greatest distance in half lengths of the hull's box.
+        words: The range in words.
+        source: Source of the range.
+        axis: Axis of the box, 0 to 2; by default the last index of the component.
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         reach = times * _half(vehicle)[index[-1] if axis is None else axis]
@@ -73,9 +93,13 @@ def within_box(times: float, words: str, source: str, axis: int | None = None) -
 
 
 def symmetric(most: Callable[[Vehicle], Array]) -> Range:
-    """Return the range of a matrix from the maximum of its diagonal, (6,); off-diagonal by Cauchy-Schwarz.
+    """Return the range of the entries of a symmetric matrix, given the maxima of its diagonal.
 
-    In a positive semi-definite matrix no entry exceeds the geometric mean of the two on its row and column.
+    In a positive semi-definite matrix, an off-diagonal entry is at most the geometric mean of the two
+    diagonal entries in its row and column (Cauchy-Schwarz).
+
+    Args:
+        most: Function from a vehicle to the maxima of the diagonal, (6,).
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -90,14 +114,21 @@ def symmetric(most: Callable[[Vehicle], Array]) -> Range:
 
 
 def of_entry(range_: Range, i: int, j: int) -> Range:
-    """Return the range of entry [i, j] of a matrix, for a parameter that is this number alone."""
+    """Return the range of a parameter that is one entry of a matrix.
+
+    Args:
+        range_: Range of the entries of the matrix, such as the result of `symmetric`.
+        i: Row of the entry.
+        j: Column of the entry.
+    """
     return lambda index, vehicle: range_((i, j), vehicle)
 
 
 def most_drag(vehicle: Vehicle) -> Array:
-    """Return the drag of the hull's box at 1 m/s and 1 rad/s with MOST_DRAG, (6,) [N, N m]: 1/2 rho C_d A.
+    """Return the maximum drag of the hull's box at 1 m/s and 1 rad/s by axis, (6,) [N, N m].
 
-    At this speed a linear, a quadratic and a cubic damping coefficient are the same number.
+    It is 1/2 rho C_d A with the water density rho, C_d = MOST_DRAG and the area A.  At this speed a linear, a
+    quadratic and a cubic damping coefficient are the same number.
     """
     sides = 2.0 * _half(vehicle)
     pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
@@ -108,7 +139,11 @@ def most_drag(vehicle: Vehicle) -> Array:
 
 
 def most_cross_drag(vehicle: Vehicle) -> Array:
-    """Return the drag per speed and velocity or rate, (6,): 1/2 rho C_d A, and C_d int r^2 dA."""
+    """Return the maximum drag of the hull's box on each axis per speed across and velocity on the axis, (6,).
+
+    It is 1/2 rho C_d A for a force and 1/2 rho C_d int r^2 dA for a moment.  rho is the water density, C_d =
+    MOST_DRAG, A the area and r the lever arm.
+    """
     sides = 2.0 * _half(vehicle)
     pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
     arms = BOOMS**2 * _half(vehicle) ** 3 * 2.0 / 3.0
@@ -117,7 +152,11 @@ def most_cross_drag(vehicle: Vehicle) -> Array:
 
 
 def most_added(vehicle: Vehicle) -> Array:
-    """Return MOST_ADDED times displaced mass, and inertia about CO of the same water in the box, (6,)."""
+    """Return the maximum added mass by axis, (6,) [kg, kg m^2].
+
+    It is MOST_ADDED times the displaced mass, and times the inertia about CO of as much water in the hull's
+    box.
+    """
     mass, sides = displaced_mass(vehicle), 2.0 * _half(vehicle)
     center = np.array(vehicle.hull.center)
     square = sides**2 / 12.0 + center**2
@@ -126,7 +165,10 @@ def most_added(vehicle: Vehicle) -> Array:
 
 
 def most_lift(vehicle: Vehicle) -> Array:
-    """Return lift per speed and drift, of the hull's side (0) and bottom (1), (2,) [kg/m]: 1/2 rho 2 pi A."""
+    """Return the maximum lift of the hull's side and of its bottom per speed and drift speed, (2,) [kg/m].
+
+    It is 1/2 rho 2 pi A, with the water density rho and the area A.
+    """
     length, width, height = 2.0 * _half(vehicle)
     pressure = 0.5 * vehicle.environment.water_density * LIFT_SLOPE
     return np.array([pressure * length * height, pressure * length * width])

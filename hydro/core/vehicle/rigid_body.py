@@ -16,7 +16,7 @@ from hydro.core.vehicle.frames import skew
 
 
 def mass_matrix(vehicle: Vehicle) -> Array:
-    """Return the rigid-body inertia M_RB about CO, shape (6, 6) [kg, kg m, kg m^2]; Fossen (3.44).
+    """Return the rigid-body mass matrix M_RB about CO, (6, 6) [kg, kg m, kg m^2]; Fossen (3.44).
 
     The kinetic energy of the dry body is nu^T M_RB nu / 2.
     """
@@ -32,10 +32,16 @@ def mass_matrix(vehicle: Vehicle) -> Array:
 
 @within
 def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
-    """Add C(nu) nu to `out` (6,) for the inertia `matrix` (36,), row-major: omega x p, and v x p + omega x h.
+    """Add C(nu) nu to `out` (6,): force omega x p, and moment v x p + omega x h.
 
-    p and h are the linear and angular momentum M nu of a body, or of its added mass.  So this is Kirchhoff's
-    equation (Fossen sec. 6.3.1) and equal to Fossen's theorem 3.2.
+    p and h are the linear and angular momentum M nu of a body, or of its added mass; v and omega are the
+    linear and angular velocity.  So this is Kirchhoff's equation (Fossen sec. 6.3.1) and equal to Fossen's
+    theorem 3.2.
+
+    Args:
+        matrix: Symmetric mass matrix M, row-major, (36,).
+        nu: Velocity of CO in body axes, (6,) [m/s, rad/s].
+        out: Output, (6,) [N, N m], added to.
     """
     px = py = pz = hx = hy = hz = 0.0
     for j in range(6):
@@ -76,7 +82,7 @@ def coriolis_matrix(matrix: ArrayLike, nu: ArrayLike) -> Array:
 def balance(vehicle: Vehicle) -> Array:
     """Return the net weight and its moments, (4,): W - B [N] and the vector W r_g - B r_b [N m].
 
-    r_g and r_b are the centres of gravity and buoyancy, body FRD.
+    W is the weight, B the buoyancy; r_g and r_b are the centres of gravity and buoyancy from CO, body FRD.
     """
     weight = vehicle.rigid_body.mass * vehicle.environment.gravity
     force = vehicle.buoyancy.force
@@ -88,10 +94,15 @@ def balance(vehicle: Vehicle) -> Array:
 
 @kernel
 def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
-    """Add the wrench of weight and buoyancy ON the vehicle to `out` (6,), from the four numbers of `balance`.
+    """Add the wrench of weight and buoyancy ON the vehicle about CO to `out`.
 
-    `down` (3,) is the world's down direction in body axes, the last row of R: (W - B) down, and
-    (W r_g - B r_b) x down; Fossen (4.3)-(4.6) with the sign of a force on the vehicle.
+    The force is (W - B) down, the moment (W r_g - B r_b) x down; Fossen (4.3)-(4.6) with the sign of a force
+    on the vehicle.
+
+    Args:
+        balance: W - B and W r_g - B r_b, (4,), from `balance`.
+        down: World's down direction in body axes, (3,): the last row of the rotation from body to NED.
+        out: Output, (6,) [N, N m], added to.
     """
     for i in range(3):
         out[i] += balance[0] * down[i]
@@ -102,6 +113,7 @@ def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
 
 @kernel
 def _restoring_columns(balance: Array, down: Array, out: Array) -> None:
+    """Write the restoring wrenches for down directions (N, 3) to `out` (N, 6)."""
     for k in range(down.shape[0]):
         restoring_kernel(balance, down[k], out[k])
 
@@ -126,7 +138,7 @@ def restoring(vehicle: Vehicle, phi: ArrayLike, theta: ArrayLike) -> Array:
 def potential(vehicle: Vehicle, z: ArrayLike, phi: ArrayLike, theta: ArrayLike) -> Array:
     """Return the potential energy of weight and buoyancy [J], 0 with both centres at the surface.
 
-    The restoring wrench is its negative gradient along the motions of the body.
+    The restoring wrench is the negative gradient of this energy along the motions of the body.
 
     Args:
         vehicle: The vehicle.
@@ -139,6 +151,6 @@ def potential(vehicle: Vehicle, z: ArrayLike, phi: ArrayLike, theta: ArrayLike) 
 
 
 def _down(phi: ArrayLike, theta: ArrayLike) -> Array:
-    """Return the world's down direction in body axes, shape (..., 3): the last row of R."""
+    """Return the world's down direction in body axes, (..., 3): the last row of the rotation body to NED."""
     roll, pitch = np.broadcast_arrays(np.asarray(phi, float), np.asarray(theta, float))
     return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1)

@@ -5,12 +5,12 @@ row of `thruster_table`.  Each thruster has one lag state: its thrust [N] before
 its normalised rotor speed (`lag = "speed"`).  The state depends on the commands alone, never on the motion;
 losses that depend on the motion (inflow) follow in `state_to_thrust`.
 
-A thruster with a table as its curve takes *effective* commands here, which give the same thrust by the simple
-curve of its row.  `recording.supply` computes them from the commands and the supply voltage of a recording,
-once, before any integration.  For other thrusters they are the commands.
+A thruster whose curve is a table has *effective* commands here: the commands that give the same thrust by a
+simple curve (linear or quadratic).  `recording.supply` computes them from the commands and the supply voltage
+of a recording, once, before any integration.  For all other thrusters they are the commands.
 
 A command logged in row k acts on [t_k, t_k+1).  A value at t_k is the limit from the left: the state at the
-first row is the initial one, and the first command first acts at the second row.
+first row is the initial state, and the first command first acts at the second row.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ def same_states(table: Array, other: Array) -> bool:
 
 
 def configuration_matrix(vehicle: Vehicle) -> Array:
-    """Return the configuration matrix B, (6, n): the wrench about CO per newton of each thrust; paper (10).
+    """Return the configuration matrix B: wrench about CO per newton of each of n thrusts, (6, n); paper (10).
 
-    It is that of the file's thrusters; with the reaction torques of actuator effects it is the transpose of
+    It contains the placements in the file, without the reaction torques of actuator effects; for these see
     `UNIT_WRENCH` of `effects.thruster_table`.
 
     Raises:
@@ -67,26 +67,26 @@ def configuration_matrix(vehicle: Vehicle) -> Array:
 
 
 def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
-    """Return the least-squares thrusts closest to a demanded wrench: pinv(B) tau.
+    """Return the smallest thrusts whose wrench is closest to a demanded wrench: pinv(B) tau.
 
     Args:
-        B: Configuration matrix, shape (6, n).
-        tau: Demanded wrench in body axes, shape (..., 6) [N, N m].
+        B: Configuration matrix of n thrusters, (6, n).
+        tau: Demanded wrench in body axes, (..., 6) [N, N m].
 
     Returns:
-        Thrusts, shape (..., n) [N], not limited; B f = tau if the thrusters can produce tau.
+        Thrusts, (..., n) [N], not limited; B f = tau if the thrusters can produce tau.
     """
     return np.asarray(np.asarray(tau, float) @ np.linalg.pinv(np.asarray(B, float)).T)
 
 
 def thruster_table(vehicle: Vehicle) -> Array:
-    """Return the vehicle's thrusters as rows of numbers for the kernels, shape (n, COLUMNS).
+    """Return the vehicle's n thrusters as rows of numbers for the kernels, (n, COLUMNS).
 
-    Gain, asymmetry, inflow and reaction are 0 here; effects of kind `actuator` change these and others.
+    Gain, asymmetry, inflow and reaction are 0 here; effects of kind `actuator` change them and other columns.
 
     Raises:
-        DataError: A thruster's placement is missing or doubled, its `lag_step` exceeds its time constant, or
-            its curve is invalid.
+        DataError: A thruster has no placement, or two; its `lag_step` exceeds its time constant; or its curve
+            is invalid.
     """
     try:
         return _remembered(vehicle.thruster, vehicle.battery).copy()
@@ -95,7 +95,7 @@ def thruster_table(vehicle: Vehicle) -> Array:
 
 
 def _table(thrusters: tuple[Thruster, ...], battery: Battery | None) -> Array:
-    """Return the table of thrusters with a battery."""
+    """Return the thruster table of thrusters with a battery."""
     table = np.zeros((len(thrusters), COLUMNS))
     for row, thruster in zip(table, thrusters, strict=True):
         step = thruster.lag_step or 0.0
@@ -117,11 +117,11 @@ def _table(thrusters: tuple[Thruster, ...], battery: Battery | None) -> Array:
 
 
 _remembered = lru_cache(maxsize=64)(_table)
-"""A fit assembles hundreds of vehicles that differ in their effects alone."""
+"""Cached `_table`: a fit assembles hundreds of vehicles that differ in their effects alone."""
 
 
 def table_of(thruster: Thruster) -> ThrustTable | None:
-    """Return the table of a thruster's curve; None for a simple curve.
+    """Return the table of thrust by command and voltage of a thruster; None for a simple curve.
 
     Raises:
         DataError: The file's numbers are not a valid table.
@@ -133,7 +133,7 @@ def table_of(thruster: Thruster) -> ThrustTable | None:
 
 
 def curve_power(thruster: Thruster) -> float:
-    """Return the exponent of the effective command in a thruster's thrust."""
+    """Return the exponent p of a thruster's curve, thrust ~ |effective command|^p."""
     if thruster.curve in ("linear", "quadratic", "none"):
         return 2.0 if thruster.curve == "quadratic" else 1.0
     return 2.0 if thruster.lag == "speed" else 1.0
@@ -145,22 +145,22 @@ def voltage_matters(vehicle: Vehicle) -> bool:
 
 
 def _depend_on_voltage(thrusters: tuple[Thruster, ...]) -> bool:
-    """Return whether the curve of any thruster has several voltages."""
+    """Return whether any of the thrusters has a curve for several voltages."""
     tables = map(table_of, thrusters)
     return any(table is not None and table.several for table in tables)
 
 
 def nominal_voltage(vehicle: Vehicle) -> float:
-    """Return the vehicle file's supply voltage [V]; 0 if no thrust depends on it.
+    """Return the nominal supply voltage of a vehicle file [V]; 0 if the file has none and needs none.
 
     Raises:
-        DataError: A curve has several voltages, and the file does not give the nominal one.
+        DataError: A curve has several voltages, and the file does not give the nominal voltage.
     """
     return _nominal_voltage(vehicle.thruster, vehicle.battery)
 
 
 def _nominal_voltage(thrusters: tuple[Thruster, ...], battery: Battery | None) -> float:
-    """Return the supply voltage [V] of thrusters with a battery; 0 if no thrust depends on it."""
+    """Return the nominal supply voltage [V] of thrusters with a battery; 0 without a battery."""
     if battery is not None:
         return battery.voltage
     if _depend_on_voltage(thrusters):
@@ -173,7 +173,10 @@ def _nominal_voltage(thrusters: tuple[Thruster, ...], battery: Battery | None) -
 def _limits(
     thruster: Thruster, thrusters: tuple[Thruster, ...], battery: Battery | None
 ) -> tuple[float, float, float]:
-    """Return the thrust at full command ahead and astern [N], and the excess of effective commands over 1."""
+    """Return the thrust at full command ahead and astern [N], and the excess of effective commands over 1.
+
+    With a table, effective commands exceed 1 above the nominal voltage.
+    """
     if not thruster.pushes:
         return 0.0, 0.0, 0.0
     table, given = table_of(thruster), (thruster.max_thrust, thruster.max_reverse_thrust)
@@ -197,13 +200,18 @@ def _limits(
 
 @kernel
 def raised(size: float, power: float) -> float:
-    """Return a size raised to a power, as one product for a power of 2."""
+    """Return size^power, as one product for a power of 2."""
     return size * size if power == 2.0 else size**power
 
 
 @kernel
 def static_thrust(row: Array, n: float) -> float:
-    """Return the steady thrust [N] for a normalised speed n in [-1, 1], by dead band and curve."""
+    """Return the steady thrust [N] of a thruster, by dead band and curve.
+
+    Args:
+        row: Row of the thruster table.
+        n: Normalised speed or effective command, in [-1, 1].
+    """
     size: float = abs(n)
     band: float = row[DEADBAND]
     within_band = size <= band
@@ -220,7 +228,12 @@ def static_thrust(row: Array, n: float) -> float:
 
 @kernel
 def settled_state(row: Array, command: float) -> float:
-    """Return the steady lag state of a held command (after delay); a simple curve clips it to [-1, 1]."""
+    """Return the steady lag state under a constant command: thrust [N] or normalised rotor speed.
+
+    Args:
+        row: Row of the thruster table.
+        command: Effective command after the delay; clipped to the range of the curve.
+    """
     most: float = 1.0 + row[BEYOND]
     n = min(max(command, -most), most)
     return n if row[SPEED_LAG] else static_thrust(row, n)
@@ -228,9 +241,14 @@ def settled_state(row: Array, command: float) -> float:
 
 @kernel
 def lag_decay(row: Array, dt: float) -> float:
-    """Return the factor of the distance from steady state over dt [s]: exp(-dt/T) or (1 - h/T)^(dt/h).
+    """Return the factor of the distance from steady state over a time dt [s]: exp(-dt/T) or (1 - h/T)^(dt/h).
 
-    The second is Euler's.  Its exponent may be any real number, so two parts give the same lag as their sum.
+    T is the time constant and h the step of a source that integrates by Euler's method.  The exponent dt/h
+    may be any real number, so two parts of a step give the same lag as the whole step.
+
+    Args:
+        row: Row of the thruster table.
+        dt: Time [s].
     """
     constant, step = row[TIME_CONSTANT], row[LAG_STEP]
     if constant <= step:  # no lag, or one that ends within one Euler step
@@ -242,9 +260,15 @@ def lag_decay(row: Array, dt: float) -> float:
 
 @kernel
 def advance_state(row: Array, state: float, command: float, dt: float) -> float:
-    """Return the lag state after holding a command (after delay) for dt [s]: exact, in one step.
+    """Return the lag state after a time dt [s] under a constant command, exactly and in one step.
 
     Without lag the state follows immediately, even for dt = 0.
+
+    Args:
+        row: Row of the thruster table.
+        state: Lag state at the start.
+        command: Effective command after the delay.
+        dt: Time [s].
     """
     settled = settled_state(row, command)
     return settled + (state - settled) * lag_decay(row, dt)
@@ -254,7 +278,12 @@ def advance_state(row: Array, state: float, command: float, dt: float) -> float:
 def state_derivative(row: Array, state: float, command: float) -> float:
     """Return the rate of the lag state [per s], whose solution is `advance_state`.
 
-    It is 0 without lag, where `advance_state(row, state, command, 0.0)` sets the state.
+    The rate is 0 without lag, where `advance_state(row, state, command, 0.0)` sets the state.
+
+    Args:
+        row: Row of the thruster table.
+        state: Lag state.
+        command: Effective command after the delay.
     """
     constant, step = row[TIME_CONSTANT], row[LAG_STEP]
     if constant <= step:
@@ -267,7 +296,12 @@ def state_derivative(row: Array, state: float, command: float) -> float:
 def inflow_speed(row: Array, nu_r: Array) -> float:
     """Return the speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
 
-    b is the unit wrench without the reaction torque, which is not a lever arm.
+    d is the direction of the thrust, r the position, and b the unit wrench without the reaction torque, which
+    has no lever arm.
+
+    Args:
+        row: Row of the thruster table.
+        nu_r: Velocity of CO through the water, body axes, (6,) [m/s, rad/s].
     """
     speed = 0.0
     for i in range(3):
@@ -277,7 +311,13 @@ def inflow_speed(row: Array, nu_r: Array) -> float:
 
 @kernel
 def state_to_thrust(row: Array, state: float, inflow: float) -> float:
-    """Return the thrust [N] of a lag state, with gain, asymmetry and the loss by `inflow` [m/s]."""
+    """Return the thrust [N] for a lag state, with gain, asymmetry and the loss by inflow.
+
+    Args:
+        row: Row of the thruster table.
+        state: Lag state: thrust [N] before losses, or normalised rotor speed.
+        inflow: Speed through the water along the thruster's axis [m/s].
+    """
     thrust: float = static_thrust(row, state) if row[SPEED_LAG] else state
     thrust *= 1.0 + row[GAIN]
     if thrust < 0.0:
@@ -322,7 +362,7 @@ def _states_kernel(
 
 @kernel
 def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None:
-    """Write thrusts of lag states; `nu_r` has as many rows, or none for a vehicle at rest in still water."""
+    """Write the thrusts of lag states (N, n); `nu_r` is (N, 6), or (0, 6) for rest in still water."""
     for k in range(states.shape[0]):
         for i in range(table.shape[0]):
             inflow = inflow_speed(table[i], nu_r[k]) if nu_r.shape[0] else 0.0
@@ -332,18 +372,18 @@ def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None
 def lag_states(
     table: Array, commands: ArrayLike, t: ArrayLike, times: ArrayLike, *, settled: bool = False
 ) -> Array:
-    """Return lag states at any times of one segment.
+    """Return the lag states of thrusters at any times of one segment.
 
     Args:
-        table: Thruster table, shape (n, COLUMNS).
-        commands: Commands, shape (N, n); row k is held on [t_k, t_k+1), the last one on.
-        t: Times of the commands [s], shape (N,), ascending.
-        times: Times of the states [s], shape (M,), ascending, from t[0] on.
+        table: Table of n thrusters, (n, COLUMNS).
+        commands: Effective commands in N rows, (N, n); row k is held on [t_k, t_k+1), the last row for ever.
+        t: Times of the commands [s], (N,), ascending.
+        times: Times of M states [s], (M,), ascending, from t[0] on.
         settled: Whether to start in the steady state of the first command, as after a gap; else at rest, with
             a command of 0 before the first.
 
     Returns:
-        States, shape (M, n): limits from the left where a command changes.
+        States, (M, n): limits from the left where a command changes.
 
     Raises:
         DataError: The commands' shape does not fit the thrusters or the times.
@@ -365,20 +405,20 @@ def thrusts(
     after_gap: ArrayLike | None = None,
     nu_r: ArrayLike | None = None,
 ) -> Array:
-    """Return thrusts f(t_k) at every row of a log; paper (10).
+    """Return the thrusts at every row of a log; paper (10).
 
     Args:
-        table: Thruster table, shape (n, COLUMNS): that of `effects.thruster_table`, which holds the vehicle's
-            actuator effects, or of `thruster_table` without them.
-        commands: Commands, shape (N, n).
-        t: Times [s], shape (N,), ascending within each segment.
-        segments: Uninterrupted runs of rows [start, stop), shape (S, 2).
-        after_gap: Which segments follow a gap within a session, shape (S,): they start in the steady state of
-            their first command. The others, by default all, start a session at rest.
-        nu_r: Velocity of CO relative to the water, body axes, shape (N, 6); by default there is no inflow.
+        table: Table of n thrusters, (n, COLUMNS): that of `effects.thruster_table`, which contains the
+            vehicle's actuator effects, or of `thruster_table` without them.
+        commands: Effective commands in N rows, (N, n).
+        t: Times [s], (N,), ascending within each segment.
+        segments: First and past-the-last row of each of S segments, (S, 2).
+        after_gap: Which segments follow a gap within a session, (S,): these start in the steady state of
+            their first command. All other segments start at rest; by default all do.
+        nu_r: Velocity of CO relative to the water, body axes, (N, 6); by default there is no inflow.
 
     Returns:
-        Thrusts, shape (N, n) [N]; rows outside all segments are 0.
+        Thrusts, (N, n) [N]; rows outside all segments are 0.
 
     Raises:
         DataError: The commands' shape does not fit the thrusters or the times.
@@ -424,6 +464,6 @@ def _commands(table: Array, commands: ArrayLike, t: ArrayLike) -> tuple[Array, A
 
 
 def _close(t: Array) -> float:
-    """Return the tolerance of times: clock rounding must not move a command by a whole row."""
+    """Return the tolerance of times [s]: clock rounding must not move a command by a whole row."""
     step = (t[-1] - t[0]) / max(t.size - 1, 1)
     return float(1e-9 * step + 1e-15 * abs(t[-1]))
