@@ -95,31 +95,39 @@ def total(column: str, *names: str) -> str:
     return f"{sum(hit for hit, _ in pairs)} of {sum(trials for _, trials in pairs)}"
 
 
+def with_share(text: str) -> str:
+    """Return "N of M (P %)" for "N of M"."""
+    hit, trials = counts(text)
+    return f"{text} ({100 * hit / trials:.0f} %)"
+
+
 def test_the_readme_quotes_hidden_effects() -> None:
     exactly = [
         cell("hidden_effects", "shown", hidden=f"{number} effect").split(",")[0]
         for number in ("one", "two", "three")
     ]
     _, _, result, reference = shown("own simulator and a second one")
-    assert result == ", ".join(exactly)
+    assert result.split("; ")[0] == ", ".join(exactly)
     oracle = cell("hidden_effects", "shown", hidden="held-out error").split("median ratio ")[1]
-    assert f"error {oracle} times that of the true model (median)" in reference
+    assert result.split("; ")[1] == f"median held-out error {oracle} times that of the true model"
+    assert reference == "true model: 1"
 
 
 def test_the_readme_quotes_imperfect_hulls() -> None:
     plain = ("`hydro diagnose`", "`hydro diagnose`, other seeds")
     _, _, result, baseline = shown("simulated hulls that no formula fits exactly")
-    assert result == total("named first", *plain)
-    assert baseline == f"regression with BIC: {total('named first', 'regression with BIC')}"
+    assert result == with_share(total("named first", *plain))
+    bic = with_share(total("named first", "regression with BIC")).replace("of", "of the first")
+    assert baseline == f"regression with BIC: {bic}"
     before = tuple(f"`hydro diagnose --before`, 720 s, {which}" for which in ("latest code", "other seeds"))
     assert shown("the same, with 12 minutes")[2] == total("named first", *before)
     wrong = total("stated wrongly", *before).split(" of ")[0]
     changes = total("named first", *before).split(" of ")[1]
-    assert shown("these two tests with a recording from before")[2].split(", ")[0] == f"{wrong} of {changes}"
+    assert shown("both tests with a recording from before")[2].split(", ")[0] == f"{wrong} of {changes}"
     alarms, studies = re.findall(r"\d+", cell("hidden_effects", "shown", hidden="nothing"))[:2]
     nothing = tuple(f"the same, nothing changed, {which}" for which in ("latest code", "other seeds"))
     column = "alarm, nothing hidden"
-    _, _, result, baseline = shown("first three rows, with nothing hidden or changed")
+    _, _, result, baseline = shown("tests of the first three rows, with nothing")
     assert result == f"{alarms} of {studies}, {total(column, plain[0])}, {total(column, *nothing)}"
     assert baseline == f"regression with BIC: {total(column, 'regression with BIC')}"
 
@@ -130,10 +138,10 @@ def test_the_readme_quotes_the_simulator_apart() -> None:
     wrong, _ = answers["wrong, stated at 0.9 or more"]
     commonest, _ = answers["the commonest change named of each (baseline)"]
     _, test, result, baseline = shown("independent simulator")
-    assert test == f"name one of {cases} changes"
+    assert test == f"name the change in {cases} cases"
     assert result == f"{right} right"
-    assert shown("these two tests with a recording from before")[2].split(", ")[1] == f"{wrong} of {cases}"
-    assert baseline == f"always the commonest change: {commonest}"
+    assert shown("both tests with a recording from before")[2].split(", ")[1] == f"{wrong} of {cases}"
+    assert baseline == f"the commonest change, named each time: {commonest}"
 
 
 def test_the_readme_quotes_stonefish() -> None:
@@ -161,7 +169,7 @@ def test_the_readme_quotes_sensors_and_imports() -> None:
     named = [answer for row in answers.values() for answer in row]
     assert shown("own simulator, one mistake")[2:] == [
         f"{named.count('named')} of {len(named)}",
-        f"correct logs: 0 warnings in {silent.count('0 warnings')}",
+        f"correct logs: 0 warnings in {silent.count('0 warnings')} vehicles",
     ]
 
 
@@ -175,8 +183,8 @@ def test_the_readme_quotes_policies() -> None:
     (_,) = [row for row in ended if row["divergence"] != "none"]
     assert "steps; one diverged." in README
     first, second, third = (sum(bool(row[f"stage {k} passed after"]) for row in ended) for k in (1, 2, 3))
-    assert f"Of the {planned}, {first} passed open water, the first stage, {second} also the eight" in README
-    assert f"pillars and {third} also the forest, within {ended[0]['steps']} steps;" in README
+    assert f"Of the {planned}, {first} passed stage 1 (open water), {second} of them stage 2" in README
+    assert f"and {third} of these stage 3 (forest), within {ended[0]['steps']} steps;" in README
     study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
     trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
     assert f"{trainings} trainings by imitation ([tables](docs/rl-figures.md))" in README
