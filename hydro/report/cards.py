@@ -128,7 +128,9 @@ def _shares(shown: pl.DataFrame, step: int) -> str:
         return ""
     if not step:
         return SHARES
-    return f"Shares are of the squared error above the noise after step {step}, and need not sum to 100 %."
+    return (
+        f"Shares of the squared error above the noise after step {step} overlap; they need not sum to 100 %."
+    )
 
 
 def _unseen(rows: pl.DataFrame) -> str:

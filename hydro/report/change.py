@@ -75,10 +75,10 @@ def learnt(before: Mapping[str, Any]) -> str:
     if not describes(before["given"], before["left"]):
         fails = " The model does not describe the vehicle, so no change is certain: improve the file first."
     return (
-        f"On the earlier recording ({before['recording']}), the squared error of short predictions is "
-        f"{words.figure(before['given'])} times that of noise with the file alone, and "
-        f"{words.figure(before['left'])} times {model}. Changes smaller than that "
-        f"cannot be found.{fails}"
+        f"On the earlier recording ({before['recording']}), the squared error of short predictions by the "
+        f"file is {words.figure(before['given'])} times that due to noise; {model}, it is "
+        f"{words.figure(before['left'])} times. A change that adds less error than that cannot be "
+        f"found.{fails}"
     )
 
 
@@ -162,8 +162,8 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
         if steps:
             told = [f"{rmse:.2f} {f'with {effect}' if effect else 'as given'}" for rmse, effect in steps]
             yield (
-                f"Error on {label}, in units of the hull-force model's on the earlier recording (1: nothing "
-                f"has changed): {', '.join(told)}."
+                f"Error on {label}, divided by that of the hull-force model on the earlier recording "
+                f"(1: no change is left): {', '.join(told)}."
             )
 
 

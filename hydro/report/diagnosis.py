@@ -43,7 +43,7 @@ MOST_UNSEEN = 4
 """Maximum number of effects in the line on effects that are not visible."""
 MORE = "{count}, not shown: add --details."
 """Note on findings that do not fit on the screen."""
-SHARES = "Shares are of the squared error above the noise, and need not sum to 100 %."
+SHARES = "Shares of the squared error above the noise overlap; they need not sum to 100 %."
 """Note on the shares of findings."""
 SURENESS = "Percentage after a name: probability that it is right; ±: standard error."
 """Note on the confidence and the standard errors of findings."""

@@ -205,8 +205,8 @@ def noise_line(sources: Sources) -> str:
     if last.after is None or last.at_floor:
         return floor
     if sources.ladder is not None and of_change(sources.ladder):
-        return f"{floor} The rest is water force that the file lacked before, too."
-    return f"{floor} The rest is force that no added effect describes."
+        return f"{floor} The remaining error is water force that the file lacked before the change, too."
+    return f"{floor} The remaining error is force that no added effect describes."
 
 
 def added_effects(sources: Sources) -> list[str]:
