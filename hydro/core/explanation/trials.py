@@ -26,6 +26,7 @@ from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, un
 from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.settings import (
     CONTENDERS,
+    FAR_FROM_NOISE,
     FIT,
     LEAST_SHOTS,
     NEGLIGIBLE,
@@ -109,7 +110,14 @@ class Recordings:
         if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
         problem = stable.some(most).anchored()
-        return problem.reweighted(unfitted(vehicle, problem).normal)[0]
+        normal = unfitted(vehicle, problem).normal
+        weighted = problem.reweighted(normal)[0]
+        return weighted.coarsened(vehicle) if normal.chi2 > FAR_FROM_NOISE else weighted
+
+    def is_far(self, vehicle: Vehicle) -> bool:
+        """Return whether the residual of a vehicle is above FAR_FROM_NOISE."""
+        problem = OutputError.of(self.problem.shots, vehicle).weighed(self.log.noise)
+        return unfitted(vehicle, problem).normal.chi2 > FAR_FROM_NOISE
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots for fits and comparisons of candidates for a vehicle."""
@@ -421,10 +429,13 @@ def _fit_together(
     noise is the wrong weight: the most accurate channel would decide alone.  Then two more fits are made, to
     shots weighted by their residuals: one from the values of a quick fit or of equation error, and one over
     the horizon of the ladder from the better of both.  Their values are not shrunk to the file, because the
-    problem is not linear over such a distance.  The fit with the best prediction is returned.
+    problem is not linear over such a distance.  The fit with the best prediction is returned.  From a quick
+    fit that is above FAR_FROM_NOISE, only the last of these fits is made.
     """
     if not wanted:
         return None
+    if tried is not None and (far := _fit_ahead(tried, names_of(wanted), recordings)) is not None:
+        return far
     log = recordings.log
     unknown = free(vehicle, wanted, reach=log.track)
     begun = unknown.at(unknown.starts[0])
@@ -450,6 +461,19 @@ def _fit_together(
     fit = better(fit, recordings.started(start, names) if tried is None else tried, resolved(problem))
     ahead = recordings.ahead(fit.vehicle, SHOTS)
     return fit if ahead is None else better(fit, fit.vehicle, ahead)
+
+
+def _fit_ahead(tried: Vehicle, names: Sequence[str], recordings: Recordings) -> Fit | None:
+    """Fit effects to predictions over HORIZON, where a quick fit is far from the noise; else return None."""
+    ahead = recordings.ahead(tried, SHOTS)
+    if ahead is None or not recordings.is_far(tried):
+        return None
+    try:
+        return fit_model(
+            tried, names, ahead.at_measured_states(tried), recordings.log.track, ITERATIONS
+        ).estimated()
+    except Diverges:
+        return None
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
