@@ -20,6 +20,7 @@ from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.by_change import fit_changes
 from hydro.core.diagnosis.by_likelihood import settled
+from hydro.core.diagnosis.confidence import folds
 from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
@@ -33,7 +34,7 @@ from hydro.core.diagnosis.settings import (
     QUICK_STEPS,
     SHOTS,
 )
-from hydro.core.diagnosis.transfer import left_out_squares, resolved
+from hydro.core.diagnosis.transfer import left_out_squares, resolved, sessions_of
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
@@ -93,6 +94,11 @@ class Recordings:
     def problem(self) -> OutputError:
         """Shots about which the catalogue is linearised, a part of a diagnosis' shots."""
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
+
+    @cached_property
+    def windows(self) -> Windows:
+        """Windows of the equation error of the recording."""
+        return Windows.of(self.log.record, self.log.noise, SHOTS)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
         """Return predictions over HORIZON for a fit; None if there are too few or they diverge.
@@ -166,13 +172,20 @@ class Recordings:
         unknown = free(vehicle, effects, reach=self.log.track) if effects else None
         if unknown is None or not unknown.entries:
             return vehicle
-        windows = Windows.of(self.log.record, self.log.noise, SHOTS)
-        there = unknown.at(by_equation_error(unknown, windows, self.log.track)[0])
+        there = unknown.at(by_equation_error(unknown, self.windows, self.log.track)[0])
         return min(vehicle, there, key=self.error_ahead)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
-        """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`."""
-        return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
+        """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`.
+
+        Predictions of a vehicle that is far from the noise may leave the measured motion, where effects would
+        act otherwise.  Then effects are ranked by equation error, along that motion.
+        """
+        if not self.is_far(vehicle):
+            problem = OutputError.of(self.problem.shots, vehicle)
+            return promising(vehicle, own, problem, sessions_of(problem.shots), self.log.track)
+        windows, _ = self.windows.reweighted(unfitted(vehicle, self.windows).normal)
+        return promising(vehicle, own, windows, folds(windows.session), self.log.track)
 
     def tried(
         self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK_STEPS
@@ -378,9 +391,12 @@ def _quick_fit(
     last: Step, found: Mapping[str, Table], recordings: Recordings, problem: OutputError
 ) -> list[Quick]:
     """Return the quick fit of a candidate; empty if it diverges."""
-    wanted = _wanted(last, found)
+    wanted, begun = _wanted(last, found), last.vehicle
     try:
-        vehicle = recordings.tried(last.vehicle, wanted, problem)
+        if recordings.is_far(last.vehicle):
+            unknown = free(begun, wanted, reach=recordings.log.track)
+            begun, wanted = recordings.started(unknown.at(unknown.starts[0]), names_of(wanted)), names_of(wanted)
+        vehicle = recordings.tried(begun, wanted, problem)
         is_implausible = bool(implausible(vehicle, list(found)))
         return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
     except DataError:
