@@ -8,6 +8,7 @@ a change is fitted with the changes of earlier steps only.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,6 +27,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
 from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.settings import (
+    CLOSEST,
     CONTENDERS,
     FAR_FROM_NOISE,
     FIT,
@@ -53,7 +55,7 @@ from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.prediction.weak_form import Windows
-from hydro.core.progress import Progress
+from hydro.core.progress import Progress, part
 from hydro.core.recording.shots import room
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
@@ -223,7 +225,9 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     Only the candidates whose quick fits predict the recording best are tested.  Values that physics excludes
     show that an effect stands for another.  Among quick fits such a candidate counts only if no other has
     plausible values; in the final fit the next best comes first.  The result is None where no
-    unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.
+    unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.  Far
+    from the noise, pairs of the best candidates are tried where none alone is better: one may be needed for
+    the values of the other, as added mass and the cross terms of damping.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -241,6 +245,10 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     quick = sorted(found, key=lambda one: (one.is_implausible, one.error))
     progress("the best of them on held-out stretches", 0.5)
     order, first = _best_of(quick, begun, file, recordings, problem), None
+    if not order and undecided and recordings.is_far(begun.vehicle):
+        both = list(quick_fits(begun, _pairs(quick), recordings, problem, part(progress, 0.6, 0.8)))
+        both.sort(key=lambda one: (one.is_implausible, one.error))
+        order = _best_of(both, begun, file, recordings, problem)
     progress("joint fit", 0.8)
     for one in order:
         trial = _trial(last, one.found, file, recordings, one.vehicle)
@@ -288,7 +296,8 @@ def _best_of(
         list[tuple[float, Quick]](),
         list(dict.fromkeys(one.effect for one in quick))[:CONTENDERS],
     )
-    for one in (one for one in quick if one.effect in listed):
+    most = FIT**0.5 * quick[0].error if quick and recordings.is_far(last.vehicle) else np.inf
+    for one in (one for one in quick if one.effect in listed and one.error <= most):
         if errors and one.is_implausible > errors[0][1].is_implausible:
             break
         found = predicted(one)
@@ -315,6 +324,14 @@ def _beside(
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
     return others[: max(2 * CONTENDERS - len(every), 0)]
+
+
+def _pairs(quick: Sequence[Quick]) -> list[dict[str, Table]]:
+    """Return the pairs of the CLOSEST candidates by the error of their quick fits."""
+    best = dict[str, Mapping[str, Table]]()
+    for one in sorted(quick, key=lambda one: one.error):
+        best.setdefault(one.effect, one.found)
+    return [{**one, **other} for one, other in itertools.combinations([*best.values()][:CLOSEST], 2)]
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
@@ -395,7 +412,10 @@ def _quick_fit(
     try:
         if recordings.is_far(last.vehicle):
             unknown = free(begun, wanted, reach=recordings.log.track)
-            begun, wanted = recordings.started(unknown.at(unknown.starts[0]), names_of(wanted)), names_of(wanted)
+            begun, wanted = (
+                recordings.started(unknown.at(unknown.starts[0]), names_of(wanted)),
+                names_of(wanted),
+            )
         vehicle = recordings.tried(begun, wanted, problem)
         is_implausible = bool(implausible(vehicle, list(found)))
         return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
