@@ -408,14 +408,12 @@ def _quick_fit(
     last: Step, found: Mapping[str, Table], recordings: Recordings, problem: OutputError
 ) -> list[Quick]:
     """Return the quick fit of a candidate; empty if it diverges."""
-    wanted, begun = _wanted(last, found), last.vehicle
+    wanted: Wanted = _wanted(last, found)
+    begun = last.vehicle
     try:
         if recordings.is_far(last.vehicle):
-            unknown = free(begun, wanted, reach=recordings.log.track)
-            begun, wanted = (
-                recordings.started(unknown.at(unknown.starts[0]), names_of(wanted)),
-                names_of(wanted),
-            )
+            unknown, names = free(begun, wanted, reach=recordings.log.track), names_of(wanted)
+            begun, wanted = recordings.started(unknown.at(unknown.starts[0]), names), names
         vehicle = recordings.tried(begun, wanted, problem)
         is_implausible = bool(implausible(vehicle, list(found)))
         return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
@@ -501,13 +499,12 @@ def _fit_together(
 
 def _fit_ahead(tried: Vehicle, names: Sequence[str], recordings: Recordings) -> Fit | None:
     """Fit effects to predictions over HORIZON, where a quick fit is far from the noise; else return None."""
-    ahead = recordings.ahead(tried, SHOTS)
-    if ahead is None or not recordings.is_far(tried):
+    ahead = recordings.ahead(tried, SHOTS) if recordings.is_far(tried) else None
+    if ahead is None:
         return None
     try:
-        return fit_model(
-            tried, names, ahead.at_measured_states(tried), recordings.log.track, ITERATIONS
-        ).estimated()
+        problem = ahead.at_measured_states(tried)
+        return fit_model(tried, names, problem, recordings.log.track, ITERATIONS).estimated()
     except Diverges:
         return None
 

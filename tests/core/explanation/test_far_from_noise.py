@@ -12,7 +12,9 @@ from recordings import damped, moved
 
 from hydro.core.diagnosis.search import Search, most_gain
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
+from hydro.core.diagnosis.transfer import sessions_of
 from hydro.core.evaluation.score_test import Evidence
+from hydro.core.explanation.screening import promising
 from hydro.core.explanation.trials import Quick, Recordings, _fit_together, _pairs
 from hydro.core.prediction import multiple_shooting
 from hydro.core.prediction.candidate import candidate
@@ -24,7 +26,7 @@ from hydro.core.vehicle.description import Vehicle
 
 SLOW = 5
 """Rows of the simulation for one of the log, which then has 10 rows a second."""
-PAYLOAD = {"name": "payload", "weight": 8.0, "position": [0.2, 0.0, 0.1]}
+PAYLOAD = {"name": "payload", "mass": 1.5, "w": 8.0, "x": 0.2, "z": 0.1}
 
 
 @pytest.fixture(scope="module")
@@ -89,13 +91,18 @@ def test_a_curved_effect_may_gain_more_than_its_linear_problem_shows():
 
 
 def test_effects_are_ranked_by_equation_error_where_predictions_leave_the_motion(record):
-    """Without its righting moment and damping the file turns over, and no prediction shows the payload."""
-    far = study(record, 1e-4)
+    """The file has its centre of buoyancy far below that of gravity, so its predictions turn over."""
     unstable = msgspec.structs.replace(
-        bare(), buoyancy=msgspec.structs.replace(bare().buoyancy, center=(0.0, 0.0, 0.3))
+        damped(PAYLOAD), buoyancy=msgspec.structs.replace(damped().buoyancy, center=(0.0, 0.0, 0.3))
     )
-    found = [one["name"] for one in far.promising(unstable, [])]
-    assert "buoyancy_offset" in found[:3]
+    far = study(record, 1e-4)
+    problem = OutputError.of(far.problem.shots, unstable)
+    fold = sessions_of(problem.shots)
+    by_predictions, by_equations = (
+        [one["name"] for one in ranked].index("buoyancy_offset")
+        for ranked in (promising(unstable, [], problem, fold, far.log.track), far.promising(unstable, []))
+    )
+    assert by_equations < 3 < by_predictions
 
 
 def quick(effect: str, error: float) -> Quick:
