@@ -1,6 +1,6 @@
 """Compare explained vehicle files with simple predictors on the held-out sessions of a real vehicle.
 
-    python -m benchmarks.real_logs FOLDER
+    python -m benchmarks.real_logs FOLDER [--keep COMMIT]
 
 The folder has the logs fit.csv and hold.csv, map.toml that reads both, and vehicle files vehicle*.toml. Steps
 are added by `explain` on fit.csv, or on its first two sessions; nothing sees the held-out sessions but the
@@ -12,6 +12,7 @@ velocity or than least squares fitted to the same sessions.
 from __future__ import annotations
 
 import argparse
+import datetime
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +22,7 @@ import numpy as np
 import polars as pl
 
 import hydro
-from benchmarks.kept_tables import markdown
+from benchmarks.kept_tables import keep, markdown
 from hydro.core.columns import VELOCITY
 from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces
@@ -121,6 +122,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--split", choices=SPLITS, action="append", help="by default both")
     parser.add_argument("--vehicle", action="append", help="name of a vehicle file; by default all")
+    parser.add_argument("--keep", metavar="COMMIT", help="keep the table as measured with this code")
     chosen = parser.parse_args()
     files = [f for f in sorted(chosen.folder.glob("vehicle*.toml")) if f.name in (chosen.vehicle or [f.name])]
     rows = [
@@ -130,6 +132,10 @@ def main() -> None:
         for row in studied(chosen.folder, file, split)
     ]
     print(markdown(rows))
+    if chosen.keep:
+        where = {"commit": chosen.keep, "recorded": "", "date": datetime.date.today().isoformat()}
+        where |= {"command": "python -m benchmarks.real_logs FOLDER", "seeds": ""}
+        keep("real_logs", [row | where for row in rows])
 
 
 if __name__ == "__main__":

@@ -112,7 +112,8 @@ class Baseline:
         if len(self.refitted.costs) < 2 * SHOTS or not self.refitted.normal.chi2 > FAR_FROM_NOISE:
             return self
         given, refitted = self.given.some(SHOTS), self.refitted.some(SHOTS)
-        return replace(self, problem=self.problem.some(SHOTS), given=given, refitted=refitted)
+        problem = self.problem.some(SHOTS).coarsened(refitted.vehicle)
+        return replace(self, problem=problem, given=given, refitted=refitted)
 
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle with the values of its existing effects replaced by those of `filed`."""

@@ -36,6 +36,7 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     DOUBTFUL,
+    FAR_FROM_NOISE,
     FAR_FROM_PRIOR,
     LEAST_EVIDENCE,
     MATERIAL,
@@ -183,6 +184,8 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
+    if baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
+        baseline = replace(baseline, problem=baseline.problem.coarsened(baseline.refitted.vehicle))
     try:
         surveyed = survey(baseline, progress)
         refitted, known = tempered(baseline, baseline.problem)

@@ -29,6 +29,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import unfitted
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.relative_thrust import doubted_gain
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
@@ -156,6 +157,8 @@ def diagnose_log(
     else:
         search("shots", 0.0)
         start, shots = stable_start(vehicle, log)
+        if in_vain and unfitted(start, shots).normal.chi2 > FAR_FROM_NOISE:
+            shots = shots.coarsened(start)
         search("baseline fit", 0.05)
         calm = replace(refit(vehicle, log, shots, start), file=file)
         found = without_discrepancy(calm, search, in_vain, provisional)

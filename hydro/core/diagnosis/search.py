@@ -39,6 +39,7 @@ from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
     DISTINCT,
+    FAR_FROM_NOISE,
     FIT,
     FURTHER,
     MOST_FINDINGS,
@@ -361,7 +362,7 @@ class Search:
         screening = self.screen(self.fewer(begun), state.effects)
         if screening.model is not begun and not screening.significant:
             screening = self.screen(begun, state.effects)
-        if not self.telling(screening, begun):
+        if not self.telling(screening, begun) or (count and self.in_vain(screening)):
             return Round(screening)
         known = self.from_distant_starts(begun) if begun is not model else {}
         fits = self.contend(begun, state.effects, screening, part(told, 0.3, 1.0), known)
@@ -394,19 +395,20 @@ class Search:
         return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
     def telling(self, screening: Screening, model: Model) -> bool:
-        """Return whether any effect may be material, by its gain in the screening.
-
-        The gain of a nonlinear effect shows only a part of what it explains, so it counts more.
-
-        Args:
-            screening: Test of all candidates.
-            model: Model so far.
-        """
-        curved = SIMILAR / SIMILAR_CURVED
+        """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
         return any(
-            self.baseline.belongs(name, gain * (curved if is_curved(name) else 1.0), model)
+            self.baseline.belongs(name, most_gain(name, gain), model)
             for name, gain in screening.gains.items()
         )
+
+    def in_vain(self, screening: Screening) -> bool:
+        """Return whether the model stays far from the noise with all effects of the catalogue together.
+
+        Their joint gain about a model bounds that of any selection, as far as they are linear.  Such a search
+        ends: its names would be by the likelihood of wrong models.
+        """
+        chi2 = screening.model.normal.chi2
+        return chi2 > FAR_FROM_NOISE and screening.evidence.left * chi2 > FAR_FROM_NOISE
 
     def from_distant_starts(self, filed: Model) -> dict[str, Model]:
         """Return fits of the file with each effect that a fit from zero does not find.
@@ -496,6 +498,11 @@ class Search:
         if begun not in self.made:
             self.made[begun] = fit_model(vehicle, wanted, problem, self.baseline.log.track, iterations)
         return self.made[begun]
+
+
+def most_gain(effect: str, gain: float) -> float:
+    """Return the largest gain that a fit of an effect may have, from its gain in the linearised problem."""
+    return gain * (SIMILAR / SIMILAR_CURVED if is_curved(effect) else 1.0)
 
 
 def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:

@@ -29,12 +29,14 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
-from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis.search import Search, most_gain
 from hydro.core.diagnosis.settings import (
     CORRELATED,
+    FAR_FROM_NOISE,
     FOLDS,
     LEAST_EVIDENCE,
     LEAST_INFORMATION,
+    MATERIAL,
     NEARLY_EQUAL,
     QUICK_STEPS,
     RESOLUTION,
@@ -399,16 +401,16 @@ def _rival(
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
     """Return the starting table of each effect: its best shape, with values from the linearised problem.
 
-    Args:
-        baseline: Vehicle file and shots.
-        refitted: Existing effects, fitted within their priors.
-        known: Priors of the components.
+    Far from the noise, effects are left out that cannot remove a MATERIAL share of the error.
     """
     file, own = baseline.vehicle, baseline.effects
     tried = suspects(file, without=own, reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)
     weight, held, tables = CORRELATED * known.temper, known(refitted.unknown).information, {}
+    least = MATERIAL * refitted.excess if baseline.refitted.normal.chi2 > FAR_FROM_NOISE else -np.inf
     for name, (_, columns) in screening.ranked.items():
+        if most_gain(name, screening.gains[name]) < least:
+            continue
         new = np.full(len(columns), weight * SUSPECT_SPREAD**-2)
         tables[name] = screening.beginning(name, np.concatenate([held, new]))
     for table in file.effect:  # effects of the file that have no grid start from their values

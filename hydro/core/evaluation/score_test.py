@@ -75,6 +75,11 @@ class Evidence:
         """
         return self._explained([*given, *group]) - self._explained(given)
 
+    @property
+    def left(self) -> float:
+        """Share of the squared residual that all columns together leave."""
+        return 1.0 - self._explained(range(len(self.size))) / float(self.error.sum())
+
     def scores(self, columns: Columns) -> Array:
         """Return X^T e of each piece for p columns, e the residual of their joint fit, (S, p)."""
         found, matrix = self.solve(columns), self.matrix[:, columns][:, :, columns]

@@ -13,33 +13,31 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
 from hydro.core.diagnosis.model import begun, screened, unfitted
 from hydro.core.diagnosis.settings import CORRELATED, SUSPECT_SPREAD
-from hydro.core.diagnosis.transfer import sessions_of
+from hydro.core.identification.levenberg_marquardt import Problem
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction.normal_equations import Normal
-from hydro.core.prediction.output_error import OutputError
 from hydro.core.vehicle.description import Vehicle
 
 
 def promising(
-    vehicle: Vehicle, own: Sequence[str], problem: OutputError, reach: Array
+    vehicle: Vehicle, own: Sequence[str], problem: Problem, fold: Rows, reach: Array
 ) -> list[dict[str, Any]]:
     """Return starting tables of the effects that lower the held-out error, the largest gain first.
 
     Args:
         vehicle: Vehicle.
-        own: Existing effects, which each tried effect is fitted with.
-        problem: Shots, starting at the measured states.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which the starting position of an
-            effect that is fixed in the world, such as a tether's anchor, is searched for.
+        own: Existing effects that are fitted together with each.
+        problem: Shots, starting at the measured states, or windows of equation error.
+        fold: Fold that each shot or window is held out with, (S,).
+        reach: Positions and times of the recording, (N, 4), among which an anchor is searched for.
     """
     model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
     tried = suspects(vehicle, without=own, reach=reach, completing=True)
-    screening = screened(model, tried, len(problem.shots.starts))
-    fold, there = sessions_of(problem.shots), list(screening.own)
+    screening, there = screened(model, tried, len(fold)), list(range(len(model.values)))
     weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT_SPREAD**-2
 
     def left(normal: Normal) -> Array:

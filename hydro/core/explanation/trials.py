@@ -8,6 +8,7 @@ a change is fitted with the changes of earlier steps only.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,19 +21,22 @@ from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.by_change import fit_changes
 from hydro.core.diagnosis.by_likelihood import settled
+from hydro.core.diagnosis.confidence import folds
 from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of, unfitted
 from hydro.core.diagnosis.sensor_errors import by_kinematics
 from hydro.core.diagnosis.settings import (
+    CLOSEST,
     CONTENDERS,
+    FAR_FROM_NOISE,
     FIT,
     LEAST_SHOTS,
     NEGLIGIBLE,
     QUICK_STEPS,
     SHOTS,
 )
-from hydro.core.diagnosis.transfer import left_out_squares, resolved
+from hydro.core.diagnosis.transfer import left_out_squares, resolved, sessions_of
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
@@ -51,7 +55,7 @@ from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.prediction.weak_form import Windows
-from hydro.core.progress import Progress
+from hydro.core.progress import Progress, part
 from hydro.core.recording.shots import room
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
@@ -100,6 +104,11 @@ class Recordings:
         """A part of the shots of a diagnosis, at which the effects of the catalogue are linearised."""
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
 
+    @cached_property
+    def windows(self) -> Windows:
+        """Windows of the equation error of the recording."""
+        return Windows.of(self.log.record, self.log.noise, SHOTS)
+
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
         """Return shots of length HORIZON for a fit; None if too few of the vehicle's predictions are finite.
 
@@ -116,7 +125,14 @@ class Recordings:
         if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
         problem = stable.some(most).anchored()
-        return problem.reweighted(unfitted(vehicle, problem).normal)[0]
+        normal = unfitted(vehicle, problem).normal
+        weighted = problem.reweighted(normal)[0]
+        return weighted.coarsened(vehicle) if normal.chi2 > FAR_FROM_NOISE else weighted
+
+    def is_far(self, vehicle: Vehicle) -> bool:
+        """Return whether the residual of a vehicle is above FAR_FROM_NOISE."""
+        problem = OutputError.of(self.problem.shots, vehicle).weighed(self.log.noise)
+        return unfitted(vehicle, problem).normal.chi2 > FAR_FROM_NOISE
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """Return the shots to which candidates are fitted, and on which they are compared.
@@ -175,18 +191,20 @@ class Recordings:
         unknown = free(vehicle, effects, reach=self.log.track) if effects else None
         if unknown is None or not unknown.entries:
             return vehicle
-        windows = Windows.of(self.log.record, self.log.noise, SHOTS)
-        there = unknown.at(by_equation_error(unknown, windows, self.log.track)[0])
+        there = unknown.at(by_equation_error(unknown, self.windows, self.log.track)[0])
         return min(vehicle, there, key=self.error_ahead)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
-        """Return tables of further effects for a vehicle's residual, the best first (`screening.promising`).
+        """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`.
 
-        Args:
-            vehicle: Vehicle.
-            own: Existing effects, which each tried effect is fitted with.
+        Predictions of a vehicle that is far from the noise may leave the measured motion, where effects would
+        act otherwise.  Then effects are ranked by equation error, along that motion.
         """
-        return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
+        if not self.is_far(vehicle):
+            problem = OutputError.of(self.problem.shots, vehicle)
+            return promising(vehicle, own, problem, sessions_of(problem.shots), self.log.track)
+        windows, _ = self.windows.reweighted(unfitted(vehicle, self.windows).normal)
+        return promising(vehicle, own, windows, folds(windows.session), self.log.track)
 
     def tried(
         self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK_STEPS
@@ -228,19 +246,11 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     """Return the candidate with the best prediction of held-out stretches.
 
     Only the candidates whose quick fits predict the recording best are tested.  Values that physics excludes
-    show that an effect stands for another.  Among quick fits, a candidate with such values counts only if no
-    other has plausible ones.  If the final fit of the best has such values, the next best is tried.  A single
-    confirmed choice is fitted without a comparison.
-
-    Args:
-        last: Last step.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        progress: Called with a short text and the share that is done.
-
-    Returns:
-        The candidate; None where no unconfirmed one predicts held-out stretches better than the last step, or
-        than the refitted file.
+    show that an effect stands for another.  Among quick fits such a candidate counts only if no other has
+    plausible values; in the final fit the next best comes first.  The result is None where no
+    unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.  Far
+    from the noise, pairs of the best candidates are tried where none alone is better: one may be needed for
+    the values of the other, as added mass and the cross terms of damping.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -258,6 +268,10 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     quick = sorted(found, key=lambda one: (one.is_implausible, one.error))
     progress("the best of them on held-out stretches", 0.5)
     order, first = _best_of(quick, begun, file, recordings, problem), None
+    if not order and undecided and recordings.is_far(begun.vehicle):
+        both = list(quick_fits(begun, _pairs(quick), recordings, problem, part(progress, 0.6, 0.8)))
+        both.sort(key=lambda one: (one.is_implausible, one.error))
+        order = _best_of(both, begun, file, recordings, problem)
     progress("joint fit", 0.8)
     for one in order:
         trial = _trial(last, one.found, file, recordings, one.vehicle)
@@ -319,7 +333,8 @@ def _best_of(
         list[tuple[float, Quick]](),
         list(dict.fromkeys(one.effect for one in quick))[:CONTENDERS],
     )
-    for one in (one for one in quick if one.effect in listed):
+    most = FIT**0.5 * quick[0].error if quick and recordings.is_far(last.vehicle) else np.inf
+    for one in (one for one in quick if one.effect in listed and one.error <= most):
         if errors and one.is_implausible > errors[0][1].is_implausible:
             break
         found = predicted(one)
@@ -352,6 +367,14 @@ def _beside(
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
     return others[: max(2 * CONTENDERS - len(every), 0)]
+
+
+def _pairs(quick: Sequence[Quick]) -> list[dict[str, Table]]:
+    """Return the pairs of the CLOSEST candidates by the error of their quick fits."""
+    best = dict[str, Mapping[str, Table]]()
+    for one in sorted(quick, key=lambda one: one.error):
+        best.setdefault(one.effect, one.found)
+    return [{**one, **other} for one, other in itertools.combinations([*best.values()][:CLOSEST], 2)]
 
 
 def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
@@ -439,9 +462,13 @@ def _quick_fit(
     last: Step, found: Mapping[str, Table], recordings: Recordings, problem: OutputError
 ) -> list[Quick]:
     """Return the quick fit of a candidate; empty if it diverges."""
-    wanted = _wanted(last, found)
+    wanted: Wanted = _wanted(last, found)
+    begun = last.vehicle
     try:
-        vehicle = recordings.tried(last.vehicle, wanted, problem)
+        if recordings.is_far(last.vehicle):
+            unknown, names = free(begun, wanted, reach=recordings.log.track), names_of(wanted)
+            begun, wanted = recordings.started(unknown.at(unknown.starts[0]), names), names
+        vehicle = recordings.tried(begun, wanted, problem)
         is_implausible = bool(implausible(vehicle, list(found)))
         return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
     except DataError:
@@ -495,22 +522,15 @@ def _fit_together(
 
     Values that the recording does not determine stay as in the file of step 0.  Far from the noise, sensor
     noise is the wrong weight: the most accurate channel would decide alone.  Then two more fits are made, to
-    shots whose channels are weighted by their residuals.  One starts from the values of `tried`, or without
-    it from equation error.  The other starts from the better fit so far, over shots of length HORIZON.  Their
-    values are not shrunk to the file, because the problem is not linear over such a distance.
-
-    Args:
-        vehicle: Vehicle of the last step.
-        recordings: Both recordings.
-        wanted: Names or starting tables of the effects.
-        file: Vehicle file of step 0.
-        tried: Vehicle with the values of a quick fit; None without one.
-
-    Returns:
-        The fit that predicts the recording best; None if there is nothing to fit.
+    shots weighted by their residuals: one from the values of a quick fit or of equation error, and one over
+    the horizon of the ladder from the better of both.  Their values are not shrunk to the file, because the
+    problem is not linear over such a distance.  The fit with the best prediction is returned.  From a quick
+    fit that is above FAR_FROM_NOISE, only the last of these fits is made.
     """
     if not wanted:
         return None
+    if tried is not None and (far := _fit_ahead(tried, names_of(wanted), recordings)) is not None:
+        return far
     log = recordings.log
     unknown = free(vehicle, wanted, reach=log.track)
     begun = unknown.at(unknown.starts[0])
@@ -536,6 +556,18 @@ def _fit_together(
     fit = better(fit, recordings.started(start, names) if tried is None else tried, resolved(problem))
     ahead = recordings.ahead(fit.vehicle, SHOTS)
     return fit if ahead is None else better(fit, fit.vehicle, ahead)
+
+
+def _fit_ahead(tried: Vehicle, names: Sequence[str], recordings: Recordings) -> Fit | None:
+    """Fit effects to predictions over HORIZON, where a quick fit is far from the noise; else return None."""
+    ahead = recordings.ahead(tried, SHOTS) if recordings.is_far(tried) else None
+    if ahead is None:
+        return None
+    try:
+        problem = ahead.at_measured_states(tried)
+        return fit_model(tried, names, problem, recordings.log.track, ITERATIONS).estimated()
+    except Diverges:
+        return None
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

@@ -115,8 +115,13 @@ def places_of(shots: Shots, part: slice) -> Places:
         bounds=record.segments[segment],
         resumed=record.after_gap[segment],
         starts=np.ascontiguousarray(shots.starts[part]),
-        steps=steps_of_row(record.dt, 1.0 / LONGEST_STEP),
+        steps=shots.steps or most_steps(shots),
     )
+
+
+def most_steps(shots: Shots) -> int:
+    """Return the integration steps per row that fits near the noise need."""
+    return steps_of_row(shots.record.dt, 1.0 / LONGEST_STEP)
 
 
 def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:

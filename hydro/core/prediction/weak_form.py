@@ -155,6 +155,12 @@ class Windows:
         return self.counted(error @ self.whitener.T)
 
     @property
+    def session(self) -> Rows:
+        """Session of the recording that each window lies in, (W,)."""
+        segment = np.searchsorted(self.record.segments[:, 0], self.rows[self.starts], side="right") - 1
+        return np.asarray(self.record.session[segment], np.int64)
+
+    @property
     def consecutive(self) -> Mask:
         """Which windows overlap the window before them by half, (W,)."""
         first, step = self.rows[self.starts], self.test.size // 2

@@ -49,6 +49,7 @@ class Shots:
             - lead, 12, Q); None for a calm sea (`output_error.in_waves`).
         anchor: Weight of the logged initial states in the cost, one over their standard deviation, (S, 12);
             None where initial states are free.
+        steps: Integration steps per row of a prediction; None for the steps that fits near the noise need.
     """
 
     record: Recording
@@ -65,6 +66,7 @@ class Shots:
     seen: NDArray[np.bool_] | None = None
     swell: Array | None = None
     anchor: Array | None = None
+    steps: int | None = None
 
     @property
     def session(self) -> Rows:

@@ -57,7 +57,9 @@ def test_only_a_part_of_the_shots_is_used_far_from_the_noise(chi2: float, shots:
     costs = np.arange(shots, dtype=float)
 
     def some(most: int) -> Any:
-        return SimpleNamespace(costs=costs[kept_evenly(shots, most)])
+        kept = SimpleNamespace(costs=costs[kept_evenly(shots, most)], vehicle=None)
+        kept.coarsened = lambda vehicle: kept
+        return kept
 
     model = cast(Any, SimpleNamespace(costs=costs, normal=SimpleNamespace(chi2=chi2), some=some))
     problem = cast(Any, SimpleNamespace(some=some))

@@ -320,6 +320,7 @@ def better(monkeypatch):
         )
         monkeypatch.setattr(trials.Recordings, "promising", lambda *_: list(beside))
         monkeypatch.setattr(trials.Recordings, "judged", lambda *_: None)
+        monkeypatch.setattr(trials.Recordings, "is_far", lambda *_: False)
         monkeypatch.setattr(trials.Recordings, "started", lambda _, vehicle, effects: vehicle)
 
     return let
