@@ -89,7 +89,7 @@ def delayed(file, error, **options):
     fit = SimpleNamespace(
         free=SimpleNamespace(entries=entries),
         values=np.array([0.2]),
-        standard_errors=np.array([error]),
+        covariance=np.array([[error**2]]),
         vehicle=damped(LATE | {"d": 0.2}),
         table=lambda _: ({"d": 0.2}, {"d": error}),
     )
@@ -99,9 +99,25 @@ def delayed(file, error, **options):
     return before_._finding(found, file, cast(Any, fit), 0.02, 100.0, 1.0, **options)
 
 
-@pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
-def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
-    assert delayed(damped(LATE), error).verdict == verdict
+@pytest.mark.parametrize(("own", "verdict"), [((), "missing"), ((LATE,), "retune")])
+def test_a_value_within_its_standard_error_of_no_change_is_unconfirmed(own, verdict):
+    clear, unclear = (delayed(damped(*own), error) for error in (0.01, 0.2))
+    assert (clear.verdict, unclear.verdict) == (verdict, "suspect")
+    assert clear.confidence > SURE > DOUBTFUL > unclear.confidence
+
+
+def test_a_change_whose_values_are_likelier_unchanged_is_refused(monkeypatch):
+    """The last change has a value of one standard error, the first of ten."""
+    model = cast(Any, SimpleNamespace(vehicle=damped(), unknown=SimpleNamespace(entries=())))
+    first, last = (
+        Change(Contender(name, model, np.ones(8)), {}, np.ones(8), 1.0) for name in (GAINS, "tether")
+    )
+    weights_ = {GAINS: 0.99, "tether": 0.4}
+    monkeypatch.setattr(before_, "joint_fit", lambda *_: "fit")
+    monkeypatch.setattr(before_, "weight_of_values", lambda fit, file, name: weights_[name])
+    search = before_.ByChange(damped(), cast(Any, None), model, 1.0)
+    assert search.shown(Changes((first, last))) == Changes((first,), last, cast(Any, "fit"))
+    assert search.shown(Changes((last,), first)) == Changes((), last)
 
 
 @pytest.mark.parametrize(
