@@ -130,8 +130,8 @@ class ByChange:
             first = self._sensor_findings()[0]
             self.told(Provisional(first.effect, first.confidence, first.share))
         rounds: Rounds[Changes, Change] = self
-        found, refused = grow(rounds, Changes(()), progress)
-        return self.shown(replace(found, refused=refused))
+        found = grow(rounds, Changes(()), progress)
+        return self.shown(replace(found[0], refused=found[1]))
 
     def shown(self, changes: Changes) -> Changes:
         """Return changes with their joint fit, without the last ones whose values are likelier unchanged."""
