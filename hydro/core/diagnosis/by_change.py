@@ -56,6 +56,7 @@ from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change, in_file
+from hydro.core.identification.suspects import is_curved
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
@@ -458,13 +459,16 @@ def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
 
     The log likelihood of the file's values is less by half their squared distance in the joint posterior,
     whose covariance includes the hull model's error.  Each value costs one (Burnham and Anderson 2002, sec.
-    2.9).
+    2.9).  It is 1 for a new effect that is not linear in its values, where the distance from 0 shows nothing
+    (Hauck and Donner 1977).
 
     Args:
         fit: Joint posterior.
         file: Vehicle file.
         effect: Name of the effect.
     """
+    if is_curved(effect) and not file.effects(effect):
+        return 1.0
     own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
     away = fit.values[own] - in_file(file, [fit.free.entries[i] for i in own])
     squared = away @ np.linalg.solve(fit.covariance[np.ix_(own, own)], away)

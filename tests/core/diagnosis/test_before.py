@@ -99,11 +99,25 @@ def delayed(file, error, **options):
     return before_._finding(found, file, cast(Any, fit), 0.02, 100.0, 1.0, **options)
 
 
-@pytest.mark.parametrize(("own", "verdict"), [((), "missing"), ((LATE,), "retune")])
-def test_a_value_within_its_standard_error_of_no_change_is_unconfirmed(own, verdict):
-    clear, unclear = (delayed(damped(*own), error) for error in (0.01, 0.2))
-    assert (clear.verdict, unclear.verdict) == (verdict, "suspect")
-    assert clear.confidence > SURE > DOUBTFUL > unclear.confidence
+@pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
+def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
+    assert delayed(damped(LATE), error).verdict == verdict
+
+
+def test_values_near_no_change_weigh_against_an_effect():
+    """Three values cost three: a current of one standard error is likelier none, one of five is clear."""
+    entries = free(damped(), ["ocean_current", "surface_suction"]).entries
+
+    def weight(effect, values, error):
+        own = tuple(one for one in entries if one.effect == effect)
+        fit = SimpleNamespace(
+            free=SimpleNamespace(entries=own), values=np.array(values), covariance=error**2 * np.eye(len(own))
+        )
+        return before_.weight_of_values(cast(Any, fit), damped(), effect)
+
+    assert weight("ocean_current", [0.04, 0.0, 0.0], 0.04) == pytest.approx(1 / (1 + np.exp(2.5)))
+    assert weight("ocean_current", [0.2, 0.1, 0.0], 0.04) > 0.999
+    assert weight("surface_suction", [30.0, 0.5], 60.0) == 1.0
 
 
 def test_a_change_whose_values_are_likelier_unchanged_is_refused(monkeypatch):
