@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
@@ -49,13 +50,13 @@ from hydro.core.diagnosis.settings import (
     UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.case import CLEAR
 from hydro.core.errors import listed
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change, in_file
+from hydro.core.identification.suspects import is_curved
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
@@ -132,7 +133,17 @@ class ByChange:
             self.told(Provisional(first.effect, first.confidence, first.share))
         rounds: Rounds[Changes, Change] = self
         found = grow(rounds, Changes(()), progress)
-        return replace(found[0], refused=found[1])
+        return self.shown(replace(found[0], refused=found[1]))
+
+    def shown(self, changes: Changes) -> Changes:
+        """Return changes with their joint fit, without the last ones whose values are likelier unchanged."""
+        while changes.found:
+            entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
+            fit = joint_fit(self.compared, self.first.vehicle, self._last(changes).vehicle, entries)
+            if weight_of_values(fit, self.first.vehicle, changes.found[-1].best.effect) > 0.5:
+                return replace(changes, fit=fit)
+            changes = Changes(changes.found[:-1], refused=changes.found[-1])
+        return changes
 
     def is_open(self, changes: Changes) -> bool:
         """Return whether another change is searched for.
@@ -172,10 +183,8 @@ class ByChange:
         found = self._sensor_findings()
         if self.known_before(changes):
             return [*found, _needed_before(changes.found)]
-        if changes.found:
-            entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
-            fit = joint_fit(compared, first.vehicle, self._last(changes).vehicle, entries)
-            dt = self.log.record.dt
+        if changes.fit is not None:
+            fit, dt = changes.fit, self.log.record.dt
             most = 1.0 if compared.hull.describes else DOUBTFUL
             found += [_finding(change, first.vehicle, fit, dt, given, left, most) for change in changes.found]
         words = (
@@ -364,10 +373,12 @@ class Changes:
     Attributes:
         found: The changes, the greatest first.
         refused: The best candidate of the last step, where it was too small to be named; None otherwise.
+        fit: Joint posterior of their values; None without changes, and during the search.
     """
 
     found: tuple[Change, ...]
     refused: Change | None = None
+    fit: Fit | None = None
 
 
 def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
@@ -470,12 +481,10 @@ def _finding(
         entries = [fit.free.entries[i] for i in own]
         greatest = greatest_change(file, entries, fit.values[own])
         words = f"{advice.having_changed(name, greatest)}; {words}"
-        away = np.abs(fit.values[own] - in_file(file, entries))
-        if not (away > CLEAR * fit.standard_errors[own]).any():
-            most = min(most, DOUBTFUL)  # the file's values may be right after all
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
-    sure = limited_confidence(change.confidence(given), fit.vehicle, name, errors if left <= RIGHT else None)
+    sure = change.confidence(given) * weight_of_values(fit, file, name)
+    sure = limited_confidence(sure, fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,
@@ -491,6 +500,27 @@ def _finding(
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
+
+
+def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
+    """Return the Akaike weight of an effect's values against those of the file, or against 0.
+
+    The log likelihood of the file's values is less by half their squared distance in the joint posterior,
+    whose covariance includes the hull model's error.  Each value costs one (Burnham and Anderson 2002, sec.
+    2.9).  It is 1 for a new effect that is not linear in its values, where the distance from 0 shows nothing
+    (Hauck and Donner 1977).
+
+    Args:
+        fit: Joint posterior.
+        file: Vehicle file.
+        effect: Name of the effect.
+    """
+    if is_curved(effect) and not file.effects(effect):
+        return 1.0
+    own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
+    away = fit.values[own] - in_file(file, [fit.free.entries[i] for i in own])
+    squared = away @ np.linalg.solve(fit.covariance[np.ix_(own, own)], away)
+    return float(scipy.special.expit(0.5 * squared - len(own)))
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:

@@ -240,7 +240,8 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
     if baseline.sea is None:
         named = discounted_by_largest(named, model.normal.chi2)
-    findings = [stated(discounted_by_unexplained(finding, remaining)) for finding in named] + remaining
+    rest = max(sum(one.share for one in remaining), excess_share(baseline, model))
+    findings = [stated(discounted_by_unexplained(finding, rest)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:
         findings.append(_nothing(baseline, outcome))
@@ -253,6 +254,15 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     findings = under_feedback(baseline, outcome, findings)
     members = {name for finding in findings for name in finding.members}
     return findings + [finding for finding in unseen(baseline, outcome) if finding.effect not in members]
+
+
+def excess_share(baseline: Baseline, model: Model) -> float:
+    """Return the share of the error that a model leaves, beyond what uncertain noise levels allow.
+
+    It may be too small to be reported, and yet as large as the share of a small effect.
+    """
+    beyond = model.excess - MATERIAL * model.normal.residuals
+    return float(max(beyond, 0.0) / max(baseline.refitted.excess, 1e-9))
 
 
 def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:

@@ -242,21 +242,22 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
     return parted
 
 
-def discounted_by_unexplained(finding: Finding, remaining: Sequence[Finding]) -> Finding:
+def discounted_by_unexplained(finding: Finding, rest: float) -> Finding:
     """Lower the confidence of a finding, with a warning, where the unexplained error is of similar size.
 
     Where a pilot or a controller reacts to a disturbance such as waves, disturbance and reaction are
-    correlated, and estimates of inertia or damping are biased.
+    correlated, and estimates of inertia or damping are biased.  A small effect may also absorb an error of
+    the hull that no effect describes.
 
     Args:
         finding: Finding.
-        remaining: Findings of error that no effect explains.
+        rest: Share of the error that no effect explains.
     """
-    rest = sum(one.share for one in remaining)
     if rest < SIMILAR * finding.share:
         return finding
+    share = f"{rest:.0%}" if rest >= 0.01 else f"{rest:.1%}"
     warning = (
-        f"; no effect explains {rest:.0%} of the error, and this estimate may absorb a part of it: if the "
+        f"; no effect explains {share} of the error, and this estimate may absorb a part of it: if the "
         "commands react to waves or other disturbances, record without feedback before you trust its values"
     )
     sure = finding.confidence * finding.share / (finding.share + rest)

@@ -18,7 +18,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, unfitted
+from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ABSORPTION_PENALTY,
@@ -383,6 +383,7 @@ def fitted(
         with suppress(Diverges):
             again = continue_fit(model, QUICK_STEPS)
             model = again if again.normal.cost < model.normal.cost else model
+    model = passive(model)
     return without_needless_entries(compared, last, Contender(name, model, compared.elsewhere(model)))
 
 
@@ -436,7 +437,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
         return whole
     held = ~np.isin(np.arange(count), kept)
     try:
-        model = held_at(model, np.where(held, begun, model.values), held, QUICK_STEPS)
+        model = passive(held_at(model, np.where(held, begun, model.values), held, QUICK_STEPS))
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))

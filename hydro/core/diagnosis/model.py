@@ -28,7 +28,8 @@ from hydro.core.identification.levenberg_marquardt import (
     moved,
     searched,
 )
-from hydro.core.identification.outcome import Fit, with_uncertainty
+from hydro.core.identification.outcome import Fit, information, with_uncertainty
+from hydro.core.identification.passivity import possible
 from hydro.core.identification.suspects import Suspect
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
@@ -204,6 +205,19 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
         Diverges: The predicted motion diverges.
     """
     return _descended(model.unknown.holding(values, held), model.problem, iterations, STEP_SHARE)
+
+
+def passive(model: Model) -> Model:
+    """Return the model with the nearest values that a passive hull can have.
+
+    A candidate must be a vehicle that can exist: otherwise values that cannot be given decide its rank.
+    """
+    unknown = model.unknown
+    values = possible(unknown, model.values, information(model.normal))
+    if np.array_equal(values, model.values):
+        return model
+    normal = linearised(unknown, values / unknown.scales, model.problem)
+    return replace(model, values=values, normal=normal)
 
 
 def _descended(

@@ -89,7 +89,7 @@ def delayed(file, error, **options):
     fit = SimpleNamespace(
         free=SimpleNamespace(entries=entries),
         values=np.array([0.2]),
-        standard_errors=np.array([error]),
+        covariance=np.array([[error**2]]),
         vehicle=damped(LATE | {"d": 0.2}),
         table=lambda _: ({"d": 0.2}, {"d": error}),
     )
@@ -102,6 +102,36 @@ def delayed(file, error, **options):
 @pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
 def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict):
     assert delayed(damped(LATE), error).verdict == verdict
+
+
+def test_values_near_no_change_weigh_against_an_effect():
+    """Three values cost three: a current of one standard error is likelier none, one of five is clear."""
+    entries = free(damped(), ["ocean_current", "surface_suction"]).entries
+
+    def weight(effect, values, error):
+        own = tuple(one for one in entries if one.effect == effect)
+        fit = SimpleNamespace(
+            free=SimpleNamespace(entries=own), values=np.array(values), covariance=error**2 * np.eye(len(own))
+        )
+        return before_.weight_of_values(cast(Any, fit), damped(), effect)
+
+    assert weight("ocean_current", [0.04, 0.0, 0.0], 0.04) == pytest.approx(1 / (1 + np.exp(2.5)))
+    assert weight("ocean_current", [0.2, 0.1, 0.0], 0.04) > 0.999
+    assert weight("surface_suction", [30.0, 0.5], 60.0) == 1.0
+
+
+def test_a_change_whose_values_are_likelier_unchanged_is_refused(monkeypatch):
+    """The last change has a value of one standard error, the first of ten."""
+    model = cast(Any, SimpleNamespace(vehicle=damped(), unknown=SimpleNamespace(entries=())))
+    first, last = (
+        Change(Contender(name, model, np.ones(8)), {}, np.ones(8), 1.0) for name in (GAINS, "tether")
+    )
+    weights_ = {GAINS: 0.99, "tether": 0.4}
+    monkeypatch.setattr(before_, "joint_fit", lambda *_: "fit")
+    monkeypatch.setattr(before_, "weight_of_values", lambda fit, file, name: weights_[name])
+    search = before_.ByChange(damped(), cast(Any, None), model, 1.0)
+    assert search.shown(Changes((first, last))) == Changes((first,), last, cast(Any, "fit"))
+    assert search.shown(Changes((last,), first)) == Changes((), last)
 
 
 @pytest.mark.parametrize(

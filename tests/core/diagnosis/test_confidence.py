@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.diagnosis import confidence
+from hydro.core.diagnosis.by_likelihood import excess_share
 from hydro.core.diagnosis.confidence import (
     Fitted,
     discounted_by_largest,
@@ -189,9 +192,24 @@ def test_a_share_equal_in_every_shot_has_an_interval_of_zero_width():
 @pytest.mark.parametrize(("rest", "sure"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
 def test_a_large_unexplained_error_lowers_the_confidence_of_a_finding(rest, sure):
     named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
-    found = discounted_by_unexplained(named, [Finding("none_of_the_known", share=rest)])
+    found = discounted_by_unexplained(named, rest)
     assert found.confidence == pytest.approx(sure)
     assert ("record without feedback" in found.advice) == (rest >= 0.15)
+
+
+def test_a_small_effect_needs_an_unexplained_error_that_is_smaller_still():
+    """As in the log of a large ROV: propellers took 0.2 % of the error, and 1.9 times the noise was left."""
+    noise = 1000.0
+    first = SimpleNamespace(excess=492.0 * noise)
+    model = SimpleNamespace(excess=0.9 * noise, normal=SimpleNamespace(residuals=noise))
+    rest = excess_share(cast(Any, SimpleNamespace(refitted=first)), cast(Any, model))
+    assert rest == pytest.approx(0.85 / 492.0)
+    torque = Finding("missing", "propeller_torque", share=0.0022, confidence=1.0)
+    thruster = replace(torque, effect="thruster_gain", share=0.017)
+    assert stated(discounted_by_unexplained(torque, rest)).verdict == "suspect"
+    assert discounted_by_unexplained(thruster, rest) == thruster
+    model.excess = 0.04 * noise
+    assert excess_share(cast(Any, SimpleNamespace(refitted=first)), cast(Any, model)) == 0.0
 
 
 def test_overlapping_effects_split_their_common_share():

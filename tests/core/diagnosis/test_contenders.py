@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,9 +17,10 @@ from recordings import damped
 from hydro.core.diagnosis import contenders
 from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.contenders import Contender
-from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.model import Model, passive
 from hydro.core.diagnosis.settings import SURE
 from hydro.core.effects import CATALOGUE
+from hydro.core.identification.passivity import accepted
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.parameters import free
 
@@ -98,6 +100,25 @@ def test_a_candidate_with_a_large_residual_needs_a_lead_to_be_stated(left, sure)
 
 def test_a_candidate_no_better_than_no_change_has_confidence_0():
     assert pair(1.0, 0.5, 1.001).confidence(1.001) == 0.0
+
+
+def test_a_candidate_has_values_that_a_passive_hull_can_have():
+    """Without added mass in roll, sway and roll cannot be coupled; without the coupling nothing is gained."""
+    added = {"name": "added_mass", "diagonal": [5.0] * 3 + [0.0] * 3}
+    vehicle = msgspec.structs.replace(damped(), effect=(added,))
+    unknown = free(vehicle, ["added_mass_coupling"])
+    values = np.array([2.0 * (entry.parameter == "M13") for entry in unknown.entries])
+
+    def linear(vehicle, changed, steps):
+        gram = np.tile(np.eye(len(changed) + 1), (SHOTS, 1, 1))
+        return Normal(gram, 50, gram[:, -1:, -1], np.zeros((SHOTS, 0, len(changed) + 1)))
+
+    problem = cast(Any, SimpleNamespace(linearise=linear))
+    wild = Model(unknown, values, problem, linear(vehicle, values, values))
+    assert not accepted(unknown, values)
+    assert passive(wild).values == pytest.approx(np.zeros(5), abs=1e-3)
+    still = replace(wild, values=np.zeros(5))
+    assert passive(still) is still
 
 
 def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkeypatch):
