@@ -86,7 +86,7 @@ def works() -> list[Work]:
         Work("explain", f"explain {hidden}/vehicle.toml {hidden}/measured.parquet -o study"),
         Work(
             "track",
-            f"track {vehicle} dive0.parquet dive1.parquet dive2.parquet dive3.parquet --baseline 2 -o history",
+            f"track {vehicle} {' '.join(f'dive{seed}.parquet' for seed in range(4))} --baseline 2 -o history",
             dives,
         ),
         Work("study", f"study models {sample} --replay {replay} --quick -o study"),

@@ -33,7 +33,7 @@ from hydro.core.diagnosis.settings import (
     VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.catalogue import implausible, wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.prior import in_file
 from hydro.core.identification.suspects import Suspect, is_curved, of_entries, shapes, suspects
@@ -208,6 +208,8 @@ def contend(
         fine = _shapes(compared, last, name)
         table = (scored_by_one_step(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
+    for table in _as_filed(vehicle, fits):
+        _join(fits, compared, last, table)
     if first_fits is not None:
         first_fits(fits)
     if _least(fits) > right:
@@ -229,6 +231,19 @@ def contend(
 def _least(fits: Mapping[str, Contender]) -> float:
     """Return the least held-out cost of some fits."""
     return min((fit.left for fit in fits.values()), default=np.inf)
+
+
+def _as_filed(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
+    """Return the tables of the vehicle's nonlinear effects whose fitted values physics excludes.
+
+    Two components that the recording hardly separates, such as the deflection and the travel of a fin at a
+    constant command, leave the linear problem far from the file, where a fit finds another local minimum.
+    """
+    return [
+        vehicle.effects(name)[0]
+        for name, fit in fits.items()
+        if is_curved(name) and vehicle.effects(name) and implausible(fit.model.vehicle, [name])
+    ]
 
 
 def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Scored]) -> list[Table]:
