@@ -33,7 +33,7 @@ from hydro.core.diagnosis.settings import (
     VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import implausible, wholly_known
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.prior import in_file
 from hydro.core.identification.suspects import Suspect, is_curved, of_entries, shapes, suspects
@@ -208,8 +208,6 @@ def contend(
         fine = _shapes(compared, last, name)
         table = (scored_by_one_step(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
-    for table in _as_filed(vehicle, fits):
-        _join(fits, compared, last, table)
     if first_fits is not None:
         first_fits(fits)
     if _least(fits) > right:
@@ -231,19 +229,6 @@ def contend(
 def _least(fits: Mapping[str, Contender]) -> float:
     """Return the least held-out cost of some fits."""
     return min((fit.left for fit in fits.values()), default=np.inf)
-
-
-def _as_filed(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
-    """Return the tables of the vehicle's nonlinear effects whose fitted values physics excludes.
-
-    Two components that the recording hardly separates, such as the deflection and the travel of a fin at a
-    constant command, leave the linear problem far from the file, where a fit finds another local minimum.
-    """
-    return [
-        vehicle.effects(name)[0]
-        for name, fit in fits.items()
-        if is_curved(name) and vehicle.effects(name) and implausible(fit.model.vehicle, [name])
-    ]
 
 
 def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Scored]) -> list[Table]:
@@ -319,16 +304,36 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         0,
     )
     for suspect in tried:
-        columns = list(range(at, at + len(suspect.steps)))
-        at += len(columns)
+        every = list(range(at, at + len(suspect.steps)))
+        at += len(every)
+        in_file = is_curved(suspect.effect) and last.vehicle.effects(suspect.effect)
+        columns = _separable(compared, normal, every) if in_file else every
         own = normal.of(columns)
         left = compared.left_out(own)
         score = 1.0 - float(left.sum()) / whole - VISIBLE * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
             known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
-            step = np.linalg.solve(known, own.score.sum(axis=0))
+            step = np.zeros(len(every))
+            step[np.searchsorted(every, columns)] = np.linalg.solve(known, own.score.sum(axis=0))
             best[suspect.effect] = (score, suspect.begin(step))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
+
+
+def _separable(compared: Compared, normal: Normal, columns: list[int]) -> list[int]:
+    """Return the columns of an effect without those whose removal lowers the held-out cost.
+
+    A recording hardly separates some components, such as the deflection and the travel of a fin while its
+    command is constant.  Their linear step leads far from the file, although one of them would suffice.
+    """
+    left = float(compared.left_out(normal.of(columns)).sum())
+    while len(columns) > 1:
+        fewer = [[one for one in columns if one != out] for out in columns]
+        costs = [float(compared.left_out(normal.of(some)).sum()) for some in fewer]
+        best = int(np.argmin(costs))
+        if costs[best] >= left:
+            break
+        columns, left = fewer[best], costs[best]
+    return columns
 
 
 def fitted(

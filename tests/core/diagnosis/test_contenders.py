@@ -110,14 +110,12 @@ def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkey
     assert found == [{"name": "b"}, {"name": "a", "fine": True}, {"name": "c"}]
 
 
-@pytest.mark.parametrize(("deflection", "tried"), [(0.3, []), (1.4, [0.0])])
-def test_a_fit_that_physics_excludes_is_tried_again_from_the_values_of_the_file(deflection, tried):
-    name = "control_surface"
-    fin = {"name": name, "area": 0.01, "position": [-0.5, 0.0, 0.0], "roll": 0.0, "stall": 0.35}
-    file, fitted = damped(fin | {"deflection": 0.0}), damped(fin | {"deflection": deflection})
-    model = cast(Any, SimpleNamespace(vehicle=fitted))
-    tables = contenders._as_filed(file, {name: Contender(name, model, np.zeros(SHOTS))})
-    assert [table["deflection"] for table in tables] == tried
+@pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])
+def test_components_that_a_recording_hardly_separates_share_no_step(whole, kept):
+    costs = {(0, 1, 2): whole, (1, 2): 6.0, (0, 2): 1.0, (0, 1): 1.1, (0,): 2.0, (2,): 3.0}
+    compared = SimpleNamespace(left_out=lambda columns: np.array([costs[columns]]))
+    normal = SimpleNamespace(of=tuple)
+    assert contenders._separable(cast(Any, compared), cast(Any, normal), [0, 1, 2]) == kept
 
 
 def _absorbs(name: str) -> float:
