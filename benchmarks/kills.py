@@ -68,6 +68,10 @@ def works() -> list[Work]:
     replay = bundled("stonefish") / "replay90.parquet"
     short = f"collect --vehicle {vehicle} --excitation walks --rows 3000 -o raw.parquet"
     labels = "labels raw.parquet -o labels.parquet"
+    dives = tuple(
+        f"collect --vehicle {vehicle} --excitation walks --rows 3000 --seed {seed} -o dive{seed}.parquet"
+        for seed in range(4)
+    )
     small = "--set sac.layers=[32,32] --set sac.batch=64 --set sac.random=40"
     few = f"--set vehicles=4 {small} --set evaluate=80 --set record=40 --set episodes=1"
     return [
@@ -80,6 +84,11 @@ def works() -> list[Work]:
             f"fit {hidden}/vehicle.toml {hidden}/measured.parquet --effect linear_damping -o fitted.toml",
         ),
         Work("explain", f"explain {hidden}/vehicle.toml {hidden}/measured.parquet -o study"),
+        Work(
+            "track",
+            f"track {vehicle} {' '.join(f'dive{seed}.parquet' for seed in range(4))} --baseline 2 -o history",
+            dives,
+        ),
         Work("study", f"study models {sample} --replay {replay} --quick -o study"),
         Work("rl train", f"rl train {vehicle} --condition R_effects --steps 320 {few} -o run"),
         Work(

@@ -89,6 +89,20 @@ def test_diagnoses_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path,
     assert partitions.sessions(tmp_path / "each") == ["a"]
 
 
+def test_a_history_of_a_cluster_is_that_of_one_process(nodes, dives, tmp_path):
+    """Table, estimates of each dive, changes and page, and a second run that reads them all."""
+    line = ["track", VEHICLE, str(dives), "--baseline", "2"]
+    ray = ["--engine", "ray", "--address", nodes.address]
+    assert cli.main([*line, "-o", str(tmp_path / "here")]) == 0
+    assert cli.main([*line, *ray, "-o", str(tmp_path / "there")]) == 0
+    here, there = (
+        {path.relative_to(tmp_path / home): path.read_bytes() for path in (tmp_path / home).rglob("*.*")}
+        for home in ("here", "there")
+    )
+    assert there == here
+    assert len(content(tmp_path / "here")) == 1 + len(NAMES)
+
+
 def slow_copy(source: Path, folder: Path) -> str:
     """A task that leaves a mark where it began, takes its time and writes a file; the node it ran on."""
     import ray

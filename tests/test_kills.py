@@ -30,6 +30,7 @@ def test_every_long_command_is_killed() -> None:
         "train",
         "fit",
         "explain",
+        "track",
         "study",
         "rl train",
         "rl study",

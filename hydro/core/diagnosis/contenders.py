@@ -345,16 +345,36 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         0,
     )
     for suspect in tried:
-        columns = list(range(at, at + len(suspect.steps)))
-        at += len(columns)
+        every = list(range(at, at + len(suspect.steps)))
+        at += len(every)
+        in_file = is_curved(suspect.effect) and last.vehicle.effects(suspect.effect)
+        columns = _separable(compared, normal, every) if in_file else every
         own = normal.of(columns)
         left = compared.left_out(own)
         score = 1.0 - float(left.sum()) / whole - VISIBLE * len(columns)
         if suspect.effect not in best or score > best[suspect.effect][0]:
             known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
-            step = np.linalg.solve(known, own.score.sum(axis=0))
+            step = np.zeros(len(every))
+            step[np.searchsorted(every, columns)] = np.linalg.solve(known, own.score.sum(axis=0))
             best[suspect.effect] = (score, suspect.begin(step))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
+
+
+def _separable(compared: Compared, normal: Normal, columns: list[int]) -> list[int]:
+    """Return the columns of an effect without those whose removal lowers the held-out cost.
+
+    A recording hardly separates some components, such as the deflection and the travel of a fin while its
+    command is constant.  Their linear step leads far from the file, although one of them would suffice.
+    """
+    left = float(compared.left_out(normal.of(columns)).sum())
+    while len(columns) > 1:
+        fewer = [[one for one in columns if one != out] for out in columns]
+        costs = [float(compared.left_out(normal.of(some)).sum()) for some in fewer]
+        best = int(np.argmin(costs))
+        if costs[best] >= left:
+            break
+        columns, left = fewer[best], costs[best]
+    return columns
 
 
 def fitted(

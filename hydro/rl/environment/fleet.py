@@ -129,6 +129,13 @@ class Fleet:
         )
         self._episodes = Episodes(self._least, self._before, self._distance, self._totals)
 
+    @property
+    def courses(self) -> Array | None:
+        """Start and waypoints of every vehicle in order (N, K, 3), NED [m]; None for tasks with one goal."""
+        if not self._passed.any():
+            return None
+        return np.concatenate([self.starts[:, None], self._courses], axis=1)
+
     def set_level(self, task: str | Task, level: int = 0, *, led: bool | None = None) -> None:
         """Set task and level of the episodes that begin from now on.
 

@@ -33,14 +33,16 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
         fleet: One vehicle per episode, with task and level set.
         spare: Number of failures allowed; the next failure stops all flights.  Unfinished episodes are then
             dropped.
-        paths: Whether to plan the paths of tasks that arrive, for their tracking errors; planning takes
-            longer than the flights.  If an episode is unfinished, there are no tracking errors either.
+        paths: Whether to plan the paths of tasks that arrive, for their tracking errors; this takes longer
+            than the flights.  The path of a course is the line through its waypoints.  If some episodes are
+            unfinished, there are no tracking errors either.
 
     Returns:
         A table of kind `episodes`, one row per finished episode.
     """
     observations = fleet.reset()
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
+    courses = fleet.courses
     places, failed = [fleet.plant.pose[:, :3].copy()], 0
     flying, lengths, errors = (
         np.ones(fleet.count, np.bool_),
@@ -60,9 +62,12 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
     if fleet.task.ends(fleet.settings).settling < 0.0:
         errors[:] = np.nan
         if paths and not flying.any():
-            errors[:] = _path_errors(
-                Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths
-            )
+            chart = Guidance(fleet.settings, fleet.count)
+            if courses is None:
+                chart.reset(np.ones(fleet.count, np.bool_), starts, goals, pillars)
+            else:
+                chart.ways = courses
+            errors[:] = _path_errors(chart, flown, lengths)
     frame = pl.DataFrame([{"task": fleet.task.name, "level": fleet.level} | rows[k] for k in ended])
     weaved = [alternating(flown[: lengths[k], k], pillars[k]) for k in ended]
     columns: dict[str, Any] = {"tracking_error": errors[ended], "alternating": weaved}
@@ -73,19 +78,15 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
     )
 
 
-def _path_errors(
-    chart: Guidance, scenes: tuple[Array, Array, Array], flown: Array, lengths: NDArray[np.int64]
-) -> Array:
-    """Return the root mean square distances of N flights from their planned paths (N,) [m].
+def _path_errors(chart: Guidance, flown: Array, lengths: NDArray[np.int64]) -> Array:
+    """Return root mean square distances of flights from their paths (N,) [m].
 
     Args:
-        chart: Path planner and follower.
-        scenes: Starts and goals (N, 3) and pillars (N, P, 2), NED [m].
-        flown: Positions before the first and after every one of the K steps (K + 1, N, 3), NED [m].
+        chart: Paths, from their beginning.
+        flown: Positions after every step (K + 1, N, 3), the starts first.
         lengths: Number of steps of every flight (N,); the last step, which ends it, does not count.
     """
     every = np.ones(len(lengths), dtype=np.bool_)
-    chart.reset(every, *scenes)
     squares = np.zeros(len(lengths))
     for k in range(1, len(flown)):
         chart.targets(every, flown[k])

@@ -50,8 +50,11 @@ def _randomised(**what: float | bool) -> Callable[[Settings], Settings]:
 
 
 def _half_time(settings: Settings) -> Settings:
-    """Return settings with half the time limit."""
-    return replace(settings, task=replace(settings.task, steps=max(settings.task.steps // 2, 1)))
+    """Return settings with half the time limit; that of waypoints follows from their pace."""
+    task = replace(settings.task, steps=max(settings.task.steps // 2, 1))
+    return replace(
+        settings, task=task, waypoints=replace(settings.waypoints, pace=2.0 * settings.waypoints.pace)
+    )
 
 
 TRIALS = {

@@ -131,6 +131,14 @@ def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkey
     assert found == [{"name": "b"}, {"name": "a", "fine": True}, {"name": "c"}]
 
 
+@pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])
+def test_components_that_a_recording_hardly_separates_share_no_step(whole, kept):
+    costs = {(0, 1, 2): whole, (1, 2): 6.0, (0, 2): 1.0, (0, 1): 1.1, (0,): 2.0, (2,): 3.0}
+    compared = SimpleNamespace(left_out=lambda columns: np.array([costs[columns]]))
+    normal = SimpleNamespace(of=tuple)
+    assert contenders._separable(cast(Any, compared), cast(Any, normal), [0, 1, 2]) == kept
+
+
 def _absorbs(name: str) -> float:
     return CATALOGUE[name].identification.absorbs
 

@@ -15,6 +15,7 @@ from hydro.rl.tasks.registry import TASKS
 from hydro.rl.tasks.task import generator
 from hydro.rl.training.evaluate import fly, summary
 from hydro.rl.training.pilots import WithMap
+from hydro.rl.training.trials import TRIALS
 from hydro.rl.world.config import Settings, World
 
 SEA = replace(QUIET, world=World(length=120.0, width=60.0, depth=20.0))
@@ -88,11 +89,17 @@ def test_the_pilot_of_fins_passes_every_waypoint():
     found = summary(fly(WithMap(subject), subject))
     assert found["success"] == 1.0
     assert found["diverged"] == 0.0
+    assert 0.1 < found["tracking_error"] < SEA.waypoints.leg[0], "not from the first leg alone"
 
 
 def test_thrusters_fly_a_short_course_in_the_ordinary_tank():
     subject = course(2, Settings())
     assert summary(fly(WithMap(subject), subject))["success"] == 1.0
+
+
+def test_half_the_time_is_half_the_steps_of_a_course():
+    task = TASKS["waypoints"]
+    assert task.steps(TRIALS["half_time"].of(SEA)) == task.steps(SEA) // 2
 
 
 def test_the_only_level_is_zero():
