@@ -153,14 +153,14 @@ class Compared:
 
     def refitted(self, model: Model) -> Array:
         """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
-        shots, found = cast(OutputError, model.problem).shots, np.full(len(self.fold), np.inf)
+        problem, found = cast(OutputError, model.problem), np.full(len(self.fold), np.inf)
         for number in np.unique(self.fold):
             out = self.fold == number
             try:
                 there = continue_fit(model.over(~out), QUICK_STEPS).vehicle
             except Diverges:
                 continue
-            found[out] = unfitted(there, OutputError(shots.of(out))).costs
+            found[out] = unfitted(there, problem.over(out)).costs
         return np.asarray(self.weight * found)
 
     def floor(self, model: Model) -> float:
@@ -175,8 +175,7 @@ class Compared:
         """Return the shots corrected for the hull force on the motion that this vehicle's file implies."""
         shots = self.problem.shots
         transitions = Transitions.of(candidate(vehicle), shots)
-        wrench = self.hull.law.wrench(vehicle, shots)
-        return OutputError(transitions.corrected(wrench)).at_measured_states(vehicle)
+        return self.hull.acting(vehicle, transitions).at_measured_states(vehicle)
 
 
 def contend(
@@ -408,6 +407,6 @@ def fitted_together(
         problem = compared.corrected(about) if about is not None else last.problem
         return fit_model(last.vehicle, tables, problem, reach, iterations)
     shots = compared.problem.shots
-    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(about or last.vehicle), shots))
+    anew = AskedAnew.of(compared.hull, Transitions.of(candidate(about or last.vehicle), shots))
     model = fit_model(last.vehicle, tables, anew, reach, iterations)
     return replace(model, problem=compared.corrected(model.vehicle))

@@ -76,8 +76,8 @@ class Model:
 
     def over(self, kept: NDArray[np.bool_]) -> Model:
         """Return the model over those of its shots that a mask (S,) keeps."""
-        shots = cast(OutputError, self.problem).shots
-        return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
+        problem = cast(OutputError, self.problem).over(kept)
+        return replace(self, problem=problem, normal=self.normal.some(kept))
 
     def some(self, most: int) -> Model:
         """Return the model over at most so many of its shots, evenly spread."""

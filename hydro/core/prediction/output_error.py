@@ -10,8 +10,10 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -52,33 +54,48 @@ class OutputError:
         """Build the problem with the DVL errors and the waves of a vehicle."""
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
-    def at_measured_states(self, vehicle: Vehicle) -> OutputError:
+    def at_measured_states(self, vehicle: Vehicle) -> Self:
         """Return the problem with initial states corrected for the DVL errors of a vehicle."""
-        return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
+        shots = multiple_shooting.corrected_first(self.shots, candidate(vehicle))
+        return replace(self, shots=shots, near=None)
 
-    def some(self, most: int) -> OutputError:
+    def some(self, most: int) -> Self:
         """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer."""
         kept = kept_evenly(len(self.shots.starts), most)
-        return self if kept.all() else OutputError(self.shots.of(kept))
+        return self if kept.all() else self.over(kept)
 
-    def anchored(self) -> OutputError:
+    def over(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the problem over the shots of a mask (S,)."""
+        return replace(self, shots=self.shots.of(kept), near=None)
+
+    def anchored(self) -> Self:
         """Return the problem with the logged initial states as samples, with the noise of its channels.
 
         They keep this weight if the channels get others.  So the initial states of a fit far from the noise
         cannot absorb errors of the model that are larger than the noise of the log.
         """
-        return OutputError(self.shots.anchored(), self.near)
+        return replace(self, shots=self.shots.anchored())
+
+    def prepared(
+        self, vehicle: Vehicle, like: multiple_shooting.Prepared | None = None
+    ) -> multiple_shooting.Prepared:
+        """Return a vehicle prepared for the shots, see `multiple_shooting.prepare`."""
+        return multiple_shooting.prepare(candidate(vehicle), self.shots, like)
+
+    def residuals(self, vehicle: Vehicle) -> Array:
+        """Return the residuals of a vehicle in standard deviations of the noise, (S, length - lead, 12)."""
+        return multiple_shooting.residuals(self.prepared(vehicle), self.shots)
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Linearise the problem, see `sensitivity.linearise`."""
-        prepared = multiple_shooting.prepare(candidate(base), self.shots, self.near)
+        prepared = self.prepared(base, self.near)
 
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
-            return multiple_shooting.prepare(candidate(other), self.shots, prepared)
+            return self.prepared(other, prepared)
 
         return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
-    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Self]:
         """Return the cost from initial states moved by the linearised problem.
 
         Shots with a cost far from its expectation try shorter moves of the initial state, at last none.
@@ -87,10 +104,7 @@ class OutputError:
         farthest = FARTHEST * self.shots.trust
         shift = np.clip(shift, -farthest, farthest)
         first = multiple_shooting.displaced(self.shots.first, shift)
-        prepared, reached = (
-            multiple_shooting.prepare(candidate(vehicle), self.shots, self.near),
-            OFF * normal.expected(step),
-        )
+        prepared, reached = self.prepared(vehicle, self.near), OFF * normal.expected(step)
         costs = multiple_shooting.costs(prepared, replace(self.shots, first=first))
         for part in SHORTER:
             poor = ~(costs <= np.maximum(reached, normal.freedom))
@@ -101,18 +115,18 @@ class OutputError:
             again = multiple_shooting.costs(prepared.of(poor), tried)
             better = np.flatnonzero(poor)[again < costs[poor]]
             first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
-        return float(costs.sum()), OutputError(replace(self.shots, first=first), prepared)
+        return float(costs.sum()), replace(self, shots=replace(self.shots, first=first), near=prepared)
 
-    def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
+    def reweighted(self, normal: Normal) -> tuple[Self, bool]:
         """Set the noise of each channel to its residual, so that unexplained channels count less."""
         sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
         return self.weighed(sigma), True
 
-    def weighed(self, sigma: Array) -> OutputError:
+    def weighed(self, sigma: Array) -> Self:
         """Return the problem with standard deviations `sigma` of the noise of the 12 channels, (12,)."""
-        return OutputError(replace(self.shots, sigma=sigma), self.near)
+        return replace(self, shots=replace(self.shots, sigma=sigma))
 
 
 def in_waves(shots: Shots, model: Candidate) -> Shots:

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.prediction.candidate import candidate
-from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, prepare, residuals
+from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER
 from hydro.core.prediction.normal_equations import Normal
-from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.shots import CHANNELS
-from hydro.core.residual.hull import Law
+from hydro.core.residual.hull import Hull
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
@@ -28,18 +26,18 @@ class AskedAnew:
     """Least-squares problem of `levenberg_marquardt` over shots as measured.
 
     Attributes:
-        law: The residual wrench of the hull.
+        hull: The hull-force model.
         transitions: State transitions of deviations in the shots, for all candidates.
         beginnings: Orthonormal responses of the compared rows to the initial state, in units of the noise,
             (S, K, 12), K values per shot.
     """
 
-    law: Law
+    hull: Hull
     transitions: Transitions
     beginnings: Array
 
     @classmethod
-    def of(cls, law: Law, transitions: Transitions) -> AskedAnew:
+    def of(cls, hull: Hull, transitions: Transitions) -> AskedAnew:
         """Prepare the problem from the transitions of shots."""
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
@@ -50,7 +48,7 @@ class AskedAnew:
             if (counted := shots.weights(part)) is not None:
                 answers[~counted] = 0.0
             found.append(np.linalg.qr(answers.reshape(len(answers), -1, CHANNELS))[0])
-        return cls(law, transitions, np.concatenate(found))
+        return cls(hull, transitions, np.concatenate(found))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Linearise the least-squares problem about a vehicle by finite differences."""
@@ -75,10 +73,7 @@ class AskedAnew:
 
     def _left(self, vehicle: Vehicle) -> Array:
         """Return residuals in units of the noise with the initial states eliminated, (S, K)."""
-        shots = self.transitions.shots
-        corrected = OutputError(self.transitions.corrected(self.law.wrench(vehicle, shots)))
-        begun = corrected.at_measured_states(vehicle).shots
-        error = residuals(prepare(candidate(vehicle), begun), begun)
+        error = self.hull.acting(vehicle, self.transitions).at_measured_states(vehicle).residuals(vehicle)
         flat = np.nan_to_num(error.reshape(len(error), -1), nan=ENDLESS, posinf=ENDLESS, neginf=-ENDLESS)
         own = np.einsum("skc,sk->sc", self.beginnings, flat)
         return np.asarray(flat - np.einsum("skc,sc->sk", self.beginnings, own))
