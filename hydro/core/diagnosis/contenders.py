@@ -305,14 +305,33 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
     for suspect in tried:
         columns = list(range(at, at + len(suspect.steps)))
         at += len(columns)
-        own = normal.of(columns)
+        in_part = is_curved(suspect.effect) and bool(last.vehicle.effects(suspect.effect))
+        kept = _needed(compared, normal, columns) if in_part else columns
+        own = normal.of(kept)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - VISIBLE * len(columns)
+        score = 1.0 - float(left.sum()) / whole - VISIBLE * len(kept)
         if suspect.effect not in best or score > best[suspect.effect][0]:
-            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
-            step = np.linalg.solve(known, own.score.sum(axis=0))
-            best[suspect.effect] = (score, suspect.begin(step))
+            known, step = own.matrix.sum(axis=0) + np.eye(len(kept)) * SUSPECT_SPREAD**-2, np.zeros(at)
+            step[kept] = np.linalg.solve(known, own.score.sum(axis=0))
+            best[suspect.effect] = (score, suspect.begin(step[columns]))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
+
+
+def _needed(compared: Compared, normal: Normal, columns: Sequence[int]) -> list[int]:
+    """Return the columns that lower the held-out cost by one step, added one by one, at least one of them.
+
+    Two components of a curved effect may act alike: a fin's area, its offset and its deflection at full
+    command all scale one force while the command is constant.  A step along all of them leads far away.
+    """
+    kept: list[int] = []
+    least = whole = float(compared.left_out(normal.of([])).sum())
+    while rest := [one for one in columns if one not in kept]:
+        costs = [float(compared.left_out(normal.of(sorted([*kept, one]))).sum()) for one in rest]
+        best = int(np.argmin(costs))
+        if kept and costs[best] > least - VISIBLE * whole:
+            break
+        kept, least = sorted([*kept, rest[best]]), costs[best]
+    return kept
 
 
 def fitted(
