@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 import polars.selectors as cs
 
-from hydro.core.audit.hypotheses import INERTIA, Posterior, posterior
+from hydro.core.audit.hypotheses import FACTORS, INERTIA, SPREAD, Posterior, posterior
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
@@ -31,6 +31,11 @@ TOGETHER = 0.5
 """Minimum absolute correlation of the effectivenesses of thrusters that form a group."""
 WEAK = 0.5
 """Upper limit of the whole interval of a weak thruster, relative to the common scale."""
+MOST = 0.5
+"""Maximum scatter of the effectivenesses with another order or other signs, relative to that with the file's:
+a swap or a reversed thruster that is there explains most of it.  In logs of four simulators of others it is
+0.1 to 0.25 for mistakes that are there, and 1 to 3 for those claimed because the file's drag or inertia is
+wrong."""
 MOST_ALTERNATIVES, LIKELY = 3, 0.05
 """Maximum number of listed alternatives, and their minimum probability."""
 
@@ -52,6 +57,7 @@ class ThrusterAudit:
         seen: Thrusters whose individual effectiveness is determined, (n,).
         clear: Thrusters of these whose direction is certain, (n,); a dead thruster has none.
         together: Groups of thrusters that the recording cannot separate.
+        weak: Thrusters of these that hardly push, (n,).
         idle: Thrusters that did not run, (n,).
         shown: Measured accelerations among u v w p q r, (6,).
         delay: Delay from command to motion [s].
@@ -68,6 +74,7 @@ class ThrusterAudit:
     seen: Mask
     clear: Mask
     together: tuple[tuple[int, ...], ...]
+    weak: Mask
     idle: Mask
     shown: Mask
     delay: float
@@ -185,14 +192,9 @@ class ThrusterAudit:
                 f"{_thrusters(group)} act alike in this recording and cannot be separated: "
                 "no result for single ones; run each of them alone"
             )
-        rest = tuple(i for i in _places(~self.clear) if i not in grouped and not self._weak(i))
+        rest = tuple(i for i in _places(~self.clear & ~self.weak) if i not in grouped)
         if rest:
             yield f"this recording does not show the direction of {_thrusters(rest, 'thruster')}"
-
-    def _weak(self, i: int) -> bool:
-        """Return whether the whole interval of a thruster is below WEAK in both directions."""
-        most = max(abs(self.low[i]), abs(self.high[i]))
-        return bool(self.seen[i] and most < WEAK * self.scale[0])
 
     def _sizes(self) -> Iterator[str]:
         """Yield the common scale, and thrusters that are weaker."""
@@ -200,12 +202,11 @@ class ThrusterAudit:
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
         if abs(np.log(scale)) > STATED / NORMAL_95 * np.log(high / scale):
             yield f"common factor: {words}; check supply voltage, thrust curve, command scale and inertia"
-        for i in _places(self.seen):
-            if self._weak(i):
-                yield (
-                    f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
-                    f"(95 % interval {self.low[i]:.2f} to {self.high[i]:.2f})"
-                )
+        for i in _places(self.weak):
+            yield (
+                f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
+                f"(95 % interval {self.low[i]:.2f} to {self.high[i]:.2f})"
+            )
 
 
 def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> ThrusterAudit | None:
@@ -225,7 +226,7 @@ def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> T
 
 def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     """Derive the audit from the probabilities of all hypotheses."""
-    ranked = tried.wirings()
+    ranked = _explaining(tried)
     likeliest, driven = ranked[0][0], found.driven
     order = next(order for order in tried.orders if order.column == likeliest.column)
     strength, covariance = order.effectiveness()
@@ -240,6 +241,7 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     clear = seen & (np.abs(turned - 0.5) >= SURE - 0.5)
     stated, probability, alternatives = _stated(ranked, turned, plain, seen)
     half = NORMAL_95 * np.hypot(errors, common * np.abs(strength))
+    weak = _weak(found, np.abs(strength) + half, seen, scale)
     return ThrusterAudit(
         wiring=_spread(stated, driven, count),
         probability=probability,
@@ -252,10 +254,66 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
         seen=_full(seen, driven, count, False),
         clear=_full(clear, driven, count, False),
         together=tuple(tuple(int(driven[i]) for i in group) for group in together),
+        weak=_full(weak, driven, count, False),
         idle=_full(found.idle, driven, count, False),
         shown=found.shown,
         delay=found.delay,
     )
+
+
+def _explaining(tried: Posterior) -> list[tuple[Wiring, float]]:
+    """Return hypotheses with their probabilities, each of which explains most of what is wrong by itself.
+
+    The probability of all others counts for the file.  A wrong drag or inertia of the file can make an
+    exchange likelier than the file's order.  But then the thrusters differ from one another no less than
+    before: one error takes the place of another.
+    """
+    count, chances = len(tried.orders[0].column), dict[Wiring, float]()
+    file = Wiring.plain(count)
+    given = _scatter(tried, file)
+    for wiring, chance in tried.wirings():
+        stands = wiring if _scatter(tried, wiring) <= MOST * given else file
+        chances[stands] = chances.get(stands, 0.0) + chance
+    return sorted(chances.items(), key=lambda each: -each[1])
+
+
+def _scatter(tried: Posterior, wiring: Wiring) -> float:
+    """Return the squared deviation of the effectivenesses from their mean, in natural spreads and errors.
+
+    It is infinite for a mean below 0: the thrusters push opposite to the hypothesis.
+    """
+    order = next(order for order in tried.orders if order.column == wiring.column)
+    strength, covariance = order.effectiveness()
+    forward, identity = np.array(wiring.sign, float) * strength, np.eye(len(strength))
+    mean = 0.0
+    for _ in range(2):  # the natural spread is relative to the mean
+        inverse = np.linalg.inv(covariance + (SPREAD * mean) ** 2 * identity)
+        mean = float((inverse @ forward).sum() / inverse.sum())
+    if mean <= 0.0:
+        return np.inf
+    away = forward - mean
+    return float(away @ np.linalg.solve(covariance + (SPREAD * mean) ** 2 * identity, away))
+
+
+def _weak(found: Balance, most: Array, seen: Mask, scale: float) -> Mask:
+    """Return which thrusters hardly push, (n,).
+
+    If all thrusters that push along one axis are alike, the axis may be heavier than in the file instead.  A
+    thruster is weak there only if no error of the inertia explains it.
+
+    Args:
+        found: Sufficient statistics of the regression.
+        most: Largest effectiveness of each thruster within its interval, in either direction, (n,).
+        seen: Thrusters whose effectiveness is determined, (n,).
+        scale: Common scale.
+    """
+    count = len(most)
+    own = found.kinds * count + np.arange(count)
+    told = found.gram[:, own, own] * found.arms**2
+    axis = told.argmax(axis=0)
+    low = seen & (most < WEAK * scale)
+    beside = np.array([(seen & ~low & (axis == axis[i])).any() for i in range(count)], bool)
+    return low & (beside | (most < FACTORS[0] * scale))
 
 
 def _turned(ranked: Sequence[tuple[Wiring, float]]) -> Array:
