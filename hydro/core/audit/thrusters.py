@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 import polars as pl
 import polars.selectors as cs
 
-from hydro.core.audit.hypotheses import FACTORS, INERTIA, SPREAD, Posterior, posterior
+from hydro.core.audit.hypotheses import FACTORS, INERTIA, SPREAD, Posterior, effectiveness, posterior
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
@@ -226,10 +227,9 @@ def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> T
 
 def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     """Derive the audit from the probabilities of all hypotheses."""
-    ranked = _explaining(tried)
+    ranked = _explaining(found, tried)
     likeliest, driven = ranked[0][0], found.driven
-    order = next(order for order in tried.orders if order.column == likeliest.column)
-    strength, covariance = order.effectiveness()
+    strength, covariance = effectiveness(found, likeliest.column)
     signs = np.array(likeliest.sign, float)
     scale, scale_error = _scale(signs * strength, covariance)
     common = _common_error(found)
@@ -238,7 +238,8 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     together = _groups(covariance, seen, found.idle, scale)
     plain = sum(chance for wiring, chance in ranked if wiring.is_plain)
     turned = _turned(ranked)
-    clear = seen & (np.abs(turned - 0.5) >= SURE - 0.5)
+    both = np.stack([turned, tried.turned(likeliest.column)])  # a dead thruster has no direction
+    clear = seen & (np.abs(both - 0.5) >= SURE - 0.5).all(axis=0)
     stated, probability, alternatives = _stated(ranked, turned, plain, seen)
     half = NORMAL_95 * np.hypot(errors, common * np.abs(strength))
     weak = _weak(found, np.abs(strength) + half, seen, scale)
@@ -261,31 +262,43 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     )
 
 
-def _explaining(tried: Posterior) -> list[tuple[Wiring, float]]:
-    """Return hypotheses with their probabilities, each of which explains most of what is wrong by itself.
+def _explaining(found: Balance, tried: Posterior) -> list[tuple[Wiring, float]]:
+    """Return hypotheses with their probabilities, of which each change explains most of what is wrong.
 
-    The probability of all others counts for the file.  A wrong drag or inertia of the file can make an
-    exchange likelier than the file's order.  But then the thrusters differ from one another no less than
-    before: one error takes the place of another.
+    The probability of any other counts for a simpler one, at last for the file.  A wrong drag or inertia of
+    the file can make an exchange likelier than the file's order.  But then the thrusters differ from one
+    another no less than before: one error takes the place of another.
     """
-    count, chances = len(tried.orders[0].column), dict[Wiring, float]()
-    file = Wiring.plain(count)
-    given = _scatter(tried, file)
+
+    @cache
+    def scatter(wiring: Wiring) -> float:
+        strength, covariance = effectiveness(found, wiring.column)
+        return _scatter(np.array(wiring.sign, float) * strength, covariance)
+
+    @cache
+    def simplest(wiring: Wiring) -> Wiring:
+        if wiring.is_plain:
+            return wiring
+        simpler = min(wiring.simpler(), key=scatter)
+        return wiring if scatter(wiring) <= MOST * scatter(simpler) else simplest(simpler)
+
+    chances = dict[Wiring, float]()
     for wiring, chance in tried.wirings():
-        stands = wiring if _scatter(tried, wiring) <= MOST * given else file
+        stands = simplest(wiring)
         chances[stands] = chances.get(stands, 0.0) + chance
     return sorted(chances.items(), key=lambda each: -each[1])
 
 
-def _scatter(tried: Posterior, wiring: Wiring) -> float:
-    """Return the squared deviation of the effectivenesses from their mean, in natural spreads and errors.
+def _scatter(forward: Array, covariance: Array) -> float:
+    """Return the squared deviation of effectivenesses from their mean, in natural spreads and errors.
 
-    It is infinite for a mean below 0: the thrusters push opposite to the hypothesis.
+    It is infinite for a mean below 0, where the thrusters push opposite to the hypothesis.
+
+    Args:
+        forward: Effectivenesses times the signs of a hypothesis, (n,).
+        covariance: Their covariance, (n, n).
     """
-    order = next(order for order in tried.orders if order.column == wiring.column)
-    strength, covariance = order.effectiveness()
-    forward, identity = np.array(wiring.sign, float) * strength, np.eye(len(strength))
-    mean = 0.0
+    identity, mean = np.eye(len(forward)), 0.0
     for _ in range(2):  # the natural spread is relative to the mean
         inverse = np.linalg.inv(covariance + (SPREAD * mean) ** 2 * identity)
         mean = float((inverse @ forward).sum() / inverse.sum())
