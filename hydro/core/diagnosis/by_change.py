@@ -234,9 +234,8 @@ def _needed_before(changes: Sequence[Change]) -> Finding:
     effects = tuple(change.best.effect for change in changes)
     words = (
         f"the earlier recording needs {listed([name.replace('_', ' ') for name in effects])} as well: the "
-        "vehicle file is too far from the vehicle for a comparison. Fit it to the earlier recording first: "
-        f"hydro fit VEHICLE BEFORE {' '.join(f'--effect {name}' for name in effects)} "
-        "-o fitted.toml, and compare with that file"
+        f"vehicle file is too far from the vehicle for a comparison. Fit {listed(effects)} to the earlier "
+        "recording first, and compare with the fitted file"
     )
     return Finding("none_of_the_known", members=effects, advice=words)
 
